@@ -1,0 +1,1 @@
+"""Robots: one folder each with a URDF, robot.yaml and SOURCES.md."""
