@@ -1,0 +1,164 @@
+"""What actuator models have in common: named joints, a parameter table, stepping by a compiled kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from hqpipe.errors import UsageError, near_match
+from hqpipe.kernels.actuator_step import step_batch
+
+FORMAT = "hqpipe-actuator/1"
+DT_TOLERANCE = 0.01  # assumption: clocks of real logs are off by less, a different rate by far more
+
+
+@dataclass(frozen=True)
+class ParameterField:
+    """One column of a model's parameter table.
+
+    Attributes:
+        unit: SI unit for a revolute joint.
+        lower, upper: closed physical bounds.
+        may_be_infinite: infinity means "no limit" and is written as null.
+    """
+
+    unit: str
+    lower: float = 0.0
+    upper: float = np.inf
+    may_be_infinite: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class ActuatorModel:
+    """Base of the models in `ACTUATOR_MODELS`.
+
+    Attributes:
+        joints: names, in the order of the rows of `parameters`.
+        parameters: (J, P) float64, read-only; the columns are `FIELDS`.
+        dt: sample time the parameters belong to, s; None if the model holds at any rate.
+        scope: "per_joint" or "shared" – whether the parameters were determined joint by joint.
+
+    Raises:
+        UsageError: a joint is named twice, the table has the wrong shape or a value lies outside its bounds.
+    """
+
+    NAME: ClassVar[str]
+    KIND: ClassVar[int]
+    FIELDS: ClassVar[dict[str, ParameterField]]
+    DT_BOUND: ClassVar[bool] = False
+
+    joints: tuple[str, ...]
+    parameters: np.ndarray
+    dt: float | None = None
+    scope: str = field(default="per_joint")
+
+    def __post_init__(self) -> None:
+        table = np.array(self.parameters, dtype=np.float64)
+        expected = (len(self.joints), len(self.FIELDS))
+        if table.shape != expected:
+            raise UsageError(f"{self.NAME}: expected parameters of shape {expected}, got {table.shape}")
+        if len(set(self.joints)) != len(self.joints) or not self.joints:
+            raise UsageError(f"{self.NAME}: expected distinct joint names, got {', '.join(self.joints) or 'none'}")
+        if self.scope not in ("per_joint", "shared"):
+            raise UsageError(f"{self.NAME}: scope '{self.scope}', expected per_joint or shared")
+        self._check_values(table)
+        if self.DT_BOUND and not (self.dt is not None and np.isfinite(self.dt) and self.dt > 0):
+            raise UsageError(f"{self.NAME}: dt is {self.dt}, expected the sample time of the fit in seconds")
+        table.flags.writeable = False
+        object.__setattr__(self, "parameters", table)
+        object.__setattr__(self, "joints", tuple(self.joints))
+
+    def _check_values(self, table: np.ndarray) -> None:
+        for column, (name, spec) in enumerate(self.FIELDS.items()):
+            for joint, value in zip(self.joints, table[:, column], strict=True):
+                finite = np.isfinite(value) or (spec.may_be_infinite and value == np.inf)
+                if not finite or not spec.lower <= value <= spec.upper:
+                    raise UsageError(
+                        f"{self.NAME}: {name} of joint {joint} is {value}, "
+                        f"expected {spec.lower} … {spec.upper} {spec.unit}"
+                    )
+
+    @classmethod
+    def build(
+        cls,
+        joints: Sequence[str],
+        *,
+        dt: float | None = None,
+        scope: str = "per_joint",
+        **columns: float | Sequence[float] | np.ndarray,
+    ) -> Self:
+        """Make a model from one number or one (J,) array per parameter.
+
+        Raises:
+            UsageError: a parameter is missing or unknown.
+        """
+        for name in columns:
+            if name not in cls.FIELDS:
+                raise UsageError(f"{cls.NAME}: unknown parameter '{name}'{near_match(name, cls.FIELDS)}")
+        if missing := [name for name in cls.FIELDS if name not in columns]:
+            raise UsageError(f"{cls.NAME}: missing parameter '{missing[0]}' (needs {', '.join(cls.FIELDS)})")
+        table = np.empty((len(joints), len(cls.FIELDS)))
+        for column, name in enumerate(cls.FIELDS):
+            table[:, column] = columns[name]
+        return cls(tuple(joints), table, dt, scope)
+
+    def column(self, name: str) -> np.ndarray:
+        """(J,) values of one parameter."""
+        return self.parameters[:, list(self.FIELDS).index(name)]
+
+    def for_joints(self, joints: Sequence[str]) -> Self:
+        """The same model with its rows in the order of `joints`, matched by name.
+
+        Raises:
+            UsageError: a joint is not in the model.
+        """
+        for name in joints:
+            if name not in self.joints:
+                raise UsageError(
+                    f"{self.NAME}: no joint '{name}'{near_match(name, self.joints)} (has {', '.join(self.joints)})"
+                )
+        rows = [self.joints.index(name) for name in joints]
+        return type(self)(tuple(joints), self.parameters[rows], self.dt, self.scope)
+
+    def check_dt(self, dt: float) -> None:
+        """Refuse a sample time other than the one that the parameters belong to.
+
+        Raises:
+            UsageError: the model is bound to its dt, and `dt` differs by more than 1 %.
+        """
+        if self.DT_BOUND and abs(dt / self.dt - 1.0) > DT_TOLERANCE:
+            raise UsageError(
+                f"{self.NAME}: its coefficients are per sample of {self.dt:.6g} s and cannot be stepped "
+                f"at {dt:.6g} s; step it every {self.dt:.6g} s, or fit it again on logs of {1.0 / dt:.6g} Hz"
+            )
+
+    def step(self, tau: np.ndarray, q_des: np.ndarray, q: np.ndarray, qd: np.ndarray, dt: float) -> None:
+        """Advance N robots by one sample, in place; all arrays are (N, J) float64, `tau` in N·m."""
+        self.check_dt(dt)
+        step_batch(self.KIND, self.parameters, tau, q_des, q, qd)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-able form; `from_dict` restores the same bytes of every parameter."""
+        parameters = {}
+        for name, spec in self.FIELDS.items():
+            values = [float(v) if np.isfinite(v) else None for v in self.column(name)]
+            parameters[name] = {"unit": spec.unit, "values": values}
+        return {
+            "format": FORMAT,
+            "model": self.NAME,
+            "joints": list(self.joints),
+            "dt": self.dt,
+            "scope": self.scope,
+            "parameters": parameters,
+        }
+
+    @classmethod
+    def from_dict(cls, raw: Mapping[str, Any]) -> Self:
+        """Inverse of `to_dict`, for a mapping that `hqpipe.actuators.files` has checked."""
+        columns = {
+            name: [np.inf if v is None else v for v in entry["values"]] for name, entry in raw["parameters"].items()
+        }
+        return cls.build(raw["joints"], dt=raw["dt"], scope=raw["scope"], **columns)
