@@ -1,0 +1,155 @@
+"""Reading a directory of trials."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from hqpipe.errors import LogError, near_match
+from hqpipe.logs import FORMAT, LOG_READERS
+from hqpipe.logs.assemble import assemble
+from hqpipe.logs.checks import jitter
+from hqpipe.logs.columns import joint_column
+from hqpipe.logs.differentiate import window_s
+from hqpipe.logs.manifest import FILE, Manifest, read_manifest
+from hqpipe.logs.split import infer_split
+from hqpipe.logs.trajectory import LogSet, Trajectory, Trial
+from hqpipe.logs.units import unit_warnings
+from hqpipe.logs.wiring import wiring_warnings
+
+_COMMAND_OF = {"position": "position_command", "torque": "effort_command", "valve": "valve_command"}
+_JITTER_WARNING = 0.05  # assumption: below 5 % of a sample the models do not notice
+
+
+def read_log_set(path: str | Path, *, resample: bool = False) -> LogSet:
+    """Read a log set; with no logset.yaml, everything is inferred and the warnings say how.
+
+    Args:
+        path: directory with one file per trial.
+        resample: interpolate each trial onto a uniform clock.
+
+    Raises:
+        LogError: the directory or a file in it cannot be used as it is.
+    """
+    folder = Path(path)
+    readers = _readers_by_suffix()
+    files = _trial_files(folder, readers)
+    manifest = read_manifest(folder / FILE, files) if (folder / FILE).is_file() else None
+    used = [entry.file for entry in manifest.trials] if manifest else files
+    named = []
+    for file in used:
+        if Path(file).suffix not in readers:
+            raise LogError(f"{folder / file}: no reader for '{Path(file).suffix}' (known: {', '.join(readers)})")
+        named.append((file, assemble(readers[Path(file).suffix].read(folder / file), uniform=resample)))
+    named = _same_joints(folder, named)
+    if manifest:
+        trials = [
+            Trial(e.file, e.split, e.command, t, e.base or manifest.base)
+            for e, (_, t) in zip(manifest.trials, named, strict=True)
+        ]
+    else:
+        trials = infer_split(named)
+    first = named[0][1]
+    mode = _control_mode(folder, manifest, first)
+    return LogSet(
+        path=folder,
+        sha256=_digest(folder, used),
+        format=FORMAT,
+        robot=manifest.robot if manifest else None,
+        base=manifest.base if manifest else None,
+        control_mode=mode,
+        effort_source=manifest.effort_source if manifest else None,
+        rate_hz=manifest.rate_hz if manifest and manifest.rate_hz else float(f"{1.0 / first.dt:.4g}"),
+        joints=first.joints,
+        trials=tuple(trials),
+        warnings=tuple(_warnings(manifest, files, named, trials)),
+    )
+
+
+def _readers_by_suffix() -> dict[str, type]:
+    return {suffix: reader for reader in LOG_READERS.values() for suffix in reader.suffixes}
+
+
+def _trial_files(folder: Path, readers: dict[str, type]) -> list[str]:
+    if not folder.is_dir():
+        what = "is a file" if folder.is_file() else "does not exist"
+        siblings = [p.name for p in folder.parent.glob("*")] if folder.parent.is_dir() else []
+        hint = "" if folder.is_file() else near_match(folder.name, siblings)
+        raise LogError(f"{folder} {what}{hint}; expected a directory with one file per trial")
+    files = sorted(p.name for p in folder.iterdir() if p.is_file() and p.suffix in readers)
+    if not files and not (folder / FILE).is_file():
+        others = sorted({p.suffix or p.name for p in folder.iterdir()})
+        found = f"found only {', '.join(others)}" if others else "it is empty"
+        raise LogError(
+            f"{folder}: no trial in it ({found}); expected {' or '.join(readers)} files, one per "
+            "trial; docs/how-to/bring-your-own-logs.md shows how to write them"
+        )
+    return files
+
+
+def _same_joints(folder: Path, named: list[tuple[str, Trajectory]]) -> list[tuple[str, Trajectory]]:
+    """Bring every trial to the joint order of the first one."""
+    first_file, first = named[0]
+    same = []
+    for file, trial in named:
+        for a, b, fa, fb in ((first, trial, first_file, file), (trial, first, file, first_file)):
+            if odd := [j for j in a.joints if j not in b.joints]:
+                raise LogError(
+                    f"{folder / fb}: no joint '{odd[0]}'{near_match(odd[0], b.joints)}, which {fa} has; "
+                    "expected the same joints in every trial"
+                )
+            lacking = [c for c in a.channels() if c not in b.channels()]
+            if lacking:
+                column = joint_column(a.joints[0], lacking[0])
+                raise LogError(
+                    f"{folder / fb}: no column '{column}', which {fa} has; expected the same channels in every trial"
+                )
+        same.append((file, trial if trial.joints == first.joints else trial.for_joints(first.joints)))
+    return same
+
+
+def _control_mode(folder: Path, manifest: Manifest | None, first: Trajectory) -> str | None:
+    recorded = [mode for mode, channel in _COMMAND_OF.items() if channel in first.channels()]
+    if manifest is None or manifest.control_mode is None:
+        return recorded[0] if recorded else None
+    channel = _COMMAND_OF[manifest.control_mode]
+    if manifest.control_mode not in recorded:
+        raise LogError(
+            f"{folder / FILE}: control_mode is {manifest.control_mode}, but the trials have no column "
+            f"'{joint_column(first.joints[0], channel)}'; record it, or leave control_mode out"
+        )
+    return manifest.control_mode
+
+
+def _digest(folder: Path, files: list[str]) -> str:
+    digest = hashlib.sha256()
+    for file in sorted({*files, *([FILE] if (folder / FILE).is_file() else [])}):
+        with (folder / file).open("rb") as stream:
+            content = hashlib.file_digest(stream, "sha256").digest()
+        digest.update(file.encode() + b"\0" + content)
+    return digest.hexdigest()
+
+
+def _warnings(
+    manifest: Manifest | None, files: list[str], named: list[tuple[str, Trajectory]], trials: list[Trial]
+) -> list[str]:
+    found = []
+    if manifest is None:
+        held = ", ".join(f"{t.file} ({t.trajectory.duration:.1f} s)" for t in trials if t.split == "heldout")
+        found.append(f"no {FILE}: joints, mode and rate come from the columns; held out: {held}")
+    else:
+        used = {file for file, _ in named}
+        if unused := [file for file in files if file not in used]:
+            found.append(f"{FILE} does not list {', '.join(unused)}: not read")
+        if not any(t.split == "heldout" for t in trials):
+            found.append(f"{FILE} holds out no trial: no error can be stated on data that the fit has not seen")
+    first = named[0][1]
+    if first.velocity_source == "differentiated":
+        span = 1e3 * window_s(first.dt)
+        found.append(f"no velocity recorded: differentiated from position, zero-phase, window {span:.0f} ms")
+    for file, trial in named:
+        rms, largest = jitter(trial.time)
+        if rms > _JITTER_WARNING:
+            found.append(f"{file}: the clock jitters by {rms:.1%} of a sample (largest {largest:.0%}); not resampled")
+        found += unit_warnings(file, trial, manifest.rate_hz if manifest else None)
+    return found + wiring_warnings(trials)

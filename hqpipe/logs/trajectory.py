@@ -1,0 +1,145 @@
+"""Trials in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hqpipe.errors import LogError, near_match
+from hqpipe.logs.columns import CHANNELS, TIME, joint_column
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """One trial on its own clock; float64, SI units.
+
+    Attributes:
+        time: (T,) s, strictly increasing from 0.
+        joints: J names, the order of the columns below.
+        position, velocity: (T, J) rad, rad/s (m, m/s for a prismatic joint).
+        effort: (T, J) measured torque, N·m (N), or None if not recorded; likewise the commands and pressures.
+        extra: every other column under its full name, (T,).
+        velocity_source: "measured" or "differentiated" (zero-phase, from position).
+    """
+
+    time: np.ndarray
+    joints: tuple[str, ...]
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray | None = None
+    position_command: np.ndarray | None = None
+    effort_command: np.ndarray | None = None
+    valve_command: np.ndarray | None = None
+    pressure_a: np.ndarray | None = None
+    pressure_b: np.ndarray | None = None
+    extra: Mapping[str, np.ndarray] = field(default_factory=dict)
+    velocity_source: str = "measured"
+
+    @property
+    def samples(self) -> int:
+        return len(self.time)
+
+    @property
+    def dt(self) -> float:
+        """Median sample time, s."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def duration(self) -> float:
+        """s, from the first sample to the last."""
+        return float(self.time[-1] - self.time[0])
+
+    def channels(self) -> dict[str, np.ndarray]:
+        """The recorded (T, J) channels by name, in the order of the format."""
+        present = {name: getattr(self, name) for name in CHANNELS}
+        return {name: values for name, values in present.items() if values is not None}
+
+    def joint(self, name: str) -> int:
+        """Column of a joint.
+
+        Raises:
+            LogError: no such joint.
+        """
+        if name not in self.joints:
+            raise LogError(f"no joint '{name}'{near_match(name, self.joints)} (has {', '.join(self.joints)})")
+        return self.joints.index(name)
+
+    def for_joints(self, joints: Sequence[str]) -> Trajectory:
+        """The same trial with its joints in the given order (or fewer of them)."""
+        rows = [self.joint(name) for name in joints]
+        moved = {name: np.ascontiguousarray(values[:, rows]) for name, values in self.channels().items()}
+        return replace(self, joints=tuple(joints), **moved)
+
+    def section(self, start: int, stop: int) -> Trajectory:
+        """Samples start … stop − 1 as a trial of their own, with its clock at 0."""
+        cut = {name: values[start:stop] for name, values in self.channels().items()}
+        extra = {name: values[start:stop] for name, values in self.extra.items()}
+        return replace(self, time=self.time[start:stop] - self.time[start], extra=extra, **cut)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Flat columns under the names of the format; a differentiated velocity is left out."""
+        flat = {TIME: self.time}
+        channels = self.channels()
+        if self.velocity_source == "differentiated":
+            del channels["velocity"]
+        for j, joint in enumerate(self.joints):
+            flat.update({joint_column(joint, name): values[:, j] for name, values in channels.items()})
+        return flat | dict(self.extra)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A trajectory and its part in the log set: `split` is "fit" or "heldout", `base` "floating" or "fixed"."""
+
+    file: str
+    split: str
+    command: dict[str, float] | None
+    trajectory: Trajectory
+    base: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class LogSet:
+    """Trials of one machine with the same joints.
+
+    Attributes:
+        path: the directory. sha256: over the names and bytes of its files.
+        robot: name or URDF path, or None. base: of every trial that does not say otherwise. control_mode: "position",
+            "torque", "valve" or None if no command was recorded. effort_source: "pressure", "load_cell",
+            "current", "estimate" or None.
+        rate_hz: nominal sample rate.
+        warnings: what looks wrong but is not certain to be.
+    """
+
+    path: Path
+    sha256: str
+    format: str
+    robot: str | None
+    base: str | None
+    control_mode: str | None
+    effort_source: str | None
+    rate_hz: float
+    joints: tuple[str, ...]
+    trials: tuple[Trial, ...]
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def fit(self) -> list[Trial]:
+        return [trial for trial in self.trials if trial.split == "fit"]
+
+    @property
+    def heldout(self) -> list[Trial]:
+        return [trial for trial in self.trials if trial.split == "heldout"]
+
+    def header(self) -> dict[str, Any]:
+        """Everything but the trials, JSON-able."""
+        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "trials"}
+        return plain | {
+            "path": str(self.path),
+            "joints": list(self.joints),
+            "warnings": list(self.warnings),
+        }

@@ -1,0 +1,145 @@
+"""Suspicions about channels: swapped or sign-flipped joints, a lost sign, a dead or saturated sensor."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable
+
+import numpy as np
+
+from hqpipe.logs.columns import joint_column
+from hqpipe.logs.trajectory import Trajectory, Trial
+
+_FLIPPED = -0.5  # correlation of a joint with its own command
+_SWAPPED_OWN, _SWAPPED_CROSS = 0.3, 0.7
+_SATURATED_SHARE = 0.02
+_SATURATED_RUN = 5  # samples on end at the limit
+_SATURATED_LEVELS = 50  # a signal of fewer levels is a square wave or coarsely quantised
+_MAX_SAMPLES = 20_000  # enough for a correlation
+_SHOWN = 6
+
+Pair = tuple[str, str, Callable[[Trajectory], tuple[np.ndarray | None, np.ndarray | None]]]
+
+
+def _position_error(t: Trajectory) -> np.ndarray | None:
+    return None if t.position_command is None else t.position_command - t.position
+
+
+_PAIRS: tuple[Pair, ...] = (
+    ("position", "position command", lambda t: (t.position, t.position_command)),
+    ("effort", "position error", lambda t: (t.effort, _position_error(t))),
+    ("effort", "effort command", lambda t: (t.effort, t.effort_command)),
+)
+
+
+def wiring_warnings(trials: list[Trial]) -> list[str]:
+    """What looks wrongly connected in a log set whose trials share their joints."""
+    joints = trials[0].trajectory.joints
+    unsigned = _unsigned(trials)
+    found: dict[str, list[tuple[str, float]]] = defaultdict(list)
+    for first, second, pick in _PAIRS:
+        kept = [j for j, name in enumerate(joints) if first != "effort" or name not in unsigned]
+        names = tuple(joints[j] for j in kept)
+        for trial in trials:
+            x, y = pick(trial.trajectory)
+            if x is None or y is None or not kept:
+                continue
+            stride = max(1, len(x) // _MAX_SAMPLES)
+            for text, value in _pair_findings(first, second, names, x[::stride, kept], y[::stride, kept]):
+                found[text].append((trial.file, value))
+    pairs = []
+    for text, hits in found.items():
+        strongest = max((correlation for _, correlation in hits), key=abs)
+        where = "" if len(hits) == len(trials) else f" in {', '.join(file for file, _ in hits)}"
+        pairs.append(f"{text} (correlation {strongest:.2f}){where}")
+    if unsigned:
+        pairs.append(
+            f"effort of {', '.join(unsigned)} is never negative although the joints move both ways: the "
+            "sensor seems to have lost the sign (motor current?); a torque model fitted to it means little"
+        )
+    return pairs + _still(trials) + _saturated(trials)
+
+
+def _pair_findings(
+    first: str, second: str, joints: tuple[str, ...], x: np.ndarray, y: np.ndarray
+) -> list[tuple[str, float]]:
+    """Flipped and swapped joints of one pair of channels (T, J), each with the telling correlation."""
+    count = len(joints)
+    x, y = x - x.mean(axis=0), y - y.mean(axis=0)
+    scale = np.sqrt(np.outer((x**2).sum(axis=0), (y**2).sum(axis=0)))
+    correlation = np.divide(x.T @ y, scale, out=np.zeros((count, count)), where=scale > 0)
+    found = []
+    for i in range(count):
+        if correlation[i, i] < _FLIPPED:
+            text = f"{joint_column(joints[i], first)} opposes its {second}: is a sign flipped?"
+            found.append((text, correlation[i, i]))
+        for j in range(i):
+            own = max(correlation[i, i], correlation[j, j])
+            cross = min(correlation[i, j], correlation[j, i])
+            if own < _SWAPPED_OWN and cross > _SWAPPED_CROSS:
+                text = (
+                    f"{first} of joints {joints[j]} and {joints[i]} may be swapped: each follows the "
+                    f"{second} of the other, not its own"
+                )
+                found.append((text, cross))
+    return found
+
+
+def _unsigned(trials: list[Trial]) -> list[str]:
+    """Joints whose effort keeps one sign although they move both ways."""
+    names = []
+    if all(trial.trajectory.effort is not None for trial in trials):
+        for j, joint in enumerate(trials[0].trajectory.joints):
+            effort = [trial.trajectory.effort[:, j] for trial in trials]
+            velocity = [trial.trajectory.velocity[:, j] for trial in trials]
+            both_ways = min(v.min() for v in velocity) < 0 < max(v.max() for v in velocity)
+            if both_ways and min(e.min() for e in effort) >= 0 and max(e.max() for e in effort) > 0:
+                names.append(joint)
+    return names
+
+
+def _still(trials: list[Trial]) -> list[str]:
+    where = defaultdict(list)
+    for trial in trials:
+        for channel, values in trial.trajectory.channels().items():
+            for j in np.flatnonzero(np.ptp(values, axis=0) == 0.0):
+                where[joint_column(trial.trajectory.joints[j], channel)].append(trial.file)
+    dead = [name for name, files in where.items() if len(files) == len(trials)]
+    partly = [f"{name} in {', '.join(files)}" for name, files in where.items() if len(files) < len(trials)]
+    found = []
+    if dead:
+        found.append(f"constant in every trial: {_listed(dead)}; nothing that needs them can be identified")
+    if partly:
+        found.append(f"constant: {_listed(partly)}; these trials say nothing about those joints")
+    return found
+
+
+def _saturated(trials: list[Trial]) -> list[str]:
+    where = []
+    for trial in trials:
+        for channel in ("effort", "velocity", "valve_command", "pressure_a", "pressure_b"):
+            values = getattr(trial.trajectory, channel)
+            if values is None or (channel == "velocity" and trial.trajectory.velocity_source != "measured"):
+                continue
+            for j, joint in enumerate(trial.trajectory.joints):
+                if (limit := _limit_of(values[:, j])) is not None:
+                    where.append(f"{joint_column(joint, channel)} at {limit:.6g} in {trial.file}")
+    return [f"saturated: {_listed(where)}; values beyond the limit are lost"] if where else []
+
+
+def _limit_of(values: np.ndarray) -> float | None:
+    """The extreme at which a signal stays for whole runs of samples, or None."""
+    for limit in (values.max(), values.min()):
+        stuck = values == limit
+        if limit == 0.0 or stuck.mean() < _SATURATED_SHARE:
+            continue
+        edges = np.flatnonzero(np.diff(np.concatenate(([0], stuck.astype(np.int8), [0]))))
+        longest = (edges[1::2] - edges[::2]).max()
+        if longest >= _SATURATED_RUN and len(np.unique(values)) >= _SATURATED_LEVELS:
+            return float(limit)
+    return None
+
+
+def _listed(items: list[str]) -> str:
+    more = f" and {len(items) - _SHOWN} more" if len(items) > _SHOWN else ""
+    return "; ".join(items[:_SHOWN]) + more

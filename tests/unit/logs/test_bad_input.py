@@ -1,0 +1,149 @@
+"""Every defect of a log is an error that names file, column, row and the mend – and nothing is half-read."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from log_builders import make_columns, put
+
+from hqpipe.errors import LogError
+from hqpipe.logs.log_set import read_log_set
+
+
+def refusal(logs, columns, file="a.parquet"):
+    put(logs, file, columns)
+    with pytest.raises(LogError) as info:
+        read_log_set(logs)
+    assert file in str(info.value)
+    return str(info.value)
+
+
+def renamed(columns, old, new):
+    return {(new if name == old else name): values for name, values in columns.items()}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("time", "Time", "no column 'time' – did you mean 'Time'"),
+        ("time", "stamp", "no column 'time'"),
+        ("joint/hip/position", "joint/hip/positon", "'joint/hip/positon' is unknown"),
+        ("joint/hip/effort", "joint/hip/torque", "did you mean 'joint/hip/effort'"),
+        (
+            "joint/knee/position_command",
+            "joint/knee/position_cmd",
+            "did you mean 'joint/knee/position_command'",
+        ),
+        ("joint/knee/effort", "knee_effort", "no column 'joint/knee/effort' although joint hip has"),
+        ("joint/knee/position", "knee_position", "every joint needs its position"),
+        ("joint/knee/effort", "joint/leg/knee/effort", "expected joint/<name>/<channel>"),
+    ],
+)
+def test_missing_and_misspelt_columns(logs, columns, old, new, words):
+    assert words in refusal(logs, renamed(columns, old, new))
+
+
+def test_no_joint_at_all(logs):
+    words = refusal(logs, {"time": np.arange(50.0), "q0": np.zeros(50)})
+    assert "no column joint/<name>/position; the file has q0, time" in words
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_not_finite(logs, columns, bad):
+    columns["joint/knee/effort"][[123, 456]] = bad
+    words = refusal(logs, columns)
+    assert "column 'joint/knee/effort', row 123" in words and "2 such rows" in words
+
+
+def test_null(logs, columns):
+    import pyarrow as pa
+
+    values = [None if i == 17 else float(v) for i, v in enumerate(columns["joint/knee/effort"])]
+    words = refusal(logs, columns | {"joint/knee/effort": pa.array(values)})
+    assert "column 'joint/knee/effort', row 17: no value" in words
+
+
+def test_text_column(logs, columns):
+    words = refusal(logs, columns | {"mode": np.array(["walk"] * 2000)})
+    assert "column 'mode' holds string, expected numbers" in words
+
+
+def test_clock_repeats(logs, columns):
+    columns["time"][100] = columns["time"][99]
+    words = refusal(logs, columns)
+    assert "column 'time', row 100" in words and "the clock repeats" in words
+
+
+def test_clock_runs_backwards(logs, columns):
+    columns["time"][100:] -= 0.5
+    words = refusal(logs, columns)
+    assert "column 'time', row 100" in words and "runs backwards" in words
+
+
+@pytest.mark.parametrize("lost", [1, 40])
+def test_gap(logs, columns, lost):
+    kept = np.r_[0:300, 300 + lost : 2000]
+    words = refusal(logs, {name: values[kept] for name, values in columns.items()})
+    assert "column 'time', row 300" in words
+    assert f"about {lost} samples lost" in words and "split the trial" in words
+
+
+def test_jitter_is_measured_not_refused_and_resampled_only_if_asked(logs, columns):
+    rng = np.random.default_rng(0)
+    columns["time"] += rng.normal(0, 1e-4, 2000)
+    put(logs, "a.parquet", columns)
+    log_set = read_log_set(logs)
+    warning = next(w for w in log_set.warnings if "jitters" in w)
+    assert "14." in warning or "13." in warning, "two steps of 10 % jitter differ by 14 %"
+    np.testing.assert_allclose(np.ptp(np.diff(log_set.trials[0].trajectory.time)), 1e-3, rtol=0.5)
+    uniform = read_log_set(logs, resample=True)
+    assert not any("jitters" in w for w in uniform.warnings)
+    assert np.ptp(np.diff(uniform.trials[0].trajectory.time)) < 1e-9
+
+
+def test_a_clock_that_starts_late_counts_from_its_first_row(logs, columns):
+    columns["time"] += 1_700_000_000.0
+    put(logs, "a.parquet", columns)
+    trial = read_log_set(logs).trials[0].trajectory
+    assert trial.time[0] == 0.0 and trial.duration == pytest.approx(1.999, abs=1e-6)
+
+
+def test_too_short(logs, columns):
+    assert "9 rows, expected at least 10" in refusal(logs, {n: v[:9] for n, v in columns.items()})
+
+
+@pytest.mark.parametrize("content", [b"", b"PAR1", b"time,joint/hip/position\n0,0\n"])
+def test_empty_and_foreign_files(logs, content):
+    (logs / "a.parquet").write_bytes(content)
+    with pytest.raises(LogError, match=r"a\.parquet: (the file is empty|not a complete Parquet file)"):
+        read_log_set(logs)
+
+
+def test_truncated_file(logs):
+    whole = (logs / "a.parquet").read_bytes()
+    (logs / "a.parquet").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(LogError, match=r"a\.parquet: not a complete Parquet file"):
+        read_log_set(logs)
+
+
+def test_joints_differ_between_trials(logs):
+    other = {name.replace("knee", "kneee"): values for name, values in make_columns(seed=1).items()}
+    words = refusal(logs, other, "b.parquet")
+    assert "no joint 'knee' – did you mean 'kneee'?, which a.parquet has" in words
+
+
+def test_channels_differ_between_trials(logs):
+    other = {k: v for k, v in make_columns(seed=1).items() if not k.endswith("effort")}
+    assert "no column 'joint/hip/effort', which a.parquet has" in refusal(logs, other, "b.parquet")
+
+
+def test_directories(tmp_path):
+    with pytest.raises(LogError, match="does not exist"):
+        read_log_set(tmp_path / "nowhere")
+    with pytest.raises(LogError, match="it is empty"):
+        read_log_set(tmp_path)
+    (tmp_path / "trial.csv").write_text("time\n")
+    with pytest.raises(LogError, match=r"found only \.csv.*bring-your-own-logs"):
+        read_log_set(tmp_path)
+    with pytest.raises(LogError, match="is a file; expected a directory"):
+        read_log_set(tmp_path / "trial.csv")

@@ -1,0 +1,117 @@
+"""Wrong units and wrong wiring are warned about, with the factor; a sound log raises no suspicion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from log_builders import make_columns, put
+
+from hqpipe.logs.log_set import read_log_set
+
+
+def warnings(logs, change, manifest=""):
+    for file, seed in (("a.parquet", 0), ("b.parquet", 1)):
+        columns = make_columns(seed=seed)
+        change(columns)
+        put(logs, file, columns)
+    if manifest:
+        (logs / "logset.yaml").write_text(
+            f"format: hqpipe-log/1\n{manifest}\ntrials:\n"
+            "  - {file: a.parquet, split: fit}\n  - {file: b.parquet, split: heldout}\n"
+        )
+    return [w for w in read_log_set(logs).warnings if not w.startswith("no logset.yaml")]
+
+
+def scale(*names, by):
+    def change(columns):
+        for name in names:
+            columns[name] = columns[name] * by
+
+    return change
+
+
+def add(name, values):
+    return lambda columns: columns.update({name: values})
+
+
+def test_a_sound_log_raises_none(logs):
+    assert warnings(logs, lambda columns: None) == []
+
+
+BOTH = ("joint/hip/position", "joint/hip/position_command")
+QUAT = {f"base/orientation/{a}": np.full(2000, v) for a, v in zip("xyzw", (0, 0, 0, 2.0), strict=True)}
+ACC = {f"imu/linear_acceleration/{a}": np.full(2000, v) for a, v in zip("xyz", (0, 0, 1.0), strict=True)}
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (scale(*BOTH, by=180 / np.pi), "joint/hip/position reaches 22.92: looks like degrees"),
+        (
+            scale("joint/hip/position_command", by=180 / np.pi),
+            "the first is in degrees, the second in radians",
+        ),
+        (scale("joint/hip/velocity", by=180 / np.pi), "joint/hip/velocity is 57"),
+        (scale("joint/hip/velocity", by=1000), "the first is in mm, the second in m"),
+        (scale("joint/hip/velocity", by=-1), "runs against the derivative of its position"),
+        (add("joint/hip/pressure_a", np.linspace(100, 210, 2000)), "looks like bar (×1e5)"),
+        (add("supply/pressure", np.full(2000, 3000.0)), "looks like psi"),
+        (add("base/position/z", np.full(2000, 1300.0)), "looks like mm"),
+        (lambda c: c.update(QUAT), "norms 2 … 2, expected 1"),
+        (lambda c: c.update(ACC), "looks like g (×9.80665)"),
+        (scale("time", by=1e6), "time steps by 1000: looks like µs (×1e-6)"),
+        (scale("time", by=1e3), "time steps by 1: looks like ms (×0.001)"),
+    ],
+)
+def test_units(logs, change, words):
+    def both(columns):
+        change(columns)
+        if "joint/hip/pressure_a" in columns:
+            columns["joint/knee/pressure_a"] = columns["joint/hip/pressure_a"] * 1e5
+
+    found = warnings(logs, both)
+    assert any(words in text for text in found), found
+
+
+def test_units_of_the_clock_against_the_stated_rate(logs):
+    found = warnings(logs, scale("time", by=1e3), "rate_hz: 1000")
+    assert any("time steps by 1 where rate_hz says 0.001: looks like ms" in w for w in found), found
+    found = warnings(logs, lambda c: None, "rate_hz: 500")
+    assert any("rate_hz is 500 but time runs at 1000 Hz" in w for w in found), found
+
+
+def swap(first, second):
+    def change(columns):
+        columns[first], columns[second] = columns[second], columns[first]
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (swap("joint/hip/effort", "joint/knee/effort"), "effort of joints hip and knee may be swapped"),
+        (
+            swap("joint/hip/position_command", "joint/knee/position_command"),
+            "position of joints hip and knee may be swapped",
+        ),
+        (scale("joint/knee/effort", by=-1), "joint/knee/effort opposes its position error"),
+        (scale("joint/knee/position_command", by=-1), "joint/knee/position_command runs against"),
+        (lambda c: c.update({"joint/hip/effort": np.abs(c["joint/hip/effort"])}), "lost the sign"),
+        (
+            lambda c: c.update({"joint/hip/effort": np.clip(c["joint/hip/effort"], -150, 150)}),
+            "saturated: joint/hip/effort at 150",
+        ),
+        (scale("joint/hip/effort", by=0.0), "constant in every trial: joint/hip/effort"),
+    ],
+)
+def test_wiring(logs, change, words):
+    found = warnings(logs, change)
+    assert any(words in text for text in found), found
+
+
+def test_a_square_wave_command_is_not_saturated(logs):
+    def change(columns):
+        columns["joint/hip/effort"] = np.sign(columns["joint/hip/effort"]) * 100.0
+
+    assert not any("saturated" in text for text in warnings(logs, change))
