@@ -1,0 +1,1 @@
+"""Identification: free-running residuals, fits with intervals, and comparisons on held-out trials."""

@@ -1,0 +1,128 @@
+"""Driving a model with the logged inputs and comparing it with the logged torque."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from hqpipe.actuators.base import ActuatorModel
+from hqpipe.errors import IdentificationError
+from hqpipe.kernels.free_run import free_run as run_kernel
+from hqpipe.logs.columns import joint_column
+from hqpipe.logs.trajectory import LogSet, Trajectory
+
+WINDOW_S = 0.1  # the default of the gap metric: long beside the actuator's lag, short beside a stride
+
+
+class TorquePredictor(Protocol):
+    """Anything that predicts torque from a log; `ActuatorModel` is handled without it."""
+
+    def predict(self, trajectory: Trajectory, window: int) -> np.ndarray:
+        """(T, J) torque, restarted from the log every `window` samples; see `free_run`."""
+
+
+Model = ActuatorModel | TorquePredictor
+
+
+def require_channels(trajectory: Trajectory, channels: tuple[str, ...], purpose: str) -> None:
+    """Raise unless the trial has the channels.
+
+    Raises:
+        IdentificationError: names the missing columns.
+    """
+    missing = [name for name in channels if getattr(trajectory, name) is None]
+    if missing:
+        columns = ", ".join(joint_column("<name>", name) for name in missing)
+        recorded = ", ".join(trajectory.channels())
+        raise IdentificationError(
+            f"{purpose} needs {columns}, which the logs lack (they hold {recorded}); record the missing "
+            "channel, or use a layer of the diagnosis that does without it"
+        )
+
+
+def window_samples(dt: float, window_s: float) -> int:
+    """Samples in a window of `window_s` seconds, at least 2.
+
+    Raises:
+        IdentificationError: the window is shorter than two samples.
+    """
+    samples = round(window_s / dt)
+    if samples < 2:
+        raise IdentificationError(
+            f"a window of {window_s:g} s holds {samples} samples at {1 / dt:.6g} Hz, expected at least 2; "
+            f"choose a window of {4 * dt:.3g} s or more"
+        )
+    return samples
+
+
+def predict(trajectory: Trajectory, model: Model, window: int) -> np.ndarray:
+    """Like `free_run`, with the window in samples; 1 is the one-step prediction."""
+    if not isinstance(model, ActuatorModel):
+        return model.predict(trajectory, window)
+    require_channels(trajectory, ("effort", "position_command"), f"replaying the {model.NAME} model")
+    model.check_dt(trajectory.dt)
+    return run_kernel(
+        model.KIND,
+        model.for_joints(trajectory.joints).parameters,
+        trajectory.effort,
+        trajectory.position_command,
+        trajectory.position,
+        trajectory.velocity,
+        window,
+    )
+
+
+def free_run(trajectory: Trajectory, model: Model, window_s: float = WINDOW_S) -> np.ndarray:
+    """Predict the torque of a trial from its inputs, restarted from the log every `window_s` seconds.
+
+    Sample k + 1 is computed from the inputs of sample k. Every sample but the first is a prediction; the last
+    one of each window is a whole window ahead.
+
+    Args:
+        trajectory: one trial.
+        model: an actuator model (joints are matched by name) or another predictor.
+        window_s: s.
+
+    Returns:
+        (T, J) N·m; row 0 is the logged torque.
+
+    Raises:
+        IdentificationError: a channel is missing or the window is too short.
+        UsageError: the model lacks a joint or belongs to another sample time.
+    """
+    return predict(trajectory, model, window_samples(trajectory.dt, window_s))
+
+
+@dataclass(frozen=True, eq=False)
+class TrialResidual:
+    """Free-running error of one trial.
+
+    Attributes:
+        predicted, residual: (T, J) N·m; residual = predicted − measured, exactly 0 in row 0 (no prediction).
+        starts: (W,) samples at which the model was restarted from the log.
+    """
+
+    file: str
+    split: str
+    joints: tuple[str, ...]
+    predicted: np.ndarray
+    residual: np.ndarray
+    starts: np.ndarray
+
+
+def residuals(
+    log_set: LogSet, model: Model, *, window_s: float = WINDOW_S, split: str | None = "heldout"
+) -> list[TrialResidual]:
+    """Free-running residuals of the trials of one split, or of all with ``split=None``."""
+    found = []
+    for trial in log_set.trials:
+        if split is None or trial.split == split:
+            trajectory = trial.trajectory
+            window = window_samples(trajectory.dt, window_s)
+            predicted = predict(trajectory, model, window)
+            error = predicted - trajectory.effort
+            starts = np.arange(0, trajectory.samples - 1, window)
+            found.append(TrialResidual(trial.file, trial.split, trajectory.joints, predicted, error, starts))
+    return found

@@ -1,0 +1,84 @@
+"""What a fit of the paper's model returns."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from hqpipe.actuators.hydraulic import Hydraulic
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """One fitted number.
+
+    Attributes:
+        name, unit: as in `Hydraulic.FIELDS`.
+        value: None if the logs do not determine it; the model then holds 0.
+        ci95: 95 % interval, or None. Robust against residuals that are correlated in time; it covers the
+            estimate's scatter, not the error of the model's form.
+        one_step: the paper's one-step least squares within the bounds; biased by torque noise.
+        identifiable: False with the `reason`.
+        at_bound: the estimate lies on a physical bound.
+    """
+
+    name: str
+    unit: str
+    value: float | None
+    ci95: tuple[float, float] | None
+    one_step: float
+    identifiable: bool = True
+    reason: str | None = None
+    at_bound: bool = False
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """The fit of one joint, or of all sharing the coefficients (`joint` is then "all").
+
+    Attributes:
+        free_run_rmse: on the fit trials, N·m. noise: noise floor of their torque, N·m.
+        windows: how many; samples: predicted samples in them, over all joints that share the coefficients.
+    """
+
+    joint: str
+    coefficients: tuple[Coefficient, ...]
+    free_run_rmse: float
+    noise: float
+    windows: int
+    samples: int
+
+    def __getitem__(self, name: str) -> Coefficient:
+        return next(c for c in self.coefficients if c.name == name)
+
+
+@dataclass(frozen=True, eq=False)
+class FitResult:
+    """Coefficients, and the models that follow from them.
+
+    Attributes:
+        model: free-running fit. one_step_model: the paper's one-step fit.
+        fits: one per joint, or a single one for shared coefficients.
+        dt: sample time that the coefficients belong to, s.
+    """
+
+    model: Hydraulic
+    one_step_model: Hydraulic
+    fits: tuple[JointFit, ...]
+    scope: str
+    window_s: float
+    dt: float
+    trials: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-able summary; the models are saved apart."""
+        return {
+            "model": self.model.NAME,
+            "scope": self.scope,
+            "dt": self.dt,
+            "window_s": self.window_s,
+            "trials": list(self.trials),
+            "fits": [asdict(fit) for fit in self.fits],
+            "warnings": list(self.warnings),
+        }

@@ -1,0 +1,74 @@
+"""Levenberg-Marquardt within bounds, for a problem that brings its own normal equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hqpipe.sysid.problem import LOWER, UPPER, Evaluation, Problem
+
+_MAX_EVALUATIONS = 100
+_TOLERANCE = 1e-9  # relative fall of the cost, and relative step
+_DAMPING = 1e-3
+_DAMPING_MAX = 1e12
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Where the solver ended.
+
+    Attributes:
+        k: (4,) coefficients. starts: (W,) start torques per joint. at: normal equations there.
+        converged: False if it ran out of evaluations.
+    """
+
+    k: np.ndarray
+    starts: list[np.ndarray]
+    at: Evaluation
+    converged: bool
+
+
+def solve(problem: Problem, k: np.ndarray, starts: list[np.ndarray], free: np.ndarray) -> Solution:
+    """Minimise the cost over the free coefficients within physical bounds, and over the start torques.
+
+    Args:
+        k: (4,) first guess; coefficients that are not free keep their value.
+        starts: (W,) start torques per joint.
+        free: (4,) bool.
+    """
+    at = problem.evaluate(k, starts)
+    damping = _DAMPING
+    for _ in range(_MAX_EVALUATIONS):
+        step = _step(at, k, free, damping)
+        moved_k = np.clip(k + step, LOWER, UPPER)
+        step = moved_k - k
+        pairs = zip(starts, at.blocks, strict=True)
+        moved_starts = [s - (offset + ratio @ step) for s, (ratio, offset) in pairs]
+        moved = problem.evaluate(moved_k, moved_starts)
+        if not np.isfinite(moved.cost) or moved.cost > at.cost:
+            damping *= 10.0
+            if damping > _DAMPING_MAX:
+                return Solution(k, starts, at, True)
+            continue
+        fall = at.cost - moved.cost
+        small = np.abs(step) <= _TOLERANCE * np.maximum(np.abs(moved_k), 1e-12)
+        k, starts, at = moved_k, moved_starts, moved
+        damping = max(damping / 5.0, 1e-12)
+        if fall <= _TOLERANCE * at.cost or small.all():
+            return Solution(k, starts, at, True)
+    return Solution(k, starts, at, False)
+
+
+def _step(at: Evaluation, k: np.ndarray, free: np.ndarray, damping: float) -> np.ndarray:
+    """Damped Gauss-Newton step; a coefficient that its gradient presses against a bound stays there."""
+    gradient = at.gradient
+    pressed = ((k <= LOWER) & (gradient > 0)) | ((k >= UPPER) & (gradient < 0))
+    active = free & ~pressed
+    step = np.zeros(4)
+    if active.any():
+        hessian = at.hessian[np.ix_(active, active)]
+        unit = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+        scaled = hessian / np.outer(unit, unit) + damping * np.eye(len(unit))
+        step[active] = -np.linalg.lstsq(scaled, gradient[active] / unit, rcond=1e-14)[0] / unit
+    return step
