@@ -120,7 +120,9 @@ def load_robot(name_or_path: str | Path) -> RobotSpec:
     try:
         return _build(raw, folder)
     except (KeyError, TypeError, ValueError) as error:
-        raise ConfigError(f"{path}: {type(error).__name__}: {error}; expected the layout of the packaged robots") from error
+        raise ConfigError(
+            f"{path}: {type(error).__name__}: {error}; expected the layout of the packaged robots"
+        ) from error
 
 
 def _number_texts(node: Any, name: str) -> Iterator[str]:
