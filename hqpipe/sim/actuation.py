@@ -1,0 +1,56 @@
+"""The actuator model of a batch of robots during one physics step, with a record of the effort."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from hqpipe.kernels.actuator_step import step_row
+
+
+@njit(cache=True, nogil=True)
+def actuate_robot(
+    kind: int,
+    parameters: np.ndarray,
+    limit: np.ndarray,
+    q_des: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    tau: np.ndarray,
+    mean_square: np.ndarray,
+    clipped: np.ndarray,
+    share: float,
+) -> None:
+    """Torque of one robot from its present state; all arrays but `parameters` are (J,).
+
+    Args:
+        kind: see hqpipe.kernels.actuator_step.
+        parameters: (J, P), with an infinite effort limit.
+        limit: N·m, applied here.
+        tau: torque, read and overwritten, N·m.
+        mean_square: grows by `share` times the square of the torque.
+        clipped: grows to the largest excess of the demand over the limit.
+    """
+    step_row(kind, parameters, tau, q_des, q, qd)
+    for j in range(tau.shape[0]):
+        clipped[j] = max(clipped[j], abs(tau[j]) - limit[j])
+        tau[j] = min(max(tau[j], -limit[j]), limit[j])
+        mean_square[j] += share * tau[j] * tau[j]
+
+
+@njit(cache=True, nogil=True)
+def actuate_batch(
+    kind: int,
+    parameters: np.ndarray,
+    limit: np.ndarray,
+    q_des: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    tau: np.ndarray,
+    mean_square: np.ndarray,
+    clipped: np.ndarray,
+    share: float,
+) -> None:
+    """`actuate_robot` for every row: `parameters` (N, J, P), the other arrays (N, J)."""
+    for n in range(tau.shape[0]):
+        actuate_robot(kind, parameters[n], limit[n], q_des[n], q[n], qd[n], tau[n], mean_square[n], clipped[n], share)
