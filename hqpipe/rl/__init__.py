@@ -1,0 +1,6 @@
+"""Learning: observation, rewards, environment, policy, training, export. The only part of hqpipe that imports torch."""
+
+import os
+
+# Spinning OpenMP threads take the cores from the simulator; torch reads this when it is first imported.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")

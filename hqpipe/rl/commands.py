@@ -1,0 +1,18 @@
+"""Velocity commands drawn during training."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hqpipe.rl.config import CommandConfig
+
+
+def sample_commands(config: CommandConfig, count: int, rng: np.random.Generator) -> np.ndarray:
+    """(count, 3) vx, vy (m/s) and ω (rad/s): uniform, some straight ahead, some standing."""
+    low, high = np.array([config.vx, config.vy, config.wz]).T
+    commands = rng.uniform(low, high, size=(count, 3))
+    kind = rng.random(count)
+    straight = kind < config.standing_share + (1.0 - config.standing_share) * config.straight_share
+    commands[straight, 1:] = 0.0
+    commands[kind < config.standing_share] = 0.0
+    return commands

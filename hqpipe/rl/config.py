@@ -1,0 +1,331 @@
+"""Configuration of a training as frozen dataclasses; every field states its unit and its source.
+
+"recipe" means: found by training this robot with benchmarks/training.py. "paper" is the table of that name in Lee et
+al., Learning Quadrupedal Locomotion for a Heavy Hydraulic Robot Using an Actuator Model. The paper gives no
+coefficients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from typing import Any, TypeVar
+
+from hqpipe.errors import ConfigError, near_match
+
+PRIORS = ("none", "clock", "trot_residual")
+CONTROL_PERIOD_S = 0.01  # paper: policy and estimator at 100 Hz
+
+_Config = TypeVar("_Config")
+
+
+@dataclass(frozen=True)
+class GaitConfig:
+    """Clock and open-loop trot.
+
+    Attributes:
+        prior: none (paper) | clock (sine and cosine of the phase join the observation) | trot_residual (in addition the
+            action is an offset on the open-loop trot).
+        frequency_hz: steps of one leg per second; recipe.
+        duty: share of a cycle that a foot is to stay on the ground; recipe.
+        swing_height: m; recipe, the paper asks for feet that "reach sufficient height".
+        lead_s: targets lead by the lag of the position loop, s; the default machine has 40 ms.
+        standing_speed: commands below shrink the steps, m/s; assumption.
+    """
+
+    prior: str = "trot_residual"
+    frequency_hz: float = 1.7
+    duty: float = 0.6
+    swing_height: float = 0.14
+    lead_s: float = 0.04
+    standing_speed: float = 0.15
+
+
+@dataclass(frozen=True)
+class CommandConfig:
+    """Velocity commands drawn during training, base frame.
+
+    Attributes:
+        vx, vy: ranges, m/s; wz: range, rad/s. The paper walks at 0.4 and 1.0 m/s, turns and steps sideways.
+        standing_share: of the draws that command zero velocity; assumption.
+        straight_share: of the moving draws with vy = ω = 0; assumption.
+        resample_s: mean time between draws, s; assumption.
+    """
+
+    vx: tuple[float, float] = (0.0, 1.2)
+    vy: tuple[float, float] = (-0.3, 0.3)
+    wz: tuple[float, float] = (-0.5, 0.5)
+    standing_share: float = 0.08
+    straight_share: float = 0.3
+    resample_s: float = 4.0
+
+
+@dataclass(frozen=True)
+class NoiseConfig:
+    """Observation noise: uniform, half-width. The paper randomises observations and gives no sizes.
+
+    Attributes:
+        gyro: rad/s; about ten times the noise of robot.yaml, for vibration.
+        position: rad; encoder offset and chain stretch, assumption.
+        velocity: rad/s; filtered differentiation, assumption.
+    """
+
+    gyro: float = 0.05
+    position: float = 0.01
+    velocity: float = 0.2
+
+
+@dataclass(frozen=True)
+class RandomisationConfig:
+    """What differs between episodes and robots. Sizes are assumptions unless a source is given.
+
+    Attributes:
+        position: initial joint angles around the nominal pose, rad.
+        tilt: initial roll and pitch, rad.
+        linear_velocity: initial base velocity, m/s; angular_velocity: rad/s.
+        push_interval_s: mean time between pushes, s; 0 turns them off.
+        push_speed: largest sideways change of the base's velocity by a push, m/s.
+        kinematics: half-range of link lengths, masses and joint offsets as a multiple of the simulator's documented
+            range (the paper randomises the kinematics); 0 turns it off.
+        actuator: half-range of the actuator's coefficients, as a share; covers the spread between joints and the drift
+            with oil temperature.
+        friction: half-range of the ground friction, as a share.
+    """
+
+    position: float = 0.1
+    tilt: float = 0.05
+    linear_velocity: float = 0.3
+    angular_velocity: float = 0.2
+    push_interval_s: float = 3.0
+    push_speed: float = 1.2
+    kinematics: float = 1.0
+    actuator: float = 0.2
+    friction: float = 0.3
+
+
+@dataclass(frozen=True)
+class RewardConfig:
+    """Coefficients k of the reward terms; formulas and units in rewards.py. Penalties carry a minus sign.
+
+    Attributes:
+        scale: multiplies the sum, so that a return is of order one.
+        fall: added once when an episode ends in illegal contact, after `scale`.
+        clearance_target: h_tar, height of the sole in swing, m.
+    """
+
+    scale: float = 0.03
+    fall: float = -1.0
+    clearance_target: float = 0.08
+    # Table "Global Rewards" of the paper
+    command: float = 0.5
+    yaw: float = -0.1
+    base_height: float = 0.2
+    base_motion: float = -0.5
+    torque: float = -2e-7
+    torque_clip: float = -1e-6
+    nominal_position: float = -0.05
+    joint_velocity: float = -3e-4
+    joint_acceleration: float = -1e-3
+    action_smoothness: float = -0.5
+    # Table "Local Rewards" of the paper
+    flight: float = -0.2
+    airtime: float = 0.0
+    slip: float = -0.05
+    clearance_1: float = -2.0
+    clearance_2: float = 1.0
+    grf_smoothness: float = -1e-8
+    action_clip: float = -0.5
+    joint_limit: float = -0.2
+    # Terms of ours, without which short trainings do not converge
+    tracking: float = 1.0
+    tracking_yaw: float = 0.5
+    gait_match: float = 0.3
+    orientation: float = -2.0
+    angular_motion: float = -0.05
+
+
+@dataclass(frozen=True)
+class CurriculumConfig:
+    """Factor c_f of the paper's rewards, from `start` to 1.
+
+    Attributes:
+        start: c_f of the first iteration.
+        iterations: c_f reaches 1 after these; the paper gives no schedule.
+    """
+
+    start: float = 0.3
+    iterations: int = 30
+
+
+@dataclass(frozen=True)
+class PolicyConfig:
+    """Networks.
+
+    Attributes:
+        hidden: units of each hidden layer of actor, critic and estimator (ELU); measured on this machine to be enough.
+        action_scale: joint angle for an action of 1, rad.
+        initial_log_std: e^−2 is 34 mrad of a joint target, 150 N·m at the machine's stiffness; a policy that starts
+            on the trot does not fall; recipe.
+        output_gain: factor on the initial weights of the last layer, so that training starts at the prior.
+    """
+
+    hidden: tuple[int, ...] = (256, 128)
+    action_scale: float = 0.25
+    initial_log_std: float = -2.0
+    output_gain: float = 0.01
+
+
+@dataclass(frozen=True)
+class PPOConfig:
+    """PPO (Schulman et al. 2017) in Stable-Baselines3's spelling.
+
+    Attributes:
+        n_steps: samples per environment and iteration.
+        batch_size: samples per gradient step.
+        n_epochs: passes over the samples.
+        learning_rate: of the actor's first step; then it follows the KL divergence.
+        target_kl: where the learning rate is held, by halving above twice and raising below half of it.
+        critic_learning_rate: fixed; a critic that shared the actor's rate would learn slowest when it is worst; recipe.
+        estimator_learning_rate: of the supervised loss (Ji et al. 2022, concurrent training).
+        critic_warmup: iterations in which only critic and estimator learn; a first update with an untrained critic
+            moves a good prior in a random direction; recipe.
+    """
+
+    n_steps: int = 24
+    batch_size: int = 2400
+    n_epochs: int = 5
+    learning_rate: float = 3e-4
+    target_kl: float = 0.012
+    gamma: float = 0.99
+    gae_lambda: float = 0.95
+    clip_range: float = 0.2
+    ent_coef: float = 0.0
+    max_grad_norm: float = 1.0
+    critic_learning_rate: float = 1e-3
+    estimator_learning_rate: float = 1e-3
+    critic_warmup: int = 3
+
+
+@dataclass(frozen=True)
+class EvaluationConfig:
+    """Deterministic evaluation in the simulator, without noise or randomisation of the robot.
+
+    Attributes:
+        num_envs: robots; each command goes to the same number of them.
+        seconds: length, s; speeds are averaged up to the push.
+        push_speed: change of the base's velocity by one push after two thirds of the time, m/s; its direction
+            differs from robot to robot. Without it every policy of a training stands all trials and robustness
+            decides nothing.
+        interval: iterations between evaluations.
+        commands: (vx, vy, ω) rows.
+    """
+
+    num_envs: int = 24
+    seconds: float = 6.0
+    push_speed: float = 1.5
+    interval: int = 25
+    commands: tuple[tuple[float, float, float], ...] = (
+        (1.0, 0.0, 0.0),
+        (0.4, 0.0, 0.0),
+        (0.0, 0.0, 0.0),
+        (0.7, 0.0, 0.4),
+        (0.5, 0.2, 0.0),
+        (1.0, 0.0, -0.3),
+    )
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """A whole training.
+
+    Attributes:
+        seed: of networks, exploration, commands, noise and randomisation.
+        total_steps: environment steps (policy periods, all environments together).
+        num_envs: parallel robots; the paper has 400.
+        engine: name in hqpipe.sim.ENGINES.
+        episode_s: time limit, s.
+        checkpoint_interval: iterations between checkpoints; all environments are reset there, so that a resumed
+            training ends in the same bytes as an uninterrupted one.
+        torch_threads: sums depend on it, so it is fixed and recorded.
+    """
+
+    seed: int = 1
+    total_steps: int = 1_000_000
+    num_envs: int = 400
+    engine: str = "pybullet"
+    episode_s: float = 20.0
+    checkpoint_interval: int = 50
+    torch_threads: int = 1
+    gait: GaitConfig = field(default_factory=GaitConfig)
+    command: CommandConfig = field(default_factory=CommandConfig)
+    noise: NoiseConfig = field(default_factory=NoiseConfig)
+    randomisation: RandomisationConfig = field(default_factory=RandomisationConfig)
+    reward: RewardConfig = field(default_factory=RewardConfig)
+    curriculum: CurriculumConfig = field(default_factory=CurriculumConfig)
+    policy: PolicyConfig = field(default_factory=PolicyConfig)
+    ppo: PPOConfig = field(default_factory=PPOConfig)
+    evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
+
+    def __post_init__(self) -> None:
+        if self.gait.prior not in PRIORS:
+            raise ConfigError(
+                f"gait.prior: '{self.gait.prior}'{near_match(self.gait.prior, PRIORS)}, expected one of {', '.join(PRIORS)}"
+            )
+        if self.rollout_size % self.ppo.batch_size:
+            raise ConfigError(
+                f"ppo.batch_size: {self.ppo.batch_size} does not divide num_envs × ppo.n_steps = {self.rollout_size}"
+            )
+        if self.evaluation.num_envs % len(self.evaluation.commands):
+            raise ConfigError(
+                f"evaluation.num_envs: {self.evaluation.num_envs}, expected a multiple of the "
+                f"{len(self.evaluation.commands)} commands"
+            )
+
+    @property
+    def rollout_size(self) -> int:
+        """Samples per iteration."""
+        return self.num_envs * self.ppo.n_steps
+
+    @property
+    def iterations(self) -> int:
+        """Iterations that fit into total_steps, at least one."""
+        return max(1, self.total_steps // self.rollout_size)
+
+
+def from_mapping(base: _Config, raw: Mapping[str, Any], where: str = "") -> _Config:
+    """`base` with the fields of a nested mapping replaced.
+
+    Raises:
+        ConfigError: an unknown field or a value of the wrong kind; the message names the field's full path.
+    """
+    known = {f.name for f in fields(base)}
+    changes = {}
+    for name, value in raw.items():
+        path = f"{where}{name}"
+        if name not in known:
+            raise ConfigError(f"unknown field '{path}'{near_match(name, known)}")
+        changes[name] = _convert(getattr(base, name), value, path)
+    return replace(base, **changes)
+
+
+def to_mapping(config: Any) -> dict[str, Any]:
+    """The inverse of `from_mapping`, JSON-able."""
+    return asdict(config)
+
+
+def _convert(present: Any, value: Any, path: str) -> Any:
+    if is_dataclass(present):
+        if not isinstance(value, Mapping):
+            raise ConfigError(f"{path}: expected a mapping of fields, got {value!r}")
+        return from_mapping(present, value, f"{path}.")
+    if isinstance(present, tuple):
+        if not isinstance(value, list | tuple):
+            raise ConfigError(f"{path}: expected a list, got {value!r}")
+        return tuple(tuple(v) if isinstance(v, list | tuple) else v for v in value)
+    if isinstance(present, str):
+        expected: tuple[type, ...] = (str,)
+    else:
+        expected = (int,) if isinstance(present, int) else (int, float)
+    if not isinstance(value, expected) or isinstance(value, bool):
+        raise ConfigError(f"{path}: expected a {expected[-1].__name__}, got {value!r}")
+    return type(present)(value)

@@ -1,0 +1,192 @@
+"""Runs a policy on a machine: sensor frame and command in, joint targets out, every 10 ms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import yaml
+
+from hqpipe.errors import ConfigError, UsageError
+from hqpipe.rl import gait
+from hqpipe.rl.observation import build_observation
+
+_TERMS = ("base_angular_velocity", "joint_position", "joint_velocity", "previous_target", "velocity_command")
+Infer = Callable[[np.ndarray], np.ndarray]
+
+
+class Frame(Protocol):
+    """What the controller reads of the sensors; joints in the order of the policy.
+
+    Attributes:
+        q, qd: (J,) rad, rad/s. gyro: (3,) rad/s in the base frame. orientation: (4,) quaternion xyzw, for heading hold.
+    """
+
+    q: np.ndarray
+    qd: np.ndarray
+    gyro: np.ndarray
+    orientation: np.ndarray
+
+
+@dataclass(frozen=True)
+class HeadingHold:
+    """Replaces the commanded turning rate by a P law on the heading, as an operator steers a robot straight.
+
+    Attributes:
+        gain: rad/s per rad of error. limit: rad/s. heading: rad, world; None takes that of the first frame.
+    """
+
+    gain: float = 1.0
+    limit: float = 0.4
+    heading: float | None = None
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """How a policy is connected.
+
+    Attributes:
+        joints: names, in the order of the policy. period_s: between two calls.
+        clock_hz: frequency of the clock in the observation, None if it has none.
+        control_mode: what the targets are for, position or torque.
+    """
+
+    joints: tuple[str, ...]
+    period_s: float
+    clock_hz: float | None
+    control_mode: str
+
+
+class PolicyController:
+    """`controller(frame, command)` → (J,) joint position targets, rad, once every `period_s`.
+
+    Args:
+        infer: (1, n) float32 observation → (1, J) targets; see `torch_controller` and `onnx_controller`.
+        joints: names in the order of the frames; must be those of the policy.
+
+    Raises:
+        UsageError: other joints than the policy's.
+    """
+
+    def __init__(
+        self,
+        wiring: Wiring,
+        infer: Infer,
+        *,
+        joints: tuple[str, ...] | None = None,
+        heading_hold: HeadingHold | None = None,
+    ) -> None:
+        if joints is not None and sorted(joints) != sorted(wiring.joints):
+            raise UsageError(
+                f"policy for joints {', '.join(wiring.joints)} cannot drive {', '.join(joints)}: expected the same names"
+            )
+        order = wiring.joints if joints is None else joints
+        self.wiring, self.infer, self.heading_hold = wiring, infer, heading_hold
+        self._to_policy = np.array([order.index(name) for name in wiring.joints])
+        self._to_frame = np.argsort(self._to_policy)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last trial: clock, previous target and heading."""
+        self.phase = 0.0
+        self.previous: np.ndarray | None = None
+        self.heading = self.heading_hold.heading if self.heading_hold else None
+
+    @property
+    def period_s(self) -> float:
+        return self.wiring.period_s
+
+    def __call__(self, frame: Frame, command: Mapping[str, float]) -> np.ndarray:
+        """`command` holds vx, vy (m/s) and wz (rad/s)."""
+        position = np.asarray(frame.q)[self._to_policy]
+        if self.previous is None:
+            self.previous = position
+        clock_hz = self.wiring.clock_hz
+        observation = build_observation(
+            np.asarray(frame.gyro),
+            position,
+            np.asarray(frame.qd)[self._to_policy],
+            self.previous,
+            self._steered(frame, np.array([command[name] for name in ("vx", "vy", "wz")])),
+            None if clock_hz is None else gait.clock(np.asarray(self.phase)),
+        )
+        targets = np.asarray(self.infer(observation[None])[0], dtype=float)
+        self.previous = targets
+        if clock_hz is not None:
+            self.phase = float(gait.advance(np.asarray(self.phase), clock_hz, self.period_s))
+        return targets[self._to_frame]
+
+    def _steered(self, frame: Frame, command: np.ndarray) -> np.ndarray:
+        hold = self.heading_hold
+        if hold is None:
+            return command
+        x, y, z, w = frame.orientation
+        heading = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        if self.heading is None:
+            self.heading = float(heading)
+        error = np.angle(np.exp(1j * (self.heading - heading)))
+        return np.array([command[0], command[1], np.clip(hold.gain * error, -hold.limit, hold.limit)])
+
+
+def torch_controller(
+    folder: Path, *, joints: tuple[str, ...] | None = None, heading_hold: HeadingHold | None = None
+) -> PolicyController:
+    """A controller from the folder of `save_policy`."""
+    import torch
+
+    from hqpipe.rl.networks import DeployedPolicy
+    from hqpipe.rl.policy_io import load_policy
+
+    spec, networks = load_policy(folder)
+    deployed = DeployedPolicy(spec, networks).eval()
+
+    def infer(observation: np.ndarray) -> np.ndarray:
+        with torch.no_grad():
+            return deployed(torch.as_tensor(observation)).numpy()
+
+    wiring = Wiring(spec.joints, spec.period_s, spec.gait.frequency_hz if spec.has_clock else None, spec.control_mode)
+    return PolicyController(wiring, infer, joints=joints, heading_hold=heading_hold)
+
+
+def onnx_controller(
+    folder: Path, *, joints: tuple[str, ...] | None = None, heading_hold: HeadingHold | None = None
+) -> PolicyController:
+    """A controller from policy.onnx and deploy.yaml in `folder`; needs no torch.
+
+    Raises:
+        ConfigError: deploy.yaml is missing or describes another observation than this code builds.
+    """
+    from hqpipe.rl.onnx_session import open_session
+
+    session = open_session(folder / "policy.onnx")
+
+    def infer(observation: np.ndarray) -> np.ndarray:
+        return session.run(["actions"], {"obs": observation})[0]
+
+    return PolicyController(read_wiring(folder), infer, joints=joints, heading_hold=heading_hold)
+
+
+def read_wiring(folder: Path) -> Wiring:
+    """Read deploy.yaml.
+
+    Raises:
+        ConfigError: the file is missing or describes another observation than `build_observation` makes.
+    """
+    path = folder / "deploy.yaml"
+    if not path.is_file():
+        raise ConfigError(f"{path}: no such file; expected the folder that hqpipe export wrote")
+    raw = yaml.safe_load(path.read_text(encoding="utf-8"))
+    names = [term["name"] for term in raw["observation"]]
+    clock = raw["clock"]
+    expected = [*_TERMS, "clock"] if clock else list(_TERMS)
+    if names != expected:
+        raise ConfigError(f"{path}: observation is {', '.join(names)}, expected {', '.join(expected)}")
+    return Wiring(
+        joints=tuple(raw["actions"]["joints"]),
+        period_s=1.0 / raw["rates"]["policy_hz"],
+        clock_hz=clock["frequency_hz"] if clock else None,
+        control_mode=raw["control_mode"],
+    )

@@ -1,0 +1,91 @@
+"""Actor, critic and estimator, and the deployed graph from observation to joint targets."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from hqpipe.rl.observation import Layout
+from hqpipe.rl.policy_spec import PolicySpec
+
+
+def mlp(inputs: int, hidden: tuple[int, ...], outputs: int) -> nn.Sequential:
+    """Linear layers with ELU between them; orthogonal weights of gain √2, zero biases."""
+    layers: list[nn.Module] = []
+    sizes = (inputs, *hidden, outputs)
+    for fan_in, fan_out in zip(sizes[:-1], sizes[1:], strict=True):
+        linear = nn.Linear(fan_in, fan_out)
+        nn.init.orthogonal_(linear.weight, 2.0**0.5)
+        nn.init.zeros_(linear.bias)
+        layers += [linear, nn.ELU()]
+    return nn.Sequential(*layers[:-1])
+
+
+class Normaliser(nn.Module):
+    """(value − offset) · scale with the fixed physical constants of a layout."""
+
+    def __init__(self, layout: Layout) -> None:
+        super().__init__()
+        self.register_buffer("offset", torch.as_tensor(layout.offset), persistent=False)
+        self.register_buffer("scale", torch.as_tensor(layout.scale), persistent=False)
+
+    def forward(self, value: Tensor) -> Tensor:
+        return (value - self.offset) * self.scale
+
+
+class LocomotionNetworks(nn.Module):
+    """The paper's three networks (its figure of the concurrent training framework).
+
+    The estimator maps o_t to x̃_t, the actor (o_t, x̃_t) to the action, the critic (o_t, x_t) to the value. No
+    gradient of the policy reaches the estimator: it learns from x_t alone (Ji et al. 2022).
+    """
+
+    def __init__(self, spec: PolicySpec, output_gain: float = 1.0) -> None:
+        super().__init__()
+        seen, state = spec.observation.size, spec.state.size
+        self.normalise_observation = Normaliser(spec.observation)
+        self.normalise_state = Normaliser(spec.state)
+        self.estimator = mlp(seen, spec.hidden, state)
+        self.actor = mlp(seen + state, spec.hidden, len(spec.joints))
+        self.critic = mlp(seen + state, spec.hidden, 1)
+        with torch.no_grad():
+            for network in (self.estimator, self.actor, self.critic):
+                network[-1].weight.mul_(output_gain)
+
+    def estimate(self, observation: Tensor) -> Tensor:
+        """(B, n) o_t in physical units → (B, m) x̃_t, normalised; carries no gradient."""
+        with torch.no_grad():
+            return self.estimator(self.normalise_observation(observation))
+
+    def action(self, observation: Tensor, estimate: Tensor | None = None) -> Tensor:
+        """(B, n) o_t in physical units → (B, J) mean action; `estimate` replaces the estimator's present x̃_t."""
+        if estimate is None:
+            estimate = self.estimate(observation)
+        return self.actor(torch.cat((self.normalise_observation(observation), estimate), dim=-1))
+
+    def value(self, observation: Tensor, state: Tensor) -> Tensor:
+        """(B, n) o_t and (B, m) x_t in physical units → (B, 1)."""
+        seen, known = self.normalise_observation(observation), self.normalise_state(state)
+        return self.critic(torch.cat((seen, known), dim=-1))
+
+    def estimator_loss(self, observation: Tensor, state: Tensor) -> Tensor:
+        """Mean squared error of x̃_t in normalised units."""
+        estimate = self.estimator(self.normalise_observation(observation))
+        return nn.functional.mse_loss(estimate, self.normalise_state(state))
+
+
+class DeployedPolicy(nn.Module):
+    """One graph from o_t to joint targets: normalisation, estimator, actor, prior and joint limits."""
+
+    def __init__(self, spec: PolicySpec, networks: LocomotionNetworks) -> None:
+        super().__init__()
+        self.spec, self.networks = spec, networks
+        self.rule = spec.target_rule()
+
+    def forward(self, obs: Tensor) -> Tensor:
+        """(B, n) → (B, J) joint position targets, rad, within the joint limits."""
+        action = self.networks.action(obs)
+        layout = self.spec.observation
+        clock = obs[:, layout.part("clock")] if self.spec.has_clock else None
+        command = obs[:, layout.part("velocity_command")]
+        return self.rule.clipped(self.rule.unclipped(action, clock, command, torch), torch)

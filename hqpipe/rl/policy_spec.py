@@ -1,0 +1,171 @@
+"""Everything besides the weights that is needed to run a policy, as plain numbers: policy.json."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from hqpipe.actuators.base import ActuatorModel
+from hqpipe.errors import ConfigError
+from hqpipe.rl.config import CONTROL_PERIOD_S, GaitConfig, TrainConfig
+from hqpipe.rl.gait import Trot
+from hqpipe.rl.leg import LegGeometry, read_leg_geometry, total_mass
+from hqpipe.rl.observation import Layout, Term, observation_layout, state_layout
+from hqpipe.rl.targets import TargetRule
+from hqpipe.robots import RobotSpec
+
+FORMAT = "hqpipe-policy/1"
+CONTROL_MODES = ("position", "torque")
+GRAVITY = 9.81  # m/s²
+RIGID = 1e9  # N·m/rad, for a model that is infinitely stiff at rest: four orders above any joint of this size
+
+
+def position_stiffness(actuator: ActuatorModel) -> np.ndarray:
+    """(J,) static torque per position error, N·m/rad: kp of a PD law, k1 R² / k2 of eq. (7) at rest.
+
+    A model without leak (k2 = 0) is infinitely stiff at rest.
+    """
+    if "kp" in actuator.FIELDS:
+        return actuator.column("kp").copy()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return actuator.column("k1") * actuator.column("sprocket_radius") ** 2 / actuator.column("k2")
+
+
+@dataclass(frozen=True)
+class PolicySpec:
+    """A policy without its weights.
+
+    Attributes:
+        robot: name. joints, feet: names, in the order of every vector.
+        control_mode: position (targets go to the position loop) | torque (targets pass kp, kd to the torque loop).
+        kp, kd: (J,) gains that turn targets into torque targets, N·m/rad and N·m·s/rad; 0 where the loop is hydraulic.
+        position_stiffness: (J,) static stiffness of the position loops that the trot compensates, N·m/rad.
+        weight: of the robot, N.
+        nominal, lower, upper: (J,) rad. action_scale: rad.
+        gait, geometry: clock and trot. observation, state: layouts of o_t and x_t. hidden: units per layer.
+        period_s: between two calls of the policy.
+        command_range: rows (low, high) of vx, vy (m/s) and ω (rad/s) seen in training.
+    """
+
+    robot: str
+    joints: tuple[str, ...]
+    feet: tuple[str, ...]
+    control_mode: str
+    kp: np.ndarray
+    kd: np.ndarray
+    position_stiffness: np.ndarray
+    weight: float
+    nominal: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    action_scale: float
+    gait: GaitConfig
+    geometry: LegGeometry
+    observation: Layout
+    state: Layout
+    hidden: tuple[int, ...]
+    period_s: float
+    command_range: np.ndarray
+
+    @classmethod
+    def build(
+        cls, robot: RobotSpec, actuator: ActuatorModel, config: TrainConfig, control_mode: str = "position"
+    ) -> PolicySpec:
+        """The spec of a policy that `config` trains for `robot` with `actuator`.
+
+        Raises:
+            ConfigError: unknown control mode, or an actuator that cannot hold a joint.
+        """
+        if control_mode not in CONTROL_MODES:
+            raise ConfigError(f"control_mode: '{control_mode}', expected {' or '.join(CONTROL_MODES)}")
+        stiffness = position_stiffness(actuator.for_joints(robot.joints))
+        if limp := [joint for joint, value in zip(robot.joints, stiffness, strict=True) if not value > 0]:
+            raise ConfigError(
+                f"the actuator model has no stiffness at {', '.join(limp)}, as if k1 had not been identified: fit it on logs "
+                "in which these joints move under load"
+            )
+        gains = robot.torque_pd if control_mode == "torque" else None
+        count = len(robot.joints)
+        command = config.command
+        return cls(
+            robot=robot.name,
+            joints=robot.joints,
+            feet=robot.feet,
+            control_mode=control_mode,
+            kp=np.full(count, gains.kp if gains else 0.0),
+            kd=np.full(count, gains.kd if gains else 0.0),
+            position_stiffness=np.minimum(stiffness, RIGID),
+            weight=GRAVITY * total_mass(robot),
+            nominal=robot.nominal_position,
+            lower=robot.position_lower,
+            upper=robot.position_upper,
+            action_scale=config.policy.action_scale,
+            gait=config.gait,
+            geometry=read_leg_geometry(robot),
+            observation=observation_layout(robot, config.gait.prior),
+            state=state_layout(robot),
+            hidden=config.policy.hidden,
+            period_s=CONTROL_PERIOD_S,
+            command_range=np.array([command.vx, command.vy, command.wz]),
+        )
+
+    @property
+    def has_clock(self) -> bool:
+        return self.observation.has("clock")
+
+    def target_rule(self) -> TargetRule:
+        trot = None
+        if self.gait.prior == "trot_residual":
+            trot = Trot.build(self.gait, self.geometry, self.feet, self.nominal, self.position_stiffness, self.weight)
+        return TargetRule(self.nominal, self.lower, self.upper, self.action_scale, trot)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-able form; `from_dict` restores equal numbers."""
+        raw = _plain(asdict(self))
+        return {"format": FORMAT, **raw}
+
+    @classmethod
+    def from_dict(cls, raw: Mapping[str, Any], where: str = "policy.json") -> PolicySpec:
+        """Inverse of `to_dict`.
+
+        Raises:
+            ConfigError: another format, or a field is missing or malformed.
+        """
+        if raw.get("format") != FORMAT:
+            raise ConfigError(f"{where}: format is {raw.get('format')!r}, expected '{FORMAT}'")
+        try:
+            geometry = dict(raw["geometry"])
+            for key in ("hip", "side_offset"):
+                geometry[key] = np.array(geometry[key], dtype=float)
+            arrays = ("kp", "kd", "position_stiffness", "nominal", "lower", "upper", "command_range")
+            return cls(
+                **{key: np.array(raw[key], dtype=float) for key in arrays},
+                **{key: tuple(raw[key]) for key in ("joints", "feet", "hidden")},
+                **{key: raw[key] for key in ("robot", "control_mode", "weight", "action_scale", "period_s")},
+                gait=GaitConfig(**raw["gait"]),
+                geometry=LegGeometry(**geometry),
+                observation=_layout(raw["observation"]),
+                state=_layout(raw["state"]),
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            raise ConfigError(f"{where}: {type(error).__name__}: {error}; write it with save_policy") from error
+
+
+def _layout(raw: Mapping[str, Any]) -> Layout:
+    return Layout(
+        tuple(
+            Term(t["name"], tuple(t["names"]), t["unit"], np.array(t["offset"], dtype=float), t["scale"])
+            for t in raw["terms"]
+        )
+    )
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value.tolist() if isinstance(value, np.ndarray) else value

@@ -1,0 +1,18 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hqpipe.rl.commands import sample_commands
+from hqpipe.rl.config import CommandConfig
+
+
+def test_commands_stay_in_range_and_keep_the_shares():
+    config = CommandConfig(standing_share=0.2, straight_share=0.5)
+    drawn = sample_commands(config, 20_000, np.random.default_rng(0))
+    for axis, (low, high) in enumerate((config.vx, config.vy, config.wz)):
+        assert drawn[:, axis].min() >= low and drawn[:, axis].max() <= high
+    standing = (drawn == 0.0).all(axis=1)
+    straight = (drawn[:, 1:] == 0.0).all(axis=1) & ~standing
+    assert standing.mean() == pytest.approx(0.2, abs=0.01)
+    assert straight.mean() == pytest.approx(0.4, abs=0.01)

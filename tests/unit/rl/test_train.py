@@ -1,0 +1,124 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from hqpipe.rl import train as training
+from hqpipe.rl.config import from_mapping
+from hqpipe.rl.train import train
+from hqpipe.rl.worlds import scattered_parameters, training_world, unmodelled_actuator
+
+
+class Killed(Exception):
+    pass
+
+
+@pytest.fixture(scope="module")
+def result(robot, actuator, small):
+    return train(robot, actuator, small, workers=1)
+
+
+def same_weights(first, second) -> bool:
+    a, b = first.state_dict(), second.state_dict()
+    return a.keys() == b.keys() and all(torch.equal(a[k], b[k]) for k in a)
+
+
+def test_one_row_per_iteration_with_the_field_s_names(result, small):
+    assert [row["iteration"] for row in result.rows] == list(range(1, small.iterations + 1))
+    for key in ("train/approx_kl", "train/explained_variance", "rollout/ep_len_mean", "reward/tracking"):
+        assert key in result.rows[-1]
+    assert [i + 1 for i, row in enumerate(result.rows) if "eval/score" in row] == [3, 6]
+    assert result.rows[-1]["time/total_timesteps"] == small.iterations * small.rollout_size
+
+
+def test_actor_waits_for_the_critic(result):
+    assert result.rows[0]["train/approx_kl"] == 0.0
+    assert result.rows[-1]["train/approx_kl"] > 0.0
+
+
+def test_best_evaluation_belongs_to_the_returned_networks(result):
+    scores = {row["iteration"]: row["eval/score"] for row in result.rows if "eval/score" in row}
+    assert result.best_iteration == min(scores, key=scores.get)
+    assert result.best.score == pytest.approx(min(scores.values()), abs=1e-12)
+
+
+def test_same_seed_same_weights_and_another_seed_others(robot, actuator, small, result):
+    again = train(robot, actuator, small, workers=2)
+    assert again.rows == result.rows
+    assert same_weights(again.networks, result.networks)
+    other = train(robot, actuator, replace(small, seed=2), workers=1)
+    assert not same_weights(other.networks, result.networks)
+
+
+def test_killed_training_ends_like_an_uninterrupted_one(robot, actuator, small, result, tmp_path):
+    def kill_in_the_fourth_iteration(done: int, total: int, note: str) -> None:
+        if done >= 4 * small.rollout_size + 1:
+            raise Killed
+
+    with pytest.raises(Killed):
+        train(robot, actuator, small, scratch=tmp_path, progress=kill_in_the_fourth_iteration, workers=1)
+    resumed = train(robot, actuator, small, scratch=tmp_path, workers=1)
+    assert resumed.resumed_from == 4
+    assert resumed.rows == result.rows
+    assert same_weights(resumed.networks, result.networks)
+    assert resumed.baseline == result.baseline
+
+
+def test_checkpoint_of_another_training_is_left_alone(robot, actuator, small, tmp_path):
+    train(robot, actuator, small, scratch=tmp_path, workers=1)
+    other = train(robot, actuator, replace(small, seed=5), scratch=tmp_path, workers=1)
+    assert other.resumed_from == 0
+
+
+@pytest.mark.parametrize("prior", ["none", "clock"])
+def test_every_prior_trains(robot, actuator, small, prior):
+    short = from_mapping(small, {"gait": {"prior": prior}, "total_steps": 80})
+    outcome = train(robot, actuator, short, workers=1)
+    assert outcome.spec.observation.size == (42 if prior == "none" else 44)
+    assert outcome.spec.has_clock == (prior == "clock")
+
+
+def test_torque_control_trains_against_the_ideal_torque(robot, small):
+    outcome = train(
+        robot, unmodelled_actuator(robot, "torque"), replace(small, total_steps=80), control_mode="torque", workers=1
+    )
+    assert outcome.spec.control_mode == "torque"
+    assert outcome.spec.position_stiffness[0] == robot.torque_pd.kp
+
+
+def test_progress_counts_environment_steps(robot, actuator, small):
+    calls = []
+    train(robot, actuator, small, progress=lambda *a: calls.append(a), workers=1)
+    assert [c[0] for c in calls] == [small.rollout_size * (i + 1) for i in range(small.iterations)]
+    assert {c[1] for c in calls} == {small.iterations * small.rollout_size}
+
+
+def test_worlds_are_closed_when_training_fails(robot, actuator, small, monkeypatch):
+    closed = []
+    monkeypatch.setattr(training.Trainer, "close", lambda self: closed.append(True))
+
+    def fail(*_: object) -> None:
+        raise Killed
+
+    with pytest.raises(Killed):
+        train(robot, actuator, small, progress=fail, workers=1)
+    assert closed
+
+
+def test_scatter_keeps_geometry_and_bounds(actuator):
+    table = scattered_parameters(actuator, 50, 0.2, np.random.default_rng(0))
+    relative = table / actuator.parameters
+    kp, limit = relative[..., 0], relative[..., list(actuator.FIELDS).index("effort_limit")]
+    assert kp.min() >= 0.8 and kp.max() <= 1.2 and kp.std() > 0.1
+    assert (limit == 1.0).all()
+
+
+def test_training_world_without_randomisation_has_exact_robots(robot, actuator, small):
+    off = replace(small, randomisation=replace(small.randomisation, kinematics=0.0, friction=0.0, actuator=0.0))
+    world = training_world(robot, actuator, off, num_envs=2, workers=1, seed=0)
+    state = world.step(np.tile(robot.nominal_position, (2, 1)))
+    np.testing.assert_array_equal(state.joint_position[0], state.joint_position[1])
+    world.close()
