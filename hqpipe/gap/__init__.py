@@ -1,0 +1,1 @@
+"""Where the simulator's model misses the recorded machine, and by how much."""

@@ -1,0 +1,101 @@
+"""A recorded trial beside the model's free-running prediction of it, cut into windows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hqpipe.logs.trajectory import Trajectory, Trial
+from hqpipe.sysid.free_run import Model, predict, window_samples
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """One trial and what the model makes of its inputs.
+
+    Window m restarts from the logged torque at sample m·W and predicts samples m·W + 1 … (m + 1)·W; what is
+    left at the end of the trial is not scored.
+
+    Attributes:
+        file: the trial's file name.
+        trajectory: the record.
+        steps: W, samples per window.
+        predicted: (T, J) free-running torque, N·m.
+        one_step: (T, J) torque predicted one sample ahead, N·m.
+    """
+
+    file: str
+    trajectory: Trajectory
+    steps: int
+    predicted: np.ndarray
+    one_step: np.ndarray
+
+    @property
+    def residual(self) -> np.ndarray:
+        """(T, J) measured minus free-running torque, N·m."""
+        return self.trajectory.effort - self.predicted
+
+    @property
+    def held_error(self) -> np.ndarray:
+        """(T, J) error of holding the torque that was logged at the start of each window, N·m; row 0 is 0."""
+        effort = self.trajectory.effort
+        start = np.maximum(np.arange(len(effort)) - 1, 0) // self.steps * self.steps
+        return effort - effort[start]
+
+    @property
+    def windows(self) -> int:
+        """Number of complete windows."""
+        return max(0, (self.trajectory.samples - 1) // self.steps)
+
+    def targets(self, values: np.ndarray) -> np.ndarray:
+        """Cut (T, …) into (windows, W, …) at the predicted samples."""
+        return self._cut(values[1:])
+
+    def inputs(self, values: np.ndarray) -> np.ndarray:
+        """Cut (T, …) into (windows, W, …) at the samples one before the predicted ones."""
+        return self._cut(values)
+
+    def _cut(self, values: np.ndarray) -> np.ndarray:
+        used = self.windows * self.steps
+        return values[:used].reshape(self.windows, self.steps, *values.shape[1:])
+
+
+def replay(trial: Trial, model: Model, window_s: float) -> Replay:
+    """Run `model` through one trial that has effort and position_command.
+
+    Raises:
+        IdentificationError: a channel is missing, or the window is shorter than two samples.
+        UsageError: the model lacks a joint or belongs to another sample time.
+    """
+    trajectory = trial.trajectory
+    steps = window_samples(trajectory.dt, window_s)
+    return Replay(
+        file=trial.file,
+        trajectory=trajectory,
+        steps=steps,
+        predicted=predict(trajectory, model, steps),
+        one_step=predict(trajectory, model, 1),
+    )
+
+
+def persistence_error(replays: Sequence[Replay]) -> np.ndarray:
+    """(J,) mean squared error, (N·m)², of holding the torque that was logged at the start of each window."""
+    errors = [item.targets(item.held_error).reshape(-1, item.predicted.shape[1]) for item in replays]
+    return np.mean(np.concatenate(errors) ** 2, axis=0)
+
+
+def memory(item: Replay, model: Model) -> np.ndarray:
+    """How much of a torque offset at the window start is left after h steps.
+
+    Found by running the model again from shifted torques, so it holds for any model.
+
+    Returns:
+        (W, J), row h − 1 is step h; 1 means that nothing is forgotten, 0 that the model has no state.
+    """
+    effort = item.trajectory.effort
+    shift = 0.01 * effort.std(axis=0) + 1e-9  # small against the signal: the local slope
+    shifted = predict(replace(item.trajectory, effort=effort + shift), model, item.steps)
+    slope = item.targets(shifted - item.predicted) / shift
+    return np.clip(np.mean(slope, axis=0), 0.0, 1.0)

@@ -1,0 +1,165 @@
+"""diagnosis.json (hqpipe-diagnosis/1): its keys, its types and the check of a file against them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from hqpipe.errors import ConfigError, near_match
+
+FORMAT = "hqpipe-diagnosis/1"
+VERDICTS = ("explained", "partly_explained", "unknown", "no_gap", "not_identifiable")
+LAYERS = ("actuator", "rigid_body", "contact", "sensing")
+SCOPES = ("joint", "group", "machine")
+MODES = ("position", "torque", "valve", None)
+
+
+@dataclass(frozen=True)
+class Check:
+    """A test of one value and what to say when it fails."""
+
+    expected: str
+    passes: Callable[[Any], bool]
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and value == value
+
+
+def _is_interval(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 2 and all(map(_is_number, value)) and value[0] <= value[1]
+
+
+def _one_of(*values: str | None) -> Check:
+    return Check(" | ".join("null" if v is None else v for v in values), lambda v: v in values)
+
+
+TEXT = Check("a text", lambda v: isinstance(v, str))
+TEXT_OR_NULL = Check("a text or null", lambda v: v is None or isinstance(v, str))
+TEXTS = Check("a list of texts", lambda v: isinstance(v, list) and all(isinstance(t, str) for t in v))
+COUNT = Check("a whole number ≥ 0", lambda v: isinstance(v, int) and not isinstance(v, bool) and v >= 0)
+NUMBER = Check("a number", _is_number)
+SIZE = Check("a number ≥ 0", lambda v: _is_number(v) and v >= 0)
+SHARE = Check("a number from 0 to 1", lambda v: _is_number(v) and 0 <= v <= 1)
+SHARE_OR_NULL = Check("a number from 0 to 1, or null", lambda v: v is None or SHARE.passes(v))
+AT_MOST_ONE = Check("a number ≤ 1", lambda v: _is_number(v) and v <= 1)
+INTERVAL = Check("[lower, upper]", _is_interval)
+TRUTH = Check("true or false", lambda v: isinstance(v, bool))
+
+Shape = Mapping[str, Any]  # key → Check, Shape, [Shape] for a list, or Maybe
+
+
+@dataclass(frozen=True)
+class Maybe:
+    """A shape that may be null, or a key that may be absent."""
+
+    shape: Any
+    absent: bool = False
+
+
+@dataclass(frozen=True)
+class Named:
+    """An object whose keys are free names and whose values share one shape."""
+
+    shape: Any
+
+
+PLACE = {"layer": _one_of(*LAYERS), "joint": TEXT, "regime": TEXT, "share": SHARE}
+PARAMETER = {"value": NUMBER, "unit": TEXT, "ci95": INTERVAL}
+GAP = {
+    "layer": _one_of(*LAYERS),
+    "metric": TEXT,
+    "unit": TEXT,
+    "window_s": SIZE,
+    "before": SIZE,
+    "after": SIZE,
+    "noise_floor": SIZE,
+    "persistence": SIZE,
+    "shrink": AT_MOST_ONE,
+    "shrink_ci95": INTERVAL,
+}
+CAUSE = {
+    "effect": TEXT,
+    "layer": _one_of(*LAYERS),
+    "joints": TEXTS,
+    "scope": _one_of(*SCOPES),
+    "probability": SHARE,
+    "parameters": Named(PARAMETER),
+    "shrink": AT_MOST_ONE,
+    "shrink_ci95": INTERVAL,
+    "confused_with": TEXTS,
+}
+DIAGNOSIS = {
+    "format": _one_of(FORMAT),
+    "verdict": _one_of(*VERDICTS),
+    "logs": {
+        "path": TEXT,
+        "sha256": TEXT,
+        "trials": COUNT,
+        "joints": TEXTS,
+        "control_mode": _one_of(*MODES),
+    },
+    "gap": Maybe(GAP),
+    "gaps": Maybe([GAP], absent=True),
+    "where": [PLACE],
+    "causes": [CAUSE],
+    "effects_considered": [{"effect": TEXT, "layer": _one_of(*LAYERS), "joints": TEXTS, "score": NUMBER}],
+    "unexplained": {
+        "share_of_gap": SHARE_OR_NULL,
+        "above_noise": TRUTH,
+        "where": [PLACE],
+        "depends_on": [{"signal": TEXT, "joints": TEXTS, "share": SHARE}],
+    },
+    "next_experiment": TEXT_OR_NULL,
+    "warnings": TEXTS,
+}
+
+
+def validate_diagnosis(raw: Any) -> None:
+    """Check a decoded diagnosis.json.
+
+    Raises:
+        ConfigError: names the key, what was expected and what was found.
+    """
+    _check(raw, DIAGNOSIS, "diagnosis")
+    if raw["gap"] is None and raw["verdict"] != "not_identifiable":
+        raise ConfigError(f"diagnosis.gap: null, expected an object with the verdict {raw['verdict']}")
+
+
+def _check(value: Any, shape: Any, key: str) -> None:
+    if isinstance(shape, Check):
+        if not shape.passes(value):
+            raise ConfigError(f"{key}: expected {shape.expected}, got {value!r}")
+    elif isinstance(shape, Maybe):
+        if value is not None:
+            _check(value, shape.shape, key)
+    elif isinstance(shape, list):
+        if not isinstance(value, list):
+            raise ConfigError(f"{key}: expected a list, got {type(value).__name__}")
+        for index, item in enumerate(value):
+            _check(item, shape[0], f"{key}[{index}]")
+    elif not isinstance(value, dict):
+        raise ConfigError(f"{key}: expected an object, got {type(value).__name__}")
+    elif isinstance(shape, Named):
+        for name, item in value.items():
+            _check(item, shape.shape, f"{key}.{name}")
+    else:
+        _check_keys(value, shape, key)
+
+
+def _check_keys(value: Mapping[str, Any], shape: Shape, key: str) -> None:
+    for name in value:
+        if name not in shape:
+            raise ConfigError(f"{key}.{name}: unknown key{near_match(name, shape)}")
+    for name, inner in shape.items():
+        if name in value:
+            _check(value[name], inner, f"{key}.{name}")
+        elif not (isinstance(inner, Maybe) and inner.absent):
+            raise ConfigError(f"{key}.{name}: missing, expected {_expectation(inner)}")
+
+
+def _expectation(shape: Any) -> str:
+    if isinstance(shape, Check):
+        return shape.expected
+    return "a list" if isinstance(shape, list) else "an object"

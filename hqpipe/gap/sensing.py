@@ -1,0 +1,112 @@
+"""The sensing layer: the channels against each other, with no model of what lies between them.
+
+Clock, dead and unsigned channels are found when a log is read and come with it as `LogSet.warnings`; here are
+the checks that compare channels in time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hqpipe.gap.replay import Replay
+from hqpipe.logs.columns import joint_column
+from hqpipe.logs.trajectory import Trajectory
+
+LARGEST_SKEW_S = 0.02
+MIN_DROP = 0.2  # assumption: shifting must remove a fifth of the squared error before it is reported
+MODEL_DROP = 0.7  # of a model's error, because a wrong gain is also a little better shifted
+MIN_FIT = 0.8  # of the torque's variance: a joint that moves with others follows no inertia of its own
+MIN_SKEW_SAMPLES = 0.5
+MAX_ROWS = 10_000  # per trial: enough for a lag
+MIN_LEVELS = 100  # assumption: fewer levels within ±2 standard deviations show in a fit
+
+
+def channel_warnings(trajectories: list[Trajectory]) -> list[str]:
+    """Torque that lags the motion, and coarse channels, over all trials."""
+    late = {}
+    for j, joint in enumerate(trajectories[0].joints):
+        if trajectories[0].effort is not None:
+            found = skew([(_inertia(t, j), t.effort[:, j]) for t in trajectories], trajectories[0].dt, min_fit=MIN_FIT)
+            if found is not None:
+                late[joint] = found
+    text = f"torque against the inertial load it moves: later by {_listed(late)}; the channels may be skewed"
+    return ([text] if late else []) + _coarse(trajectories)
+
+
+def model_warnings(replays: list[Replay]) -> list[str]:
+    """Torque that is measured later than the model predicts it, for joints where that is clear."""
+    late = {}
+    for j, joint in enumerate(replays[0].trajectory.joints):
+        pairs = [(r.predicted[:, [j]], r.trajectory.effort[:, j]) for r in replays]
+        found = skew(pairs, replays[0].trajectory.dt, min_drop=MODEL_DROP)
+        if found is not None and found > 0:
+            late[joint] = found
+    text = f"torque against the model's: later by {_listed(late)}; a command delay or a skewed channel"
+    return [text] if late else []
+
+
+def skew(
+    pairs: list[tuple[np.ndarray, np.ndarray]], dt: float, *, min_drop: float = MIN_DROP, min_fit: float = 0.0
+) -> float | None:
+    """How much later a signal comes than the linear combination of others that fits it best, s.
+
+    For every lag within ±20 ms the signal is fitted by least squares; the lag with the smallest error is
+    refined to a fraction of a sample by a parabola. Offsets are fitted too, per trial.
+
+    Args:
+        pairs: per trial the explaining signals (T, F) and the signal (T,).
+        dt: s.
+        min_drop: share of the squared error without a shift that the shift must remove.
+        min_fit: share of the variance that the best fit must reach.
+
+    Returns:
+        s, positive if late; None if no lag stands out, or it is below half a sample.
+    """
+    reach = min(round(LARGEST_SKEW_S / dt), min(len(y) for _, y in pairs) // 4)
+    if reach < 1:
+        return None
+    lags = np.arange(-reach, reach + 1)
+    error, energy = np.zeros(len(lags)), 0.0
+    for x, y in pairs:
+        rows = np.arange(reach, len(y) - reach, max(1, len(y) // MAX_ROWS))
+        basis = np.linalg.qr(np.column_stack([np.ones(len(rows)), x[rows] / (x.std(axis=0) + 1e-300)]))[0]
+        shifted = np.stack([y[rows + lag] for lag in lags], axis=1)
+        error += np.sum(shifted**2, axis=0) - np.sum((basis.T @ shifted) ** 2, axis=0)
+        energy += np.sum((y - y.mean()) ** 2) * len(rows) / len(y)
+    best = int(np.argmin(error))
+    inside = 0 < best < len(lags) - 1
+    if not inside or error[best] > (1.0 - min_drop) * error[reach] or error[best] > (1.0 - min_fit) * energy:
+        return None
+    left, middle, right = error[best - 1 : best + 2]
+    lag = lags[best] + 0.5 * (left - right) / (left - 2.0 * middle + right)
+    return float(lag * dt) if abs(lag) >= MIN_SKEW_SAMPLES else None
+
+
+def _inertia(t: Trajectory, j: int) -> np.ndarray:
+    """What the torque of a single joint works against: inertia, damping, dry friction, stiffness; (T, 4)."""
+    velocity = t.velocity[:, j]
+    sign = np.tanh(velocity / (0.05 * velocity.std() + 1e-300))
+    return np.column_stack([np.gradient(velocity, t.dt), velocity, sign, t.position[:, j]])
+
+
+def _listed(late: dict[str, float]) -> str:
+    return ", ".join(f"{joint} {1e3 * value:+.1f} ms" for joint, value in late.items())
+
+
+def _coarse(trajectories: list[Trajectory]) -> list[str]:
+    """Channels whose steps are large against what they show."""
+    found = {}
+    for name in trajectories[0].channels():
+        values = np.concatenate([getattr(t, name) for t in trajectories])
+        for j, joint in enumerate(trajectories[0].joints):
+            steps = np.abs(np.diff(values[:, j]))
+            moving = steps[steps > 1e-9 * np.ptp(values[:, j])]
+            spread = 4.0 * values[:, j].std()
+            if len(moving) and name != "position_command" and spread < MIN_LEVELS * moving.min():
+                found.setdefault(name, []).append((joint, moving.min()))
+    return [
+        f"{joint_column(joints[0][0], name)} moves in steps of {joints[0][1]:.3g}"
+        + (f" (and {len(joints) - 1} more joints)" if len(joints) > 1 else "")
+        + ": coarse against its range, small effects drown in it"
+        for name, joints in found.items()
+    ]
