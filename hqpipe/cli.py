@@ -1,0 +1,148 @@
+"""The ``hqpipe`` command: names and help from literal tables, everything else imported when it is invoked."""
+
+from __future__ import annotations
+
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+
+import click
+
+from hqpipe import __version__
+from hqpipe.errors import HqpipeError, UsageError, near_match
+from hqpipe.pipeline.options import traceback_option
+from hqpipe.pipeline.stage import StageTable
+from hqpipe.registry import load
+
+HELP = "Close the sim-to-real gap of heavy hydraulic legged robots: collect, fit, diagnose, retrain, export, validate."
+
+COMMANDS = {
+    "run": ("hqpipe.pipeline.run_commands:run", "Run the whole chain, or a part of it."),
+    "status": (
+        "hqpipe.pipeline.query_commands:status",
+        "Say which artifacts are current.",
+    ),
+    "dag": ("hqpipe.pipeline.query_commands:dag", "Show the stages and what they read and write."),
+    "verify": ("hqpipe.pipeline.query_commands:verify", "Hash every byte of the current artifacts again."),
+    "diff": ("hqpipe.pipeline.query_commands:diff", "Show what differs between two artifacts."),
+    "gc": ("hqpipe.pipeline.query_commands:gc", "Remove results that nothing current was made from."),
+    "init": ("hqpipe.pipeline.query_commands:init", "Make a new project."),
+    "doctor": ("hqpipe.pipeline.query_commands:doctor", "Check that this machine is ready."),
+}
+"""Command name → (where it is, one line of help)."""
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C: 128 + SIGINT, as shells have it."""
+
+# Spinning OpenMP threads slow the simulation beside them, and the number of threads changes the last bits of
+# sums; both must be set before the libraries are loaded. A user's own setting is kept.
+ENVIRONMENT = {
+    "OMP_WAIT_POLICY": "PASSIVE",
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+}
+
+
+class LazyGroup(click.Group):
+    """A group that lists its commands without importing them.
+
+    Args:
+        table: the stages; each becomes a command. Commands find the table as click's ``obj``.
+    """
+
+    def __init__(self, table: StageTable) -> None:
+        super().__init__(
+            name="hqpipe",
+            help=HELP,
+            params=[version_option, traceback_option()],
+            context_settings={"obj": table, "max_content_width": 100},
+        )
+        self.table = table
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return [*self.table, *COMMANDS]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name in self.table:
+            return load("hqpipe.pipeline.run_commands:StageCommand")(self.table[cmd_name])
+        if cmd_name in COMMANDS:
+            return load(COMMANDS[cmd_name][0])
+        return None
+
+    def resolve_command(self, ctx: click.Context, args: list[str]):
+        known = self.list_commands(ctx)
+        if args[0] not in known and not args[0].startswith("-"):
+            hint = near_match(args[0].replace("_", "-"), known)
+            raise click.UsageError(f"unknown command '{args[0]}'{hint}", ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Stages, in the order of `hqpipe run all`"):
+            formatter.write_dl([(stage.name, stage.help) for stage in self.table.values()])
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, help_line) for name, (_, help_line) in COMMANDS.items()])
+
+
+def _show_version(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    if value:
+        click.echo(f"hqpipe {__version__}")
+        ctx.exit()
+
+
+version_option = click.Option(
+    ["--version"],
+    is_flag=True,
+    expose_value=False,
+    is_eager=True,
+    callback=_show_version,
+    help="Show the version.",
+)
+
+
+def run_cli(table: StageTable, arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code; errors are told on standard error.
+
+    Args:
+        table: the stages.
+        arguments: instead of the process's own.
+    """
+    for name, value in ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+    try:
+        code = LazyGroup(table).main(arguments, prog_name="hqpipe", standalone_mode=False)
+        return code if isinstance(code, int) else 0
+    except click.ClickException as error:
+        error.show()
+        return UsageError.exit_code
+    except (click.Abort, KeyboardInterrupt):
+        print("interrupted: nothing half-made was kept; the same command goes on from here", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:
+        # The reader of standard output has gone; keep Python from complaining about it again at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return HqpipeError.exit_code
+    except HqpipeError as error:
+        return _tell(str(error), error.exit_code)
+    except Exception as error:
+        return _tell(f"{type(error).__name__}: {error} (--traceback shows where)", HqpipeError.exit_code)
+
+
+def _tell(message: str, code: int) -> int:
+    """Print the error that is being handled and return the exit code."""
+    if os.environ.get("HQPIPE_TRACEBACK"):
+        traceback.print_exc()
+    print(f"error: {message}", file=sys.stderr)
+    return code
+
+
+def main() -> None:
+    """Entry point of the installed command."""
+    from hqpipe.stages import STAGES
+
+    sys.exit(run_cli(STAGES))
+
+
+if __name__ == "__main__":
+    main()

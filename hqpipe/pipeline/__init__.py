@@ -1,0 +1,1 @@
+"""The pipeline half: graph, configuration and artifacts. It knows nothing of physics."""

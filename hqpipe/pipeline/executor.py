@@ -1,0 +1,220 @@
+"""Carries out decisions: runs stages into temporary folders and commits what they made."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import time
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hqpipe.errors import GateError, HqpipeError, IntegrityError, UsageError
+from hqpipe.pipeline.context import StageContext
+from hqpipe.pipeline.hashing import hash_files
+from hqpipe.pipeline.manifest import MANIFEST, Manifest
+from hqpipe.pipeline.plan import KEEP, RUN, Decision, Planner
+from hqpipe.pipeline.progress import stage_progress
+from hqpipe.pipeline.provenance import provenance
+from hqpipe.pipeline.stage import Stage
+from hqpipe.pipeline.store import Entry
+from hqpipe.pipeline.streams import stdout_to_stderr
+
+DONE = {"run": "ran", "restore": "restored", "keep": "kept"}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What happened to one stage.
+
+    Args:
+        decision: what was to be done, and why.
+        entry: the artifact that is current now.
+        wall_time_s: time spent now, not when the artifact was made.
+        unreproduced: files that a forced run made differently from the same recipe.
+    """
+
+    decision: Decision
+    entry: Entry
+    wall_time_s: float
+    unreproduced: tuple[str, ...] = ()
+
+    @property
+    def headline(self) -> str:
+        return str(self.entry.manifest.metrics.get("headline", ""))
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            **self.decision.to_json(),
+            "action": DONE[self.decision.action],
+            "key": self.entry.manifest.key,
+            "path": str(self.entry.path),
+            "wall_time_s": self.wall_time_s,
+            "metrics": self.entry.manifest.metrics,
+            "unreproduced": list(self.unreproduced),
+        }
+
+
+class Executor:
+    """Runs stages of one project one after the other. The caller holds the project's lock.
+
+    Args:
+        planner: decides about each stage just before its turn.
+        on_decision: called with each decision before it is carried out.
+    """
+
+    def __init__(self, planner: Planner, on_decision=lambda decision: None) -> None:
+        self.planner = planner
+        self.outcomes: list[Outcome] = []
+        self._store = planner.project.store
+        self._on_decision = on_decision
+
+    def run(self, stages: list[Stage]) -> None:
+        """Bring `stages` up to date in order; `outcomes` has what was reached, also after an error.
+
+        Raises:
+            HqpipeError: a stage failed (1), an input is missing (2) or changed (3).
+            GateError: an artifact missed a threshold (4); it is committed all the same.
+        """
+        self._store.remove_leftovers()
+        for stage in stages:
+            sources = {needed.name: self.planner.source(stage, needed) for needed in stage.inputs}
+            decision = self.planner.decide(stage, sources)
+            self._on_decision(decision)
+            outcome = self._carry_out(decision)
+            self.outcomes.append(outcome)
+            if failures := outcome.entry.manifest.gate_failures:
+                raise GateError(f"{stage.name}: {len(failures)} threshold(s) missed: {'; '.join(failures)}")
+
+    def _carry_out(self, decision: Decision) -> Outcome:
+        started = time.monotonic()
+        key = decision.recipe.key
+        if decision.action == RUN:
+            entry, unreproduced = self._run_stage(decision)
+        else:
+            entry, unreproduced = self._store.get(key), ()
+        if decision.action != KEEP:
+            self._store.make_current(decision.stage.artifact, key)
+        return Outcome(decision, entry, round(time.monotonic() - started, 3), unreproduced)
+
+    def _run_stage(self, decision: Decision) -> tuple[Entry, tuple[str, ...]]:
+        """Run into a temporary folder, commit it, and compare with a replaced result of the same key."""
+        key = decision.recipe.key
+        scratch = self._store.scratch(key)
+        if self.planner.force:
+            shutil.rmtree(scratch, ignore_errors=True)
+        output = self._store.begin(key)
+        try:
+            scratch.mkdir(parents=True, exist_ok=True)
+            started = time.monotonic()
+            metrics = self._call(decision, output, scratch)
+            record = {**provenance(self.planner.project.root), "profile": self.planner.settings.profile}
+            manifest = Manifest(
+                recipe=decision.recipe,
+                sources={name: source.to_json() for name, source in decision.sources.items()},
+                outputs=collect_outputs(decision.stage, output),
+                metrics=metrics,
+                provenance={**record, "wall_time_s": round(time.monotonic() - started, 3)},
+            )
+            unreproduced = self._changed_files(manifest)
+            entry = self._store.commit(output, manifest)
+        finally:
+            self._store.discard(output)
+            remove_if_empty(scratch)
+        shutil.rmtree(scratch, ignore_errors=True)
+        return entry, unreproduced
+
+    def _call(self, decision: Decision, output: Path, scratch: Path) -> dict[str, Any]:
+        """Call the stage's function; an unexpected exception becomes one that names stage and place."""
+        stage = decision.stage
+        settings = self.planner.settings
+        run = stage.load_run()
+        with stage_progress(stage.name) as progress, stdout_to_stderr():
+            context = StageContext(
+                params=settings.stages[stage.name].params,
+                seed=settings.stages[stage.name].seed,
+                workers=settings.workers,
+                robot=self.planner.project.robot_folder(),
+                inputs={name: source.path for name, source in decision.sources.items()},
+                output=output,
+                scratch=scratch,
+                progress=progress,
+            )
+            try:
+                metrics = run(context)
+            except HqpipeError as error:
+                error.args = (f"{stage.name}: {error}",)
+                raise
+            except Exception as error:
+                place = traceback.extract_tb(error.__traceback__)[-1]
+                raise HqpipeError(
+                    f"{stage.name} failed: {type(error).__name__}: {error} "
+                    f"({place.filename}:{place.lineno}; --traceback shows the whole way there)"
+                ) from error
+        return check_metrics(stage, metrics)
+
+    def _changed_files(self, manifest: Manifest) -> tuple[str, ...]:
+        """Files that differ from an intact earlier result of the same recipe."""
+        try:
+            earlier = self._store.get(manifest.key)
+        except IntegrityError:
+            return ()
+        if earlier is None:
+            return ()
+        old, new = earlier.manifest.outputs, manifest.outputs
+        return tuple(sorted(name for name in old.keys() | new.keys() if old.get(name) != new.get(name)))
+
+
+def collect_outputs(stage: Stage, folder: Path) -> dict[str, str]:
+    """Hashes of what a stage wrote.
+
+    Raises:
+        HqpipeError: nothing, a file named like the manifest, or something that is no regular file.
+    """
+    try:
+        outputs = hash_files(folder)
+    except UsageError as error:
+        raise HqpipeError(f"{stage.name} made an artifact that cannot be kept: {error}") from error
+    if not outputs:
+        raise HqpipeError(f"{stage.name} wrote no file into its output folder")
+    if MANIFEST in outputs:
+        raise HqpipeError(f"{stage.name} wrote {MANIFEST}, a name that is kept for the artifact's record")
+    return outputs
+
+
+def check_metrics(stage: Stage, metrics: Any) -> dict[str, Any]:
+    """Plain data of what a stage returned: arrays become lists; NaN and inf, which JSON lacks, become null.
+
+    Raises:
+        HqpipeError: it is not a mapping, holds something else, or its gate is not of the expected form.
+    """
+    if not isinstance(metrics, dict):
+        raise HqpipeError(f"{stage.name} returned {type(metrics).__name__}, expected a dict of metrics")
+    plain = _plain(stage, metrics, "metrics")
+    gate = plain.get("gate")
+    if gate is not None and not (
+        isinstance(gate, dict) and isinstance(gate.get("passed"), bool) and isinstance(gate.get("failures"), list)
+    ):
+        raise HqpipeError(f"{stage.name}: metrics.gate: expected {{passed: bool, failures: list}}, got {gate!r}")
+    return plain
+
+
+def _plain(stage: Stage, value: Any, name: str) -> Any:
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): _plain(stage, item, f"{name}.{key}") for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(stage, item, f"{name}[{index}]") for index, item in enumerate(value)]
+    if hasattr(value, "tolist"):
+        return _plain(stage, value.tolist(), name)
+    raise HqpipeError(f"{stage.name}: {name}: expected plain data, got {type(value).__name__}")
+
+
+def remove_if_empty(folder: Path) -> None:
+    """Remove a scratch folder into which nothing was written."""
+    if folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()

@@ -1,0 +1,117 @@
+"""What a stage is, before anything of it is imported: the rows of the STAGES table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from hqpipe.errors import UsageError, near_match
+from hqpipe.registry import load
+
+
+@dataclass(frozen=True)
+class Input:
+    """One folder that a stage reads.
+
+    Args:
+        name: key in ``context.inputs``.
+        artifact: the artifact that is read when no folder is given.
+        option: command-line option that names a folder instead, e.g. ``"--logs"``.
+    """
+
+    name: str
+    artifact: str
+    option: str
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step of the chain.
+
+    Args:
+        name: what is typed, e.g. ``"fit-actuator"``.
+        artifact: the folder under ``artifacts/`` that it makes.
+        module: module with ``run(context) -> metrics`` and ``Params``, a ``StageParams`` with a default for
+            every field; imported only when the stage is used.
+        help: one line.
+        version: raise it when the code changes what the stage produces, so that old results are made again.
+        inputs: the folders that it reads.
+        flags: options that are accepted and change nothing, e.g. the only export format, as (option, help).
+    """
+
+    name: str
+    artifact: str
+    module: str
+    help: str
+    version: int = 1
+    inputs: tuple[Input, ...] = ()
+    flags: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def section(self) -> str:
+        """The stage's key in ``pipeline.yaml``."""
+        return self.name.replace("-", "_")
+
+    def load_run(self):
+        """Import the stage's ``run(context)``."""
+        return load(f"{self.module}:run")
+
+    def load_params(self):
+        """Import the stage's ``Params`` class."""
+        return load(f"{self.module}:Params")
+
+
+class StageTable(Mapping[str, Stage]):
+    """The stages by name, in the order in which the chain runs.
+
+    Args:
+        stages: each after the stages whose artifacts it reads.
+        template: the ``pipeline.yaml`` that ``hqpipe init`` writes.
+    """
+
+    def __init__(self, stages: Iterable[Stage], template: Path) -> None:
+        self.template = template
+        self._stages: dict[str, Stage] = {}
+        self._makers: dict[str, Stage] = {}
+        for stage in stages:
+            for needed in stage.inputs:
+                if needed.artifact not in self._makers:
+                    raise ValueError(f"stage '{stage.name}': no earlier stage makes '{needed.artifact}'")
+            if stage.name in self._stages or stage.artifact in self._makers:
+                raise ValueError(f"stage '{stage.name}': name or artifact '{stage.artifact}' is taken")
+            self._stages[stage.name] = stage
+            self._makers[stage.artifact] = stage
+
+    def __getitem__(self, name: str) -> Stage:
+        if name not in self._stages:
+            known = ", ".join(self._stages)
+            raise UsageError(f"unknown stage '{name}'{near_match(name, self._stages)} (known: {known})")
+        return self._stages[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._stages
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._stages)
+
+    def __len__(self) -> int:
+        return len(self._stages)
+
+    @property
+    def artifacts(self) -> tuple[str, ...]:
+        """Names of the artifacts, in the order in which they are made."""
+        return tuple(self._makers)
+
+    def maker(self, artifact: str) -> Stage:
+        """The stage that makes `artifact`."""
+        return self._makers[artifact]
+
+    def between(self, first: str | None, last: str | None) -> list[Stage]:
+        """The stages from `first` to `last`, both included; None means the end of the chain on that side."""
+        names = list(self)
+        start = names.index(self[first].name) if first else 0
+        stop = names.index(self[last].name) if last else len(names) - 1
+        if start > stop:
+            raise UsageError(f"--from {first} comes after --until {last}; the order is {', '.join(names)}")
+        return [self[name] for name in names[start : stop + 1]]
