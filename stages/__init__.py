@@ -1,0 +1,39 @@
+"""The stages of hqpipe, in the order in which `hqpipe run all` runs them.
+
+A new stage is one file beside this one, with ``Params`` and ``run(context)``, and one row here.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hqpipe.pipeline.stage import Input, Stage, StageTable
+
+BOOTSTRAP = Input("policy", "bootstrap", "--policy")
+LOGS = Input("logs", "rollouts", "--logs")
+ACTUATOR = Input("actuator", "actuator", "--actuator")
+POLICY = Input("policy", "policy", "--policy")
+ONNX = Input("onnx", "onnx", "--policy")
+ONNX_FLAG = ("--onnx", "Write ONNX; the only format, so it is the default.")
+
+# fmt: off
+STAGES = StageTable(
+    [
+        Stage("bootstrap", "bootstrap", "hqpipe.stages.bootstrap",
+              "Train a first policy, with no actuator model.", version=1),
+        Stage("collect", "rollouts", "hqpipe.stages.collect",
+              "Record logs of the machine under that policy.", version=1, inputs=(BOOTSTRAP,)),
+        Stage("fit-actuator", "actuator", "hqpipe.stages.fit_actuator",
+              "Fit the actuator model to the logs.", version=1, inputs=(LOGS,)),
+        Stage("diagnose", "diagnosis", "hqpipe.stages.diagnose",
+              "Find where the gap lies: by joint and regime, above the noise.", version=1, inputs=(LOGS, ACTUATOR)),
+        Stage("retrain", "policy", "hqpipe.stages.retrain",
+              "Train the policy with the actuator model.", version=1, inputs=(ACTUATOR,)),
+        Stage("export", "onnx", "hqpipe.stages.export",
+              "Write the policy as ONNX for the robot.", version=1, inputs=(POLICY,), flags=(ONNX_FLAG,)),
+        Stage("validate", "validation", "hqpipe.stages.validate",
+              "Hold the exported policy against its thresholds; exit 4 if one is missed.", version=1,
+              inputs=(ONNX, LOGS, ACTUATOR)),
+    ],
+    template=Path(__file__).with_name("pipeline_template.yaml"),
+)

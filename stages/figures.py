@@ -1,0 +1,70 @@
+"""The figures that stages put beside their results."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+
+def draw_training(folder: Path, runs: Mapping[str, Path]) -> None:
+    """training.png: learning curves of name → metrics.csv."""
+    from hqpipe.report.training_figures import training_curves
+
+    training_curves(runs, folder / "training.png")
+
+
+def draw_walk(folder: Path, name: str, columns: Mapping[str, Any], robot_folder: Path) -> None:
+    """walk.png: one walk of the plant, given as log columns."""
+    import numpy as np
+
+    from hqpipe.logs.assemble import assemble
+    from hqpipe.logs.columns import RawTable
+    from hqpipe.report.walk_figures import walk_summary
+    from hqpipe.robots import load_robot
+
+    robot = load_robot(robot_folder)
+    trial = assemble(RawTable(Path(name), columns)).for_joints(robot.joints)
+    walk_summary(trial, folder / "walk.png", effort_limit=np.asarray(robot.effort_limit))
+
+
+def draw_fit(folder: Path, log_set: Any, model: Any, window_s: float) -> None:
+    """fit.png: a typical and the worst window of the longest held-out trial, one step ahead and free-running."""
+    from hqpipe.report.fit_figures import actuator_fit
+    from hqpipe.sysid.free_run import predict, window_samples
+
+    trial = max((trial.trajectory for trial in log_set.heldout), key=lambda t: t.samples)
+    window = window_samples(trial.dt, window_s)
+    if trial.samples <= window:
+        return  # the table has the errors; there is no whole window to draw
+    one_step, free = (predict(trial, model, n) for n in (1, window))
+    shown = trial.joints[:3]
+    actuator_fit(
+        trial.time,
+        trial.effort,
+        one_step,
+        free,
+        trial.joints,
+        folder / "fit.png",
+        window_s=window_s,
+        shown=shown,
+    )
+
+
+def draw_gap(folder: Path, log_set: Any, model: Any, window_s: float, floor: float) -> None:
+    """where.png, worst.png, spectrum.png, from residuals.csv and the held-out trial with the largest error."""
+    import numpy as np
+
+    from hqpipe.report.gap_figures import error_spectrum, gap_heat_map, worst_windows
+    from hqpipe.sysid.free_run import predict, window_samples
+
+    with (folder / "residuals.csv").open(newline="", encoding="utf-8") as stream:
+        gap_heat_map(list(csv.DictReader(stream)), folder / "where.png")
+    trials = [trial.trajectory for trial in log_set.heldout]
+    predicted = [predict(t, model, window_samples(t.dt, window_s)) for t in trials]
+    worst = int(np.argmax([np.mean((p - t.effort) ** 2) for p, t in zip(predicted, trials, strict=True)]))
+    trial, model_torque = trials[worst], predicted[worst]
+    worst_windows(trial.time, trial.effort, model_torque, trial.joints, folder / "worst.png")
+    residual = model_torque - trial.effort
+    error_spectrum(residual, trial.effort, trial.dt, trial.joints, folder / "spectrum.png", noise_floor=floor)

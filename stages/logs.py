@@ -1,0 +1,59 @@
+"""The logs that a stage reads, and the actuator model that belongs to them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from hqpipe.errors import UsageError
+
+FIT = "fit.json"
+
+
+def read_logs(context: Any) -> Any:
+    """The `LogSet` of the input `logs`; its warnings are told at once.
+
+    Its path is made relative to the project, or is the folder's bare name outside of it, so that what a stage writes does
+    not depend on where the project lies.
+    """
+    from hqpipe.logs.log_set import read_log_set
+    from hqpipe.stages.terminal import show
+
+    log_set = read_log_set(context.inputs["logs"])
+    show(*(f"warning: {text}" for text in log_set.warnings))
+    project = context.output.resolve().parents[2]  # <project>/artifacts/store/<output>
+    path = log_set.path.resolve()
+    return replace(log_set, path=path.relative_to(project) if path.is_relative_to(project) else Path(path.name))
+
+
+def model_for(context: Any, joints: tuple[str, ...]) -> Any:
+    """The actuator model of the input `actuator`, with its rows in the order of `joints`.
+
+    Raises:
+        UsageError: it was fitted to another machine.
+    """
+    from hqpipe.actuators.files import load_actuator
+
+    model = load_actuator(context.inputs["actuator"])
+    if missing := [joint for joint in joints if joint not in model.joints]:
+        raise UsageError(
+            f"the actuator model was fitted to joints {', '.join(model.joints)} and has no '{missing[0]}': run "
+            "hqpipe fit-actuator on logs of this machine first, or name another model with --actuator DIR"
+        )
+    return model.for_joints(joints)
+
+
+def foreign_fit(context: Any, log_set: Any) -> list[str]:
+    """A warning if the actuator model was fitted to other logs than `log_set`; a model without fit.json says nothing."""
+    path = context.inputs["actuator"] / FIT
+    if not path.is_file():
+        return []
+    fitted = json.loads(path.read_text(encoding="utf-8"))["logs"]
+    if fitted["sha256"] == log_set.sha256:
+        return []
+    return [
+        f"the actuator model was fitted to other logs ({fitted['path']}) than these ({log_set.path}): if that is not meant, "
+        "run hqpipe fit-actuator on these first"
+    ]

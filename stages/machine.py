@@ -1,0 +1,109 @@
+"""The machine under a policy, as collect and validate drive it: trials of the reference plant, in parallel."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+SETTLING_S = 2.0  # from standing to a steady gait; means are taken after it
+
+
+@dataclass(frozen=True)
+class Job:
+    """One trial.
+
+    Attributes:
+        name: of the trial. seconds: length. seed: of sensor noise and excitation.
+        vx, vy: m/s; wz: rad/s; None holds the heading, as an operator steers a robot straight.
+        excitation: "multisine" or "chirp" on the gantry, or None for a walk of the policy.
+    """
+
+    name: str
+    seconds: float
+    seed: int
+    vx: float = 0.0
+    vy: float = 0.0
+    wz: float | None = None
+    excitation: str | None = None
+
+
+def run_jobs(
+    jobs: Sequence[Job],
+    robot_folder: Path,
+    policy: Path,
+    overrides: dict[str, Any],
+    workers: int,
+    progress: Callable[[float, float, str], None],
+) -> list[Any]:
+    """Run trials in `workers` processes; the result does not depend on their number.
+
+    Args:
+        policy: folder with policy.onnx or policy.safetensors. overrides: of `hqpipe.plant.PlantConfig`.
+
+    Returns:
+        A `PlantTrial` per job, in order.
+    """
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context) as pool:
+        futures = {pool.submit(run_job, job, robot_folder, policy, overrides): job for job in jobs}
+        try:
+            for done, future in enumerate(as_completed(futures), start=1):
+                future.result()
+                progress(done, len(jobs), futures[future].name)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return [future.result() for future in futures]
+
+
+def run_job(job: Job, robot_folder: Path, policy: Path, overrides: dict[str, Any]) -> Any:
+    """Run one trial from standing; see `run_jobs`."""
+    from hqpipe.plant import Plant, PlantConfig
+    from hqpipe.plant.excitation import excitation
+    from hqpipe.robots import load_robot
+
+    robot = load_robot(robot_folder)
+    base = "floating" if job.excitation is None else "fixed"
+    plant = Plant(robot, PlantConfig(overrides), seed=job.seed, base=base)
+    walker = _policy_controller(policy, robot.joints, hold=job.wz is None)
+    mode = walker.wiring.control_mode  # the gantry trial too: a log set has one control mode
+    if job.excitation is not None:
+        controller = excitation(robot, job.excitation, job.seconds, job.seed)
+        return plant.run(controller, job.seconds, mode=mode)
+    command = {"vx": job.vx, "vy": job.vy, "wz": job.wz or 0.0}
+    return plant.run(walker, job.seconds, command=command, control_period_s=walker.period_s, mode=mode)
+
+
+def _policy_controller(folder: Path, joints: tuple[str, ...], hold: bool) -> Any:
+    from hqpipe.rl.controller import HeadingHold, onnx_controller, torch_controller
+
+    load = onnx_controller if (folder / "policy.onnx").is_file() else torch_controller
+    return load(folder, joints=joints, heading_hold=HeadingHold() if hold else None)
+
+
+def walked(trial: Any, vx: float) -> dict[str, Any]:
+    """Speed, drift and fall of a walk along the heading that it started with.
+
+    Returns:
+        distance, speed, speed_error (m, m/s; means after the settling time), drift (m, sideways),
+        seconds, fell.
+    """
+    import numpy as np
+
+    time = trial.columns["time"]
+    track = np.stack([trial.columns[f"base/position/{axis}"] for axis in "xy"], axis=1)
+    track = track - track[0]
+    first = int(np.searchsorted(time, min(SETTLING_S, 0.5 * time[-1])))
+    speed = float((track[-1, 0] - track[first, 0]) / (time[-1] - time[first]))
+    return {
+        "distance": float(track[-1, 0]),
+        "speed": speed,
+        "speed_error": abs(speed - vx),
+        "drift": float(abs(track[-1, 1])),
+        "seconds": float(time[-1]),
+        "fell": trial.fell,
+    }

@@ -1,0 +1,107 @@
+"""The whole pipeline as a user runs it, on the small budget."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hqpipe.stages import STAGES
+
+ROOT = Path(__file__).parents[2]
+
+
+def hqpipe(project: Path, *arguments: str) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, "-m", "hqpipe.cli", *arguments],
+        cwd=project,
+        capture_output=True,
+        text=True,
+        timeout=1800,
+        env={**os.environ, "COLUMNS": "200"},
+    )
+
+
+def actions(result: subprocess.CompletedProcess) -> dict[str, str]:
+    return {stage["stage"]: stage["action"] for stage in json.loads(result.stdout)["stages"]}
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("project")
+    shutil.copy(ROOT / "pipeline.yaml", folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def first_run(project) -> dict:
+    result = hqpipe(project, "run", "all", "--profile", "ci", "--json")
+    assert result.returncode == 0, result.stderr
+    assert set(actions(result).values()) == {"ran"}
+    return {stage["stage"]: stage["metrics"] for stage in json.loads(result.stdout)["stages"]}
+
+
+def test_every_stage_leaves_its_artifact(project, first_run):
+    for stage in STAGES.values():
+        assert (project / "artifacts" / stage.artifact / "manifest.json").is_file()
+    assert hqpipe(project, "verify").returncode == 0
+
+
+def test_model_beats_persistence_and_stiff_pd_on_held_out_trials(first_run):
+    errors = first_run["fit-actuator"]["held_out_rmse"]
+    model = errors["per joint, free-running"]["free_run"]
+    assert model < 0.5 * errors["persistence"]["free_run"]
+    assert model < errors["stiff PD (fitted gains)"]["free_run"]
+    assert model > first_run["fit-actuator"]["noise_floor"]
+
+
+def test_diagnosis_reports_the_gap_without_naming_a_cause(project, first_run):
+    content = json.loads((project / "artifacts/diagnosis/diagnosis.json").read_text())
+    assert content["format"] == "hqpipe-diagnosis/1"
+    assert content["verdict"] == "unknown"
+    assert content["causes"] == []
+    assert content["gap"]["before"] > content["gap"]["noise_floor"]
+
+
+def test_exported_policy_walks_on_the_plant(first_run):
+    metrics = first_run["validate"]
+    assert metrics["gate"] == {"passed": True, "failures": []}
+    assert all(walk["distance"] > 0.5 * walk["seconds"] and not walk["fell"] for walk in metrics["walks"])
+
+
+def test_deployment_description_fits_the_robot(project, first_run):
+    deploy = yaml.safe_load((project / "artifacts/onnx/deploy.yaml").read_text())
+    assert len(deploy["actions"]["joints"]) == 12
+    assert deploy["rates"] == {"policy_hz": 100, "joint_controller_hz": 1000}
+
+
+def test_a_second_run_keeps_everything(project, first_run):
+    assert set(actions(hqpipe(project, "run", "all", "--profile", "ci", "--json")).values()) == {"kept"}
+
+
+def test_another_seed_of_the_fit_reruns_nothing_before_it(project, first_run):
+    arguments = ("run", "all", "--profile", "ci", "--set", "fit_actuator.seed=3", "--json")
+    done = actions(hqpipe(project, *arguments))
+    assert done["bootstrap"] == done["collect"] == "kept"
+    assert done["fit-actuator"] == "ran"
+
+
+def test_a_changed_byte_is_named(project, first_run):
+    weights = project / "artifacts/policy/policy.safetensors"
+    content = bytearray(weights.read_bytes())
+    content[-1] ^= 1
+    weights.write_bytes(bytes(content))
+    try:
+        for command in (("verify",), ("export",)):
+            result = hqpipe(project, *command)
+            assert result.returncode == 3
+            assert "policy.safetensors" in result.stderr + result.stdout
+    finally:
+        content[-1] ^= 1
+        weights.write_bytes(bytes(content))

@@ -1,0 +1,39 @@
+"""What every row of the STAGES table promises."""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+
+import pytest
+
+from hqpipe.pipeline.config import Configuration, StageParams
+from hqpipe.stages import STAGES
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("stage", STAGES.values(), ids=list(STAGES))
+def test_stage_has_run_and_parameters_with_defaults(stage):
+    params = stage.load_params()
+    assert issubclass(params, StageParams)
+    assert isinstance(params(), params)
+    assert "seed" not in params.model_fields
+    assert list(inspect.signature(stage.load_run()).parameters) == ["context"]
+
+
+@pytest.mark.parametrize("stage", STAGES.values(), ids=list(STAGES))
+def test_module_is_named_after_the_stage(stage):
+    assert stage.module == f"hqpipe.stages.{stage.section}"
+    assert (ROOT / "stages" / f"{stage.section}.py").is_file()
+
+
+@pytest.mark.parametrize("profile", ["ci", "default", "paper"])
+def test_pipeline_yaml_is_valid_in_every_profile(profile):
+    configuration = Configuration(ROOT / "pipeline.yaml", STAGES)
+    settings = configuration.resolve(STAGES.values(), profile=profile)
+    assert list(settings.stages) == list(STAGES)
+
+
+def test_init_writes_the_pipeline_yaml_of_this_project():
+    assert STAGES.template.read_bytes() == (ROOT / "pipeline.yaml").read_bytes()
