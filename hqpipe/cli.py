@@ -26,7 +26,7 @@ COMMANDS = {
     "dag": ("hqpipe.pipeline.query_commands:dag", "Show the stages and what they read and write."),
     "verify": ("hqpipe.pipeline.query_commands:verify", "Hash every byte of the current artifacts again."),
     "diff": ("hqpipe.pipeline.query_commands:diff", "Show what differs between two artifacts."),
-    "gc": ("hqpipe.pipeline.query_commands:gc", "Remove results that nothing current was made from."),
+    "gc": ("hqpipe.pipeline.query_commands:gc", "Remove results that no current or last run of a profile needs."),
     "init": ("hqpipe.pipeline.query_commands:init", "Make a new project."),
     "doctor": ("hqpipe.pipeline.query_commands:doctor", "Check that this machine is ready."),
 }

@@ -1,4 +1,4 @@
-"""Removes results that nothing current was made from."""
+"""Removes results that neither an artifact in use nor a profile's last run was made from."""
 
 from __future__ import annotations
 
@@ -13,19 +13,21 @@ from hqpipe.pipeline.store import Store
 
 @dataclass(frozen=True)
 class Garbage:
-    """One folder that may go, and its size in bytes."""
+    """One folder that may go, what it holds in words, and its size in bytes."""
 
     path: Path
+    content: str
     size: int
 
 
 def reachable(store: Store, table: StageTable) -> set[str]:
-    """Keys of the current artifacts and of everything in the store that they were made from.
+    """Keys of the current artifacts, of each profile's newest ones, and of everything they were made from.
 
     Raises:
-        IntegrityError: a current artifact's record is damaged, so that its sources are unknown.
+        IntegrityError: a record is damaged, so that its sources are unknown.
     """
-    pending = [key for name in table.artifacts if (key := store.current_key(name))]
+    current = [key for name in table.artifacts if (key := store.current_key(name))]
+    pending = [*current, *_newest(store, set(current))]
     found: set[str] = set()
     while pending:
         key = pending.pop()
@@ -37,13 +39,30 @@ def reachable(store: Store, table: StageTable) -> set[str]:
     return found
 
 
+def _newest(store: Store, current: set[str]) -> list[str]:
+    """The last result of every stage in every profile, so that a quick run never costs a long one its results."""
+    newest: dict[tuple[str, str], tuple[str, bool, str]] = {}
+    for key in store.keys():
+        manifest = read_manifest(store.path(key))
+        made = (manifest.provenance["created"], key in current, key)
+        group = (manifest.recipe.stage, manifest.provenance["profile"])
+        newest[group] = max(newest.get(group, made), made)
+    return [key for _, _, key in newest.values()]
+
+
 def find_garbage(store: Store, table: StageTable, *, scratch: bool) -> list[Garbage]:
     """What `reachable` leaves, and with `scratch` also the checkpoints of unfinished stages."""
     kept = reachable(store, table)
-    folders = [store.path(key) for key in store.keys() if key not in kept]
+    found = [_garbage(store.path(key)) for key in store.keys() if key not in kept]
     if scratch and store.scratch("").is_dir():
-        folders += sorted(store.scratch("").iterdir())
-    return [Garbage(folder, _size(folder)) for folder in folders]
+        found += [Garbage(folder, "checkpoint", _size(folder)) for folder in sorted(store.scratch("").iterdir())]
+    return found
+
+
+def _garbage(folder: Path) -> Garbage:
+    manifest = read_manifest(folder)
+    made = manifest.provenance
+    return Garbage(folder, f"{manifest.recipe.stage}, profile {made['profile']}, {made['created']}", _size(folder))
 
 
 def remove(garbage: list[Garbage]) -> None:

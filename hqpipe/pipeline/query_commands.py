@@ -119,7 +119,7 @@ def diff(table: StageTable, a: str, b: str, as_json: bool) -> None:
 @click.option("--all", "scratch", is_flag=True, help="Also remove the checkpoints of unfinished stages.")
 @click.pass_obj
 def gc(table: StageTable, dry_run: bool, scratch: bool, as_json: bool) -> None:
-    """Remove results that no current artifact was made from."""
+    """Remove results that no current artifact, nor the last run of any profile, was made from."""
     from hqpipe.pipeline import collect_garbage
     from hqpipe.pipeline.lock import exclusive
     from hqpipe.pipeline.project import open_project
@@ -137,7 +137,7 @@ def gc(table: StageTable, dry_run: bool, scratch: bool, as_json: bool) -> None:
         print_json({"dry_run": dry_run, "bytes": total, "removed": [str(item.path) for item in garbage]})
         return
     for item in garbage:
-        print(f"{item.path}  {item.size / 1e6:.1f} MB")
+        print(f"{item.path.name[:12]}  {item.size / 1e6:6.1f} MB  {item.content}")
     print(f"{'would free' if dry_run else 'freed'} {total / 1e6:.1f} MB in {len(garbage)} folders")
 
 

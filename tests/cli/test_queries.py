@@ -116,3 +116,12 @@ def test_doctor_names_a_store_that_cannot_be_written(toy, monkeypatch):
     monkeypatch.setattr("tempfile.TemporaryDirectory", refuse)
     answer = toy("doctor")
     assert answer.code == 1 and "store" in answer.err and "cannot write" in answer.out
+
+
+def test_gc_keeps_the_last_run_of_every_profile(toy):
+    toy("run", "all", "--profile", "ci")
+    small = (toy.artifacts / "report").readlink().name
+    toy("run", "all")
+    assert (toy.artifacts / "report").readlink().name != small
+    toy("gc")
+    assert (toy.artifacts / "store" / small).exists()
