@@ -13,9 +13,11 @@ from hqpipe.pipeline.config import StageParams
 class Params(StageParams):
     """Attributes:
     window_s: length of the free-running windows, s.
+    resample: interpolate trials whose clock jitters onto a uniform one.
     """
 
     window_s: PositiveFloat = 0.1
+    resample: bool = False
 
 
 def run(context: Any) -> dict[str, Any]:

@@ -32,13 +32,12 @@ def draw_walk(folder: Path, name: str, columns: Mapping[str, Any], robot_folder:
 def draw_fit(folder: Path, log_set: Any, model: Any, window_s: float) -> None:
     """fit.png: a typical and the worst window of the longest held-out trial, one step ahead and free-running."""
     from hqpipe.report.fit_figures import actuator_fit
-    from hqpipe.sysid.free_run import predict, window_samples
+    from hqpipe.sysid.free_run import free_run, predict, window_samples
 
     trial = max((trial.trajectory for trial in log_set.heldout), key=lambda t: t.samples)
-    window = window_samples(trial.dt, window_s)
-    if trial.samples <= window:
+    if trial.samples <= window_samples(trial.dt, window_s):
         return  # the table has the errors; there is no whole window to draw
-    one_step, free = (predict(trial, model, n) for n in (1, window))
+    one_step, free = predict(trial, model, 1), free_run(trial, model, window_s)
     shown = trial.joints[:3]
     actuator_fit(
         trial.time,
@@ -57,12 +56,12 @@ def draw_gap(folder: Path, log_set: Any, model: Any, window_s: float, floor: flo
     import numpy as np
 
     from hqpipe.report.gap_figures import error_spectrum, gap_heat_map, worst_windows
-    from hqpipe.sysid.free_run import predict, window_samples
+    from hqpipe.sysid.free_run import free_run
 
     with (folder / "residuals.csv").open(newline="", encoding="utf-8") as stream:
         gap_heat_map(list(csv.DictReader(stream)), folder / "where.png")
     trials = [trial.trajectory for trial in log_set.heldout]
-    predicted = [predict(t, model, window_samples(t.dt, window_s)) for t in trials]
+    predicted = [free_run(t, model, window_s) for t in trials]
     worst = int(np.argmax([np.mean((p - t.effort) ** 2) for p, t in zip(predicted, trials, strict=True)]))
     trial, model_torque = trials[worst], predicted[worst]
     worst_windows(trial.time, trial.effort, model_torque, trial.joints, folder / "worst.png")

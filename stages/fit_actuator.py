@@ -19,10 +19,12 @@ FOREIGN = "the joints are not those of the robot: R is 1, k1 in N·m/rad, and no
 class Params(StageParams):
     """Attributes:
     scope: which fit the later stages use; both are made. window_s: length of the free-running windows, s.
+    resample: interpolate trials whose clock jitters onto a uniform one.
     """
 
     scope: Literal["per_joint", "shared"] = "per_joint"
     window_s: PositiveFloat = 0.1
+    resample: bool = False
 
 
 def run(context: Any) -> dict[str, Any]:

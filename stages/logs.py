@@ -21,7 +21,7 @@ def read_logs(context: Any) -> Any:
     from hqpipe.logs.log_set import read_log_set
     from hqpipe.stages.terminal import show
 
-    log_set = read_log_set(context.inputs["logs"])
+    log_set = read_log_set(context.inputs["logs"], resample=context.params.resample)
     show(*(f"warning: {text}" for text in log_set.warnings))
     project = context.output.resolve().parents[2]  # <project>/artifacts/store/<output>
     path = log_set.path.resolve()

@@ -19,7 +19,7 @@ class Params(StageParams):
         latency_us: largest median time of one call, µs; the policy has 10 ms.
         walk_speed: m/s. walk_seconds: s. walk_seeds: how many walks.
         walk_falls: how many of them may fall. walk_speed_error: largest mean error of those that do not, m/s.
-        plant: as in collect.
+        plant: as in collect. resample: as in fit-actuator.
     """
 
     torque_nrmse: PositiveFloat = 0.35
@@ -31,6 +31,7 @@ class Params(StageParams):
     walk_falls: NonNegativeInt = 0
     walk_speed_error: PositiveFloat = 0.05
     plant: dict[str, Any] = {}
+    resample: bool = False
 
 
 def run(context: Any) -> dict[str, Any]:

@@ -150,6 +150,7 @@ def _warnings(
     for file, trial in named:
         rms, largest = jitter(trial.time)
         if rms > _JITTER_WARNING:
-            found.append(f"{file}: the clock jitters by {rms:.1%} of a sample (largest {largest:.0%}); not resampled")
+            size = f"{rms:.1%} of a sample (largest {largest:.0%})"
+            found.append(f"{file}: the clock jitters by {size}; resample=true puts it on a uniform one")
         found += unit_warnings(file, trial, manifest.rate_hz if manifest else None)
     return found + wiring_warnings(trials)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -11,7 +10,7 @@ from hqpipe.actuators.base import ActuatorModel
 from hqpipe.errors import IdentificationError
 from hqpipe.kernels.free_run import free_run as run_kernel
 from hqpipe.logs.columns import joint_column
-from hqpipe.logs.trajectory import LogSet, Trajectory
+from hqpipe.logs.trajectory import Trajectory
 
 WINDOW_S = 0.1  # the default of the gap metric: long beside the actuator's lag, short beside a stride
 
@@ -93,36 +92,3 @@ def free_run(trajectory: Trajectory, model: Model, window_s: float = WINDOW_S) -
         UsageError: the model lacks a joint or belongs to another sample time.
     """
     return predict(trajectory, model, window_samples(trajectory.dt, window_s))
-
-
-@dataclass(frozen=True, eq=False)
-class TrialResidual:
-    """Free-running error of one trial.
-
-    Attributes:
-        predicted, residual: (T, J) N·m; residual = predicted − measured, exactly 0 in row 0 (no prediction).
-        starts: (W,) samples at which the model was restarted from the log.
-    """
-
-    file: str
-    split: str
-    joints: tuple[str, ...]
-    predicted: np.ndarray
-    residual: np.ndarray
-    starts: np.ndarray
-
-
-def residuals(
-    log_set: LogSet, model: Model, *, window_s: float = WINDOW_S, split: str | None = "heldout"
-) -> list[TrialResidual]:
-    """Free-running residuals of the trials of one split, or of all with ``split=None``."""
-    found = []
-    for trial in log_set.trials:
-        if split is None or trial.split == split:
-            trajectory = trial.trajectory
-            window = window_samples(trajectory.dt, window_s)
-            predicted = predict(trajectory, model, window)
-            error = predicted - trajectory.effort
-            starts = np.arange(0, trajectory.samples - 1, window)
-            found.append(TrialResidual(trial.file, trial.split, trajectory.joints, predicted, error, starts))
-    return found

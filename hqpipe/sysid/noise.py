@@ -7,13 +7,12 @@ from math import comb
 
 import numpy as np
 
-from hqpipe.logs.trajectory import Trajectory, Trial
+from hqpipe.logs.trajectory import Trial
 
 _BLOCK = 100  # samples; the median over blocks sets impacts apart from noise
 _ORDERS = range(1, 9)
 _AR_ORDER = 20
 _AR_SAMPLES = 10_000  # of the start of a trial; plenty for 20 coefficients
-_SAME_COMMAND = 1e-6  # share of the command's range
 
 
 @dataclass(frozen=True)
@@ -23,13 +22,10 @@ class NoiseFloor:
     Attributes:
         differencing: from differences of order 1 … 8 (a smooth signal vanishes in them, white noise stays).
         innovation: what an autoregression of order 20 cannot predict from the torque's own past.
-        repeat: from trials with the same command, spread / √2; None without repeats. It also holds what
-            varies from run to run, so it is stated but not used.
     """
 
     differencing: float
     innovation: float
-    repeat: float | None
 
     @property
     def value(self) -> float:
@@ -59,18 +55,6 @@ def innovation_noise(signal: np.ndarray) -> float:
     return _block_rms(future - past @ coefficients)
 
 
-def _repeat_noise(trials: list[Trajectory], j: int) -> float | None:
-    spread = []
-    for i, first in enumerate(trials):
-        for second in trials[:i]:
-            if first.position_command is None or first.samples != second.samples:
-                continue
-            a, b = first.position_command[:, j], second.position_command[:, j]
-            if np.ptp(a) > 0 and np.abs(a - b).max() <= _SAME_COMMAND * np.ptp(a):
-                spread.append(np.mean((first.effort[:, j] - second.effort[:, j]) ** 2) / 2.0)
-    return float(np.sqrt(np.mean(spread))) if spread else None
-
-
 def noise_floor(trials: list[Trial], joint: str) -> NoiseFloor:
     """Noise floor of one joint's torque over some trials.
 
@@ -85,4 +69,4 @@ def noise_floor(trials: list[Trial], joint: str) -> NoiseFloor:
     def pooled(estimate) -> float:
         return float(np.sqrt(np.average([estimate(s) ** 2 for s in signals], weights=weights)))
 
-    return NoiseFloor(pooled(difference_noise), pooled(innovation_noise), _repeat_noise(trajectories, j))
+    return NoiseFloor(pooled(difference_noise), pooled(innovation_noise))

@@ -12,7 +12,7 @@ from small_logs import log_set, trajectory
 from hqpipe.errors import IdentificationError, UsageError
 from hqpipe.sysid.compare import compare_models
 from hqpipe.sysid.metrics import error_stats, loaded_threshold
-from hqpipe.sysid.noise import difference_noise, innovation_noise, noise_floor
+from hqpipe.sysid.noise import difference_noise, innovation_noise
 
 
 class Shifted:
@@ -55,15 +55,6 @@ def test_noise_of_a_smooth_signal(estimate, sigma):
     assert 0.75 * sigma < estimate(signal) < 1.5 * sigma
     signal[4000:4030] += 300.0
     assert difference_noise(signal) == pytest.approx(sigma, rel=0.25), "an impact is no noise"
-
-
-def test_repeats_are_found_by_their_command():
-    rng = np.random.default_rng(0)
-    first = trajectory(samples=3000)
-    again = trajectory(samples=3000, effort=first.effort + 7.0 * np.sqrt(2) * rng.normal(size=(3000, 2)))
-    floor = noise_floor(log_set(first, again).trials, "knee")
-    assert floor.repeat == pytest.approx(7.0, rel=0.05)
-    assert noise_floor(log_set(first, trajectory(samples=3000, seed=5)).trials, "knee").repeat is None
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.actuators.stiff_pd import StiffPD
 from hqpipe.errors import IdentificationError, UsageError
 from hqpipe.sysid.baselines import CommandedTorque, MeanTorque, Persistence, fit_stiff_pd
-from hqpipe.sysid.free_run import free_run, predict, residuals
+from hqpipe.sysid.free_run import free_run, predict
 
 HYDRAULIC = {"k1": [500.0, 700.0], "k2": 0.05, "k3": 20.0, "k4": 0.0, "sprocket_radius": 1.0}
 
@@ -48,16 +48,6 @@ def test_a_window_needs_two_samples():
 def test_missing_channels_are_named():
     with pytest.raises(IdentificationError, match=r"joint/<name>/position_command, which the logs lack"):
         free_run(trajectory(position_command=None), hydraulic())
-
-
-def test_residuals_know_their_windows():
-    logs = log_set(trajectory(), trajectory(samples=451, seed=1))
-    (only,) = residuals(logs, hydraulic())
-    assert (only.file, only.split) == ("t1.parquet", "heldout")
-    np.testing.assert_array_equal(only.starts, [0, 100, 200, 300, 400])
-    np.testing.assert_array_equal(only.residual[0], 0.0)
-    np.testing.assert_allclose(only.predicted - only.residual, logs.trials[1].trajectory.effort)
-    assert [r.file for r in residuals(logs, hydraulic(), split=None)] == ["t0.parquet", "t1.parquet"]
 
 
 def test_persistence_holds_the_torque_of_the_window_start():
