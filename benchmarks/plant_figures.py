@@ -114,11 +114,14 @@ def draw_trot(trial: PlantTrial, robot: RobotSpec, path: Path) -> None:
     grid = figure.subplots(4, 2)
     time, part = trial.time, slice(4000, 6000)
     for kind, color in JOINT_COLORS.items():
-        column = lambda name, joint=f"LF{kind}": trial.columns[f"joint/{joint}/{name}"][part]  # noqa: E731
-        grid[0, 0].plot(time[part], column("position_command"), color=color, linewidth=0.7, alpha=0.6)
-        grid[0, 0].plot(time[part], column("position"), color=color)
-        grid[0, 1].plot(time[part], column("effort"), color=color, linewidth=0.8)
-        grid[1, 1].plot(time[part], column("valve_command"), color=color, linewidth=0.8)
+        panels = (
+            (grid[0, 0], "position_command", 0.7),
+            (grid[0, 0], "position", 1.2),
+            (grid[0, 1], "effort", 0.8),
+            (grid[1, 1], "valve_command", 0.8),
+        )
+        for axes, name, width in panels:
+            axes.plot(time[part], trial.columns[f"joint/LF{kind}/{name}"][part], color=color, linewidth=width)
     grid[0, 0].set(title="LF joints: target (thin), position", ylabel="rad")
     grid[0, 1].set(title="Torque from pressures", ylabel="N·m")
     grid[1, 1].set(title="Valve command", ylabel="opening")

@@ -32,11 +32,13 @@ def draw_walk(folder: Path, name: str, columns: Mapping[str, Any], robot_folder:
 def draw_fit(folder: Path, log_set: Any, model: Any, window_s: float) -> None:
     """fit.png: a typical and the worst window of the longest held-out trial, one step ahead and free-running."""
     from hqpipe.report.fit_figures import actuator_fit
+    from hqpipe.stages.terminal import show
     from hqpipe.sysid.free_run import free_run, predict, window_samples
 
     trial = max((trial.trajectory for trial in log_set.heldout), key=lambda t: t.samples)
     if trial.samples <= window_samples(trial.dt, window_s):
-        return  # the table has the errors; there is no whole window to draw
+        show("warning: no held-out trial lasts for a whole window, so there is no figure of the fit")
+        return
     one_step, free = predict(trial, model, 1), free_run(trial, model, window_s)
     shown = trial.joints[:3]
     actuator_fit(

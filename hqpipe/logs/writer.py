@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -16,7 +16,6 @@ from hqpipe.logs import FORMAT
 from hqpipe.logs.checks import check_clock, check_values
 from hqpipe.logs.columns import TIME, RawTable, check_names, joints_of, order_columns, unit_of
 from hqpipe.logs.manifest import FILE, SPLITS, Manifest, TrialEntry, write_manifest
-from hqpipe.logs.trajectory import Trial
 
 _ROW_GROUP = 65536  # rows; fixed, because the bytes depend on it
 _ZSTD_LEVEL = 3
@@ -129,32 +128,3 @@ class LogSetWriter:
         if not self._entries:
             raise LogError(f"{self.folder}: a log set needs at least one trial")
         write_manifest(self.folder / FILE, replace(self._manifest, trials=tuple(self._entries)))
-
-
-def write_log_set(
-    folder: Path,
-    trials: Iterable[Trial],
-    *,
-    robot: str | None = None,
-    base: str | None = None,
-    control_mode: str | None = None,
-    effort_source: str | None = None,
-    rate_hz: float | None = None,
-    clock_source: str = "unspecified",
-    urdf_sha256: str = "",
-) -> None:
-    """Write trials that are in memory; see `LogSetWriter` for the arguments."""
-    with LogSetWriter(
-        folder,
-        robot=robot,
-        base=base,
-        control_mode=control_mode,
-        effort_source=effort_source,
-        rate_hz=rate_hz,
-        clock_source=clock_source,
-        urdf_sha256=urdf_sha256,
-    ) as writer:
-        for trial in trials:
-            writer.add(
-                trial.file, trial.trajectory.columns(), split=trial.split, command=trial.command, base=trial.base
-            )

@@ -11,7 +11,7 @@ from log_builders import JOINTS, make_columns, put
 
 from hqpipe.errors import LogError
 from hqpipe.logs.log_set import read_log_set
-from hqpipe.logs.writer import LogSetWriter, write_log_set
+from hqpipe.logs.writer import LogSetWriter
 
 META = {"robot": "two_joints", "base": "fixed", "control_mode": "position", "rate_hz": 1000.0}
 
@@ -23,6 +23,13 @@ def write(folder, order=1):
             columns = {k: columns[k] for k in sorted(columns, key=lambda k: k.split("/")[1:2])}
             writer.add(file, columns, split=split, command={"vx": 0.4})
     return folder
+
+
+def rewrite(folder, trials, **meta):
+    with LogSetWriter(folder, **meta) as writer:
+        for trial in trials:
+            columns = trial.trajectory.columns()
+            writer.add(trial.file, columns, split=trial.split, command=trial.command, base=trial.base)
 
 
 def test_same_data_same_bytes(tmp_path):
@@ -60,7 +67,7 @@ def test_file_metadata_and_encoding(tmp_path):
 
 def test_a_read_log_set_can_be_written_again(tmp_path):
     original = read_log_set(write(tmp_path / "x"))
-    write_log_set(tmp_path / "y", original.trials, **META)
+    rewrite(tmp_path / "y", original.trials, **META)
     again = read_log_set(tmp_path / "y")
     for a, b in zip(original.trials, again.trials, strict=True):
         assert (a.file, a.split, a.command) == (b.file, b.split, b.command)
@@ -72,8 +79,22 @@ def test_a_differentiated_velocity_is_not_written_as_measured(tmp_path):
     kept = {k: v for k, v in make_columns().items() if not k.endswith("velocity")}
     put(tmp_path / "x", "a.parquet", kept)
     put(tmp_path / "x", "b.parquet", kept)
-    write_log_set(tmp_path / "y", read_log_set(tmp_path / "x").trials)
+    rewrite(tmp_path / "y", read_log_set(tmp_path / "x").trials)
     assert "joint/hip/velocity" not in pq.read_schema(tmp_path / "y" / "a.parquet").names
+
+
+def test_a_trial_may_have_a_base_of_its_own(tmp_path):
+    with LogSetWriter(tmp_path, base="floating") as writer:
+        writer.add("walk.parquet", make_columns(seed=1))
+        writer.add("gantry.parquet", make_columns(seed=2), base="fixed")
+    assert {trial.file: trial.base for trial in read_log_set(tmp_path).trials} == {
+        "walk.parquet": "floating",
+        "gantry.parquet": "fixed",
+    }
+    manifest = tmp_path / "logset.yaml"
+    manifest.write_text(manifest.read_text().replace("fixed", "fixd"))
+    with pytest.raises(LogError, match=r"trials\[1\]\.base is 'fixd' – did you mean 'fixed'\?"):
+        read_log_set(tmp_path)
 
 
 def test_what_could_not_be_read_is_not_written(tmp_path):
