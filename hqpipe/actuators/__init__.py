@@ -10,5 +10,6 @@ ACTUATOR_MODELS = Registry(
         "ideal_torque": "hqpipe.actuators.ideal_torque:IdealTorque",
         "stiff_pd": "hqpipe.actuators.stiff_pd:StiffPD",
         "hydraulic": "hqpipe.actuators.hydraulic:Hydraulic",
+        "augmented": "hqpipe.actuators.augmented:Augmented",
     },
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -23,17 +23,24 @@ class ParameterField:
         unit: SI unit for a revolute joint.
         lower, upper: closed physical bounds.
         may_be_infinite: infinity means "no limit" and is written as null.
+        shared: one value for the whole machine, the same in every row.
+        certain: known or set, not fitted: a randomisation leaves it as it is.
     """
 
     unit: str
     lower: float = 0.0
     upper: float = np.inf
     may_be_infinite: bool = False
+    shared: bool = False
+    certain: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class ActuatorModel:
     """Base of the models in `ACTUATOR_MODELS`.
+
+    A class states its name, its kind in hqpipe.kernels.actuator_step, the columns of its table (`FIELDS`), how many
+    numbers a joint remembers besides its torque (`MEMORY`), and whether the table belongs to one rate (`DT_BOUND`).
 
     Attributes:
         joints: names, in the order of the rows of `parameters`.
@@ -47,6 +54,7 @@ class ActuatorModel:
 
     NAME: ClassVar[str]
     KIND: ClassVar[int]
+    MEMORY: ClassVar[int] = 0
     FIELDS: ClassVar[dict[str, ParameterField]]
     DT_BOUND: ClassVar[bool] = False
 
@@ -121,7 +129,7 @@ class ActuatorModel:
                     f"{self.NAME}: no joint '{name}'{near_match(name, self.joints)} (has {', '.join(self.joints)})"
                 )
         rows = [self.joints.index(name) for name in joints]
-        return type(self)(tuple(joints), self.parameters[rows], self.dt, self.scope)
+        return replace(self, joints=tuple(joints), parameters=self.parameters[rows])
 
     def check_dt(self, dt: float) -> None:
         """Refuse a sample time other than the one that the parameters belong to.
@@ -135,10 +143,22 @@ class ActuatorModel:
                 f"at {dt:.6g} s; step it every {self.dt:.6g} s, or fit it again on logs of {1.0 / dt:.6g} Hz"
             )
 
-    def step(self, tau: np.ndarray, q_des: np.ndarray, q: np.ndarray, qd: np.ndarray, dt: float) -> None:
-        """Advance N robots by one sample, in place; all arrays are (N, J) float64, `tau` in N·m."""
+    def fresh_memory(self, count: int) -> np.ndarray:
+        """(N, J, M) memory of `count` robots that have just been reset: zeros, M = `MEMORY`."""
+        return np.zeros((count, len(self.joints), self.MEMORY))
+
+    def step(
+        self, tau: np.ndarray, memory: np.ndarray, q_des: np.ndarray, q: np.ndarray, qd: np.ndarray, dt: float
+    ) -> None:
+        """Advance N robots by one sample, in place.
+
+        Args:
+            tau: (N, J) float64 torque, N·m; overwritten, and so is `memory`, (N, J, M) of `fresh_memory`.
+            q_des, q, qd: (N, J) rad, rad, rad/s.
+            dt: s.
+        """
         self.check_dt(dt)
-        step_batch(self.KIND, self.parameters, tau, q_des, q, qd)
+        step_batch(self.KIND, self.parameters, tau, memory, q_des, q, qd)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-able form; `from_dict` restores the same bytes of every parameter."""

@@ -31,7 +31,7 @@ def load_actuator(folder: Path) -> ActuatorModel:
     """
     path = folder / FILE
     if not path.is_file():
-        raise ConfigError(f"{path}: no such file; expected the output of hqpipe fit-actuator")
+        raise ConfigError(f"{path}: no such file; expected the output of hqpipe fit-actuator or diagnose")
     try:
         raw = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:

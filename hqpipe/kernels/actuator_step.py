@@ -1,13 +1,16 @@
 """One sample of an actuator model, for one joint, one robot or a batch of robots.
 
-Every model is a row of float64 parameters per joint and a kind. The state is the joint torque alone, so the
-same compiled functions serve the simulator, the replay of a log and the fit.
+Every model is a row of float64 parameters per joint and a kind. The state is the joint torque and, for some kinds, a
+row of memory per joint (delay lines, integrators, lags), so that the same compiled functions serve the simulator, the
+replay of a log and the fit.
 
-kind       parameters of a joint                  torque after the sample
-PD         kp, kd, limit                          kp (q_des − q) − kd q̇
-HYDRAULIC  k1, k2, k3, k4, R, limit               eq. (7) of the paper
+kind       parameters of a joint                  memory  torque after the sample
+PD         kp, kd, limit                          none    kp (q_des − q) − kd q̇
+HYDRAULIC  k1, k2, k3, k4, R, limit               none    eq. (7) of the paper
+AUGMENTED  see hqpipe.effects.layout              M       eq. (7) with effects, hqpipe.kernels.augmented_step
 
-Both are clipped to ±limit, which may be infinite.
+All are clipped to ±limit, which may be infinite. A reset sets the torque and zeroes the memory: a kind with
+memory takes all zeros for "no sample yet" and starts from the torque and the inputs of the first sample.
 """
 
 from __future__ import annotations
@@ -17,34 +20,12 @@ from typing import Final
 import numpy as np
 from numba import njit
 
+from hqpipe.kernels.augmented_step import WOUND, augmented_row
+from hqpipe.kernels.laws import hydraulic_step, pd_step
+
 PD: Final = 0
 HYDRAULIC: Final = 1
-
-
-@njit(cache=True, nogil=True, inline="always")
-def impact(torque: float, error: float) -> float:
-    """Δq · max(−τ sgn Δq, 0) of eq. (7), branch-free: nonzero only while torque and error are opposed."""
-    return 0.5 * (error * abs(torque) - torque * abs(error))
-
-
-@njit(cache=True, nogil=True, inline="always")
-def clip(value: float, limit: float) -> float:
-    return min(max(value, -limit), limit)
-
-
-@njit(cache=True, nogil=True, inline="always")
-def pd_step(p: np.ndarray, q_des: float, q: float, qd: float) -> float:
-    """Torque of a PD law; `p` is kp, kd, limit (N·m/rad, N·m·s/rad, N·m)."""
-    return clip(p[0] * (q_des - q) - p[1] * qd, p[2])
-
-
-@njit(cache=True, nogil=True, inline="always")
-def hydraulic_step(p: np.ndarray, torque: float, q_des: float, q: float, qd: float) -> float:
-    """Torque after one sample, eq. (7) of the paper; `p` is k1, k2, k3, k4, R, limit."""
-    radius = p[4]
-    error = q_des - q
-    following = radius * (radius * (p[0] * error - p[2] * qd) + p[3] * impact(torque, error)) + (1.0 - p[1]) * torque
-    return clip(following, p[5])
+AUGMENTED: Final = 2
 
 
 @njit(cache=True, nogil=True)
@@ -52,46 +33,77 @@ def step_joint(kind: int, p: np.ndarray, torque: float, q_des: float, q: float, 
     """Torque of one joint after one sample.
 
     Args:
-        kind: PD or HYDRAULIC.
+        kind: PD or HYDRAULIC; a kind with memory cannot be stepped without it.
         p: (P,) parameters of the joint.
         torque, q_des, q, qd: N·m, rad, rad, rad/s at this sample.
+
+    Raises:
+        ValueError: another kind.
     """
     if kind == HYDRAULIC:
         return hydraulic_step(p, torque, q_des, q, qd)
-    return pd_step(p, q_des, q, qd)
+    if kind == PD:
+        return pd_step(p, q_des, q, qd)
+    raise ValueError("step_joint: expected the kind PD or HYDRAULIC; step AUGMENTED with step_row and its memory")
 
 
 @njit(cache=True, nogil=True)
 def step_row(
-    kind: int, parameters: np.ndarray, tau: np.ndarray, q_des: np.ndarray, q: np.ndarray, qd: np.ndarray
+    kind: int,
+    parameters: np.ndarray,
+    tau: np.ndarray,
+    memory: np.ndarray,
+    q_des: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
 ) -> None:
     """Advance the joints of one robot by one sample, in place.
 
     Args:
-        kind: PD or HYDRAULIC.
+        kind: PD, HYDRAULIC or AUGMENTED.
         parameters: (J, P) float64.
         tau: (J,) torque, read and overwritten, N·m.
+        memory: (J, M) float64, read and overwritten; zeros after a reset, M = 0 for a kind without memory.
         q_des, q, qd: (J,) rad, rad, rad/s.
     """
     if kind == HYDRAULIC:
         for j in range(tau.shape[0]):
             tau[j] = hydraulic_step(parameters[j], tau[j], q_des[j], q[j], qd[j])
+    elif kind == AUGMENTED:
+        augmented_row(parameters, tau, memory, q_des, q, qd)
     else:
         for j in range(tau.shape[0]):
             tau[j] = pd_step(parameters[j], q_des[j], q[j], qd[j])
 
 
+@njit(cache=True, nogil=True, inline="always")
+def take_back(kind: int, memory: np.ndarray, excess: float) -> None:
+    """Tell a joint that `excess` (N·m) of its torque was not applied; `memory` is its row (M,).
+
+    PD and HYDRAULIC go on from the torque that they are given and need not be told.
+    """
+    if kind == AUGMENTED:
+        memory[WOUND] -= excess
+
+
 @njit(cache=True, nogil=True)
 def step_batch(
-    kind: int, parameters: np.ndarray, tau: np.ndarray, q_des: np.ndarray, q: np.ndarray, qd: np.ndarray
+    kind: int,
+    parameters: np.ndarray,
+    tau: np.ndarray,
+    memory: np.ndarray,
+    q_des: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
 ) -> None:
     """Advance N robots by one sample, in place and without allocation.
 
     Args:
-        kind: PD or HYDRAULIC.
+        kind: as in `step_row`.
         parameters: (J, P) float64, the same for every robot.
         tau: (N, J) torque, read and overwritten, N·m.
+        memory: (N, J, M) float64, likewise.
         q_des, q, qd: (N, J) rad, rad, rad/s.
     """
     for n in range(tau.shape[0]):
-        step_row(kind, parameters, tau[n], q_des[n], q[n], qd[n])
+        step_row(kind, parameters, tau[n], memory[n], q_des[n], q[n], qd[n])

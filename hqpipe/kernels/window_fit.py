@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.kernels.actuator_step import impact
+from hqpipe.kernels.laws import impact
 
 UNKNOWNS = 5  # four gains and the start torque
 

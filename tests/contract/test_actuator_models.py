@@ -14,11 +14,12 @@ JOINTS = ("LFR", "LFP", "LFK")
 
 
 def example(name: str) -> ActuatorModel:
-    """A model with an inner value for every parameter and a limit of 200 N·m."""
+    """A model with an inner value for every parameter, 0 for those of either sign, and a limit of 200 N·m."""
     model = ACTUATOR_MODELS[name]
     values = {}
     for position, (column, spec) in enumerate(model.FIELDS.items()):
         inner = min(spec.lower + 0.05 * (position + 1), 0.5 * (spec.lower + spec.upper))
+        inner = 0.0 if spec.lower < 0.0 else inner
         values[column] = 200.0 if column == "effort_limit" else inner * np.array([1.0, 0.9, 0.8])
     return model.build(JOINTS, dt=0.001, **values)
 
@@ -39,28 +40,29 @@ class TestEveryModel:
     def test_stays_within_the_effort_limit(self, name):
         rng = np.random.default_rng(0)
         tau, q_des, q, qd = (rng.normal(0, s, (64, 3)) for s in (100.0, 1e5, 1.0, 1e3))
-        example(name).step(tau, q_des, q, qd, dt=0.001)
+        model = example(name)
+        model.step(tau, model.fresh_memory(64), q_des, q, qd, dt=0.001)
         assert np.isfinite(tau).all() and (np.abs(tau) <= 200.0).all() and (np.abs(tau) == 200.0).any()
 
     def test_is_odd(self, name):
-        """No model knows left from right: reversing every signal reverses the torque."""
+        """Without offsets and one-sided effects no model knows left from right: reversing every signal reverses the torque."""
         rng = np.random.default_rng(1)
         tau, q_des, q, qd = (rng.normal(size=(8, 3)) for _ in range(4))
         mirrored = -tau
         model = example(name)
-        model.step(tau, q_des, q, qd, dt=0.001)
-        model.step(mirrored, -q_des, -q, -qd, dt=0.001)
+        model.step(tau, model.fresh_memory(8), q_des, q, qd, dt=0.001)
+        model.step(mirrored, model.fresh_memory(8), -q_des, -q, -qd, dt=0.001)
         np.testing.assert_array_equal(mirrored, -tau)
 
     def test_permuting_joints_permutes_the_result(self, name):
         rng = np.random.default_rng(2)
         order = [2, 0, 1]
-        state = [rng.normal(size=(8, 3)) for _ in range(4)]
-        permuted = [np.ascontiguousarray(a[:, order]) for a in state]
+        tau, *inputs = (rng.normal(size=(8, 3)) for _ in range(4))
+        permuted, *others = (np.ascontiguousarray(a[:, order]) for a in (tau, *inputs))
         model = example(name)
-        model.step(*state, dt=0.001)
-        model.for_joints([JOINTS[i] for i in order]).step(*permuted, dt=0.001)
-        np.testing.assert_array_equal(permuted[0], state[0][:, order])
+        model.step(tau, model.fresh_memory(8), *inputs, dt=0.001)
+        model.for_joints([JOINTS[i] for i in order]).step(permuted, model.fresh_memory(8), *others, dt=0.001)
+        np.testing.assert_array_equal(permuted, tau[:, order])
 
     def test_survives_the_disk(self, name, tmp_path):
         model = example(name)

@@ -26,7 +26,8 @@ def test_joints_are_matched_by_name():
 
 def test_steps_only_at_its_own_sample_time():
     model = hydraulic()
-    state = [np.zeros((1, 3)) for _ in range(4)]
+    zeros = np.zeros((1, 3))
+    state = (zeros.copy(), model.fresh_memory(1), zeros, zeros, zeros)
     model.step(*state, dt=0.001001)
     with pytest.raises(UsageError, match=r"per sample of 0\.001 s and cannot be stepped at 0\.01 s.*100 Hz"):
         model.step(*state, dt=0.01)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hqpipe.kernels.actuator_step import HYDRAULIC, PD, step_batch, step_joint, step_row
+from hqpipe.effects.layout import neutral_row, slot
+from hqpipe.kernels.actuator_step import AUGMENTED, HYDRAULIC, PD, step_batch, step_joint, step_row, take_back
+from hqpipe.kernels.augmented_step import MEMORY, WOUND
 from hqpipe.kernels.free_run import free_run
 
 RADIUS = 0.06
@@ -23,6 +25,11 @@ def paper(p, torque, q_des, q, qd):
         + k4 * r * error * np.maximum(-torque * np.sign(error), 0.0)
     )
     return np.clip(following, -limit, limit)
+
+
+def memory(tau):
+    """Of a kind that remembers nothing."""
+    return np.zeros((*tau.shape, 0))
 
 
 @pytest.fixture
@@ -43,14 +50,14 @@ def test_hydraulic_batch_is_the_paper_equation(batch):
     expected = np.stack([paper(parameters[j], tau[:, j], q_des[:, j], q[:, j], qd[:, j]) for j in range(12)], axis=1)
     opposed = (tau * (q_des - q) < 0).mean()
     assert 0.3 < opposed < 0.7, "both branches of the impact term must be exercised"
-    step_batch(HYDRAULIC, parameters, tau, q_des, q, qd)
+    step_batch(HYDRAULIC, parameters, tau, memory(tau), q_des, q, qd)
     np.testing.assert_allclose(tau, expected, rtol=1e-12)
 
 
 def test_pd_batch_is_a_clipped_pd_law(batch):
     tau, q_des, q, qd = batch
     parameters = np.tile([6000.0, 200.0, 500.0], (12, 1))
-    step_batch(PD, parameters, tau, q_des, q, qd)
+    step_batch(PD, parameters, tau, memory(tau), q_des, q, qd)
     expected = np.clip(6000.0 * (q_des - q) - 200.0 * qd, -500.0, 500.0)
     np.testing.assert_allclose(tau, expected, rtol=1e-12)
     assert (np.abs(expected) == 500.0).any() and (np.abs(expected) < 500.0).any()
@@ -76,8 +83,8 @@ def test_row_joint_and_batch_agree(batch, kind, row):
     parameters = np.tile(row, (12, 1))
     single = [step_joint(kind, parameters[j], tau[0, j], q_des[0, j], q[0, j], qd[0, j]) for j in range(12)]
     one = tau[0].copy()
-    step_row(kind, parameters, one, q_des[0], q[0], qd[0])
-    step_batch(kind, parameters, tau, q_des, q, qd)
+    step_row(kind, parameters, one, memory(one), q_des[0], q[0], qd[0])
+    step_batch(kind, parameters, tau, memory(tau), q_des, q, qd)
     np.testing.assert_array_equal(one, single)
     np.testing.assert_array_equal(tau[0], single)
 
@@ -99,5 +106,68 @@ def test_window_of_one_sample_is_the_one_step_prediction(batch):
     parameters = np.tile(ROW, (12, 1))
     predicted = free_run(HYDRAULIC, parameters, tau, q_des, q, qd, 1)
     following = tau.copy()
-    step_batch(HYDRAULIC, parameters, following, q_des, q, qd)
+    step_batch(HYDRAULIC, parameters, following, memory(tau), q_des, q, qd)
     np.testing.assert_array_equal(predicted[1:], following[:-1])
+
+
+def augmented_rows(**effects):
+    """(12, P) the row of `ROW` in joint space, with effects as owner__name=value."""
+    k1, k2, k3, k4, r, limit = ROW
+    values = {
+        "base__k1": k1 * r**2,
+        "base__k2": k2,
+        "base__k3": k3 * r**2,
+        "base__k4": k4 * r,
+        "setting__effort_limit": limit,
+    }
+    row = neutral_row()
+    for key, value in {**values, **effects}.items():
+        row[slot(*key.split("__"))] = value
+    return np.tile(row, (12, 1))
+
+
+def test_augmented_without_effects_is_the_paper_equation(batch):
+    tau, q_des, q, qd = batch
+    parameters, remembered = augmented_rows(), np.zeros((*tau.shape, MEMORY))
+    tau, expected = np.clip(tau, -800.0, 800.0), np.clip(tau, -800.0, 800.0)
+    for _ in range(5):
+        step_batch(AUGMENTED, parameters, tau, remembered, q_des, q, qd)
+        step_batch(HYDRAULIC, np.tile(ROW, (12, 1)), expected, memory(tau), q_des, q, qd)
+        np.testing.assert_allclose(tau, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_augmented_rows_do_not_depend_on_the_batch(batch):
+    parameters = augmented_rows(command_delay__delay_s=0.003, valve_lag__time_constant_s=0.004, backlash__gap=0.002)
+    tau, q_des, q, qd = batch
+    one, one_memory, all_memory = tau[7].copy(), np.zeros((12, MEMORY)), np.zeros((*tau.shape, MEMORY))
+    for k in range(6):
+        step_row(AUGMENTED, parameters, one, one_memory, q_des[7] * k, q[7], qd[7])
+        step_batch(AUGMENTED, parameters, tau, all_memory, q_des * k, q, qd)
+    np.testing.assert_array_equal(one, tau[7])
+    np.testing.assert_array_equal(one_memory, all_memory[7])
+
+
+def test_zeroed_memory_forgets_the_past(batch):
+    """A delayed command: after the reset the first sample knows no older one."""
+    parameters, (tau, q_des, q, qd) = augmented_rows(command_delay__delay_s=0.004), (a[:1] for a in batch)
+    start, remembered = 0.1 * tau, np.zeros((1, 12, MEMORY))
+    results = []
+    for _ in range(2):
+        torque = start.copy()
+        remembered[:] = 0.0
+        for k in range(3):
+            step_batch(AUGMENTED, parameters, torque, remembered, q_des + 0.01 * k, q, qd)
+        results.append(torque)
+    np.testing.assert_array_equal(*results)
+
+
+def test_torque_that_was_not_applied_is_taken_back():
+    remembered = np.zeros(MEMORY)
+    take_back(AUGMENTED, remembered, 30.0)
+    assert remembered[WOUND] == -30.0 and np.count_nonzero(remembered) == 1
+    take_back(HYDRAULIC, np.zeros(0), 30.0)
+
+
+def test_a_kind_with_memory_is_not_stepped_without_it():
+    with pytest.raises(ValueError, match="step AUGMENTED with step_row"):
+        step_joint(AUGMENTED, ROW, 0.0, 0.1, 0.0, 0.0)

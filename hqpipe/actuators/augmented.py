@@ -1,0 +1,63 @@
+"""The paper's model with the effects that a diagnosis found."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from hqpipe.actuators.base import ActuatorModel, ParameterField
+from hqpipe.effects import EFFECTS
+from hqpipe.effects.layout import FIELDS, neutral_row
+from hqpipe.kernels.actuator_step import AUGMENTED
+from hqpipe.kernels.augmented_step import MEMORY
+
+_UNITS = {"k1": "N·m/rad", "k2": "1", "k3": "N·m·s/rad", "k4": "1/rad", "neutral": "rad"}
+_SETTINGS = {"sample_time": "s", "middle": "rad", "clear": "N·m", "effort_limit": "N·m"}
+_ANY = 1e12  # bound of numbers that may have either sign
+SENSING = tuple(name for name, effect in EFFECTS.items() if effect.layer == "sensing" and name != "position_bias")
+
+
+def _name(owner: str, name: str) -> str:
+    return name if owner in ("base", "setting") else f"{owner}_{name}"
+
+
+def _field(owner: str, name: str) -> ParameterField:
+    """Range and unit; a parameter that is kept as its inverse has the inverse unit."""
+    if owner == "base":
+        return ParameterField(_UNITS[name], lower=-_ANY if name == "neutral" else 0.0)
+    if owner == "setting":
+        lower = -_ANY if name == "middle" else 0.0
+        return ParameterField(_SETTINGS[name], lower, may_be_infinite=name == "effort_limit", certain=True)
+    effect = EFFECTS[owner]
+    parameter = next(p for p in effect.parameters if p.name == name)
+    unit = "rad" if parameter.unit == "command" else parameter.unit
+    unit = f"1/({unit})" if parameter.inverse else unit
+    return ParameterField(unit, lower=-_ANY if parameter.lower < 0.0 else 0.0, shared=effect.machine)
+
+
+class Augmented(ActuatorModel):
+    """Eq. (7) in joint space with every effect of `hqpipe.effects`, neutral where it was not found.
+
+    The chain is that of `hqpipe.kernels.augmented_windows`. Columns are those of `hqpipe.effects.layout`:
+    limits and stiffnesses are kept as their inverse, so that 0 means "absent".
+    """
+
+    NAME = "augmented"
+    KIND = AUGMENTED
+    DT_BOUND = True
+    MEMORY = MEMORY
+    FIELDS: ClassVar[dict[str, ParameterField]] = {_name(*key): _field(*key) for key in FIELDS}
+
+    @property
+    def effects(self) -> dict[str, tuple[str, ...]]:
+        """Effect → joints in which it is active."""
+        neutral = neutral_row()
+        found = {}
+        for name in EFFECTS:
+            telling = [parameter.name for parameter in EFFECTS[name].parameters if parameter.counts]
+            columns = [i for i, (owner, column) in enumerate(FIELDS) if owner == name and column in telling]
+            if columns:
+                active = np.any(self.parameters[:, columns] != neutral[columns], axis=1)
+                found[name] = tuple(joint for joint, on in zip(self.joints, active, strict=True) if on)
+        return {name: joints for name, joints in found.items() if joints}

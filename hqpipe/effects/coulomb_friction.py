@@ -1,0 +1,41 @@
+"""Dry friction between the hydraulics and the load cell.
+
+The direction of the friction is a state of its own: it turns round over a small presliding distance and stays as it
+is while the joint rests. A sign of the measured speed would be noise at rest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from hqpipe.effects.effect import ANGLE, EFFORT, POSITION, TORQUE, Effect, Parameter
+
+EFFECT = Effect(
+    name="coulomb_friction",
+    layer="actuator",
+    stage="output",
+    parameters=(
+        Parameter("friction_nm", "N·m", EFFORT, 0.0, 2.0, (0.05, 0.2)),
+        Parameter("asymmetry_nm", "N·m", EFFORT, -1.0, 1.0, (0.0,), counts=False),
+        Parameter("presliding_rad", "rad", ANGLE, 5e-5, 0.3, (0.001,), counts=False),
+    ),
+    meaning="dry friction: friction + asymmetry when q rises, friction − asymmetry when it falls",
+    source="Dahl, Aerospace Corp. TOR-158, 1968: presliding; Jelali & Kroll, Hydraulic Servo-systems, 2003",
+    experiment="slow constant-speed motion in both directions",
+    modes=(POSITION, TORQUE),
+    effort_sources=("load_cell",),
+)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def direction(turned: float, travel: float, presliding: float) -> float:
+    """Direction of the friction, −1 … 1, after the joint went `travel` rad further (Dahl's model, exact step)."""
+    aim = 1.0 if travel > 0.0 else -1.0
+    return aim + (turned - aim) * np.exp(-abs(travel) / presliding)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def coulomb(turned: float, friction: float, asymmetry: float) -> float:
+    """Friction torque at a direction of the friction; it opposes the motion, so the asymmetry is within ± friction."""
+    return friction * turned + min(max(asymmetry, -friction), friction) * abs(turned)

@@ -1,0 +1,87 @@
+"""What a candidate effect says of itself; its compiled part is a scalar function in the same file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+POSITION, TORQUE, VALVE = "position", "torque", "valve"
+MODES = (POSITION, TORQUE, VALVE)
+
+# What a bound or a start value is a multiple of; the numbers come from the fit trials.
+SECOND, COMMAND, EFFORT, VELOCITY, SLOWNESS, DAMPING, STIFFNESS, ANGLE, NONE = (
+    "second",
+    "command",
+    "effort",
+    "velocity",
+    "slowness",
+    "damping",
+    "stiffness",
+    "angle",
+    "none",
+)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect.
+
+    Attributes:
+        name: key in diagnosis.json, with its unit where it is not that of the command.
+        unit: SI unit for a revolute joint; "command" stands for the unit of the position, torque or valve
+            command.
+        scale: what `lower`, `upper` and `starts` are multiples of: second, command (RMS of the position error,
+            torque command or valve command), effort and velocity (RMS), slowness (one over the RMS of the
+            machine's total speed), damping (effort over velocity),
+            stiffness (effort over travel), angle (standard deviation of the position) or none.
+        lower, upper: bounds of the search.
+        starts: where fits begin; several where an effect can be inactive over all data and then has no gradient.
+        inverse: the fit works on one over the value, so that "absent" is 0 instead of infinity; bounds and
+            starts are those of the inverse, in multiples of one over the scale.
+        counts: False for a shape parameter: it cannot show by itself that the effect is there.
+    """
+
+    name: str
+    unit: str
+    scale: str
+    lower: float
+    upper: float
+    starts: tuple[float, ...]
+    inverse: bool = False
+    counts: bool = True
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A candidate cause of the gap.
+
+    Attributes:
+        name: as in diagnosis.json.
+        layer: "actuator" or "sensing".
+        stage: where it acts, in the order of the chain: "clock", "command", "core" or "output".
+        parameters: its numbers.
+        meaning: one line.
+        source: where the form comes from.
+        experiment: what to record so that it shows.
+        modes: control modes whose logs can show it.
+        effort_sources: kinds of torque measurement that it lies in front of; None if all.
+        absorbed: control modes in which the base model's own coefficients take it up completely.
+        stiffer: factors on k1 and k3 to start from: a base model that lacks the effect may have fitted them too low.
+        machine: one set of parameters for the whole machine by nature.
+        least_joints: how many joints a log needs to show it.
+        needs_effort: it shows only where the torque was recorded.
+    """
+
+    name: str
+    layer: str
+    stage: str
+    parameters: tuple[Parameter, ...]
+    meaning: str
+    source: str
+    experiment: str
+    modes: tuple[str, ...] = MODES
+    effort_sources: tuple[str, ...] | None = None
+    absorbed: tuple[str, ...] = field(default=())
+    stiffer: tuple[float, ...] = (1.0,)
+    machine: bool = False
+    least_joints: int = 1
+    needs_effort: bool = False

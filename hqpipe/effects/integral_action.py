@@ -1,0 +1,28 @@
+"""The controller has an integrator that the model lacks: u = e + ki ∫ e dt, the second term within ± limit."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from hqpipe.effects.effect import COMMAND, NONE, POSITION, TORQUE, Effect, Parameter
+
+EFFECT = Effect(
+    name="integral_action",
+    layer="actuator",
+    stage="command",
+    parameters=(
+        Parameter("ki", "1/s", NONE, 0.0, 50.0, (0.3, 3.0)),
+        Parameter("limit", "command", COMMAND, 0.0, 100.0, (0.1, 1.0, 4.0), inverse=True, counts=False),
+    ),
+    meaning="the controller has an integrator that the model lacks",
+    source="textbook PID; ki is the integral gain over the proportional gain",
+    experiment="hold a constant load for a few seconds after a step",
+    modes=(POSITION, TORQUE),
+)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def integrate(integral: float, error: float, ki: float, inverse_limit: float, dt: float) -> float:
+    """ki ∫ e dt after one more sample, clamped against wind-up; 0 means no limit."""
+    limit = 1.0 / max(inverse_limit, 1e-300)
+    return min(max(integral + ki * dt * error, -limit), limit)

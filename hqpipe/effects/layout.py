@@ -1,0 +1,48 @@
+"""Where each number of an augmented actuator stands in its row of parameters.
+
+A row holds the base model, then the parameters of every effect in the order of `EFFECTS`, neutral where the
+effect is absent, then what the row was made for (sample time, middle position).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hqpipe.effects import EFFECTS
+
+BASE = ("k1", "k2", "k3", "k4", "neutral")  # joint-space gains; neutral point of a valve command
+SETTING = ("sample_time", "middle", "clear", "effort_limit")
+NOT_IN_THE_LOOP = ("torque_scale", "unsigned_sensor")  # read off other channels, see hqpipe.gap
+_SHAPES = {
+    ("supply_droop", "recovery_s"): 0.1,
+    ("stribeck_friction", "velocity_rad_s"): 1.0,
+    ("coulomb_friction", "presliding_rad"): 1e-3,
+}
+
+FIELDS: tuple[tuple[str, str], ...] = (
+    *(("base", name) for name in BASE),
+    *((e.name, p.name) for e in EFFECTS.values() if e.name not in NOT_IN_THE_LOOP for p in e.parameters),
+    *(("setting", name) for name in SETTING),
+)
+WIDTH = len(FIELDS)
+
+
+def slot(owner: str, name: str) -> int:
+    """Column of one number."""
+    return FIELDS.index((owner, name))
+
+
+def slots(effect: str) -> list[int]:
+    """Columns of an effect's parameters, in its own order."""
+    return [i for i, (owner, _) in enumerate(FIELDS) if owner == effect]
+
+
+def neutral_row() -> np.ndarray:
+    """(WIDTH,) a row without any effect; base gains are zero, settings those of 1 kHz."""
+    row = np.zeros(WIDTH)
+    for key, value in _SHAPES.items():
+        row[FIELDS.index(key)] = value
+    row[slot("setting", "sample_time")] = 1e-3
+    row[slot("setting", "clear")] = 1.0
+    row[slot("setting", "effort_limit")] = np.inf
+    return row

@@ -1,0 +1,34 @@
+"""The square root of the orifice equation, which k2 linearises: a loaded valve passes less."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from hqpipe.effects.effect import EFFORT, Effect, Parameter
+
+EFFECT = Effect(
+    name="orifice_flow",
+    layer="actuator",
+    stage="core",
+    parameters=(Parameter("effort_max_nm", "N·m", EFFORT, 0.0, 1.0, (0.05, 0.3), inverse=True),),
+    meaning="flow ∝ √(1 − sgn(u) τ/τ_max)",
+    source="eq. (1) of the paper; Merritt, Hydraulic Control Systems, 1967",
+    experiment="motion with and against a large load: squats, or weights on the gantry",
+    needs_effort=True,
+)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def orifice(opening: float, effort: float, inverse_limit: float, loss: float) -> float:
+    """Flow per opening, 1 for an unloaded valve at full supply.
+
+    Args:
+        opening: its sign decides which way the load acts.
+        effort: load torque.
+        inverse_limit: 1/τ_max.
+        loss: relative loss of supply pressure.
+    """
+    load = effort * inverse_limit
+    signed = load if opening > 0.0 else -load
+    return np.sqrt(max(1.0 - loss - signed, 0.0))

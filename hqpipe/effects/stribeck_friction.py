@@ -1,0 +1,30 @@
+"""Extra dry friction near zero speed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from hqpipe.effects.effect import EFFORT, POSITION, TORQUE, VELOCITY, Effect, Parameter
+
+EFFECT = Effect(
+    name="stribeck_friction",
+    layer="actuator",
+    stage="output",
+    parameters=(
+        Parameter("static_nm", "N·m", EFFORT, 0.0, 2.0, (0.1,)),
+        Parameter("velocity_rad_s", "rad/s", VELOCITY, 0.02, 1.0, (0.1, 0.4), counts=False),
+    ),
+    meaning="extra friction near zero speed",
+    source="Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30, 1994: Gaussian Stribeck curve",
+    experiment="very slow motion with many reversals",
+    modes=(POSITION, TORQUE),
+    effort_sources=("load_cell",),
+)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def stribeck(turned: float, speed: float, static: float, velocity: float) -> float:
+    """Extra friction torque at a direction of the friction and a joint speed."""
+    ratio = speed / velocity
+    return static * turned * np.exp(-ratio * ratio)

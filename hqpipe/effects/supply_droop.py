@@ -1,0 +1,28 @@
+"""The supply pressure sags with the flow that all joints take together, and recovers."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from hqpipe.effects.effect import SECOND, SLOWNESS, Effect, Parameter
+
+EFFECT = Effect(
+    name="supply_droop",
+    layer="actuator",
+    stage="core",
+    parameters=(
+        Parameter("droop", "s/rad", SLOWNESS, 0.0, 1.0, (0.05, 0.15)),
+        Parameter("recovery_s", "s", SECOND, 0.003, 5.0, (0.03, 0.3), counts=False),
+    ),
+    meaning="pump pressure sags with the total speed of all joints; relative loss per rad/s",
+    source="Merritt, Hydraulic Control Systems, 1967: supply with accumulator, first order",
+    experiment="all joints fast at the same time, then one joint alone",
+    machine=True,
+    least_joints=2,
+)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def sag(loss: float, demand: float, droop: float, share: float) -> float:
+    """Relative pressure loss after one sample under a total joint speed `demand`."""
+    return loss + share * (droop * demand - loss)

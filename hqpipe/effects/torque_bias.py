@@ -1,0 +1,16 @@
+"""The torque sensor has an offset."""
+
+from __future__ import annotations
+
+from hqpipe.effects.effect import EFFORT, POSITION, TORQUE, Effect, Parameter
+
+EFFECT = Effect(
+    name="torque_bias",
+    layer="sensing",
+    stage="output",
+    parameters=(Parameter("nm", "N·m", EFFORT, -2.0, 2.0, (0.1, -0.1)),),
+    meaning="the logged torque is offset",
+    source="zero drift of load cells and pressure transducers (data sheets)",
+    experiment="hang the leg freely in several poses and compare with its weight",
+    modes=(POSITION, TORQUE),
+)

@@ -1,0 +1,33 @@
+"""Columns of a row of an augmented actuator under short names, and the constants of its loops."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from hqpipe.effects.layout import BASE, SETTING, slot
+
+POSITION: Final = 0
+TORQUE: Final = 1
+VALVE: Final = 2
+CORE: Final = 0
+COMMAND: Final = 1
+ALL: Final = 2
+LEAST_PASSED: Final = 0.05  # of the inner torque that friction lets pass, however large its coefficient; assumption
+MODES: Final = {"position": POSITION, "torque": TORQUE, "valve": VALVE}
+
+K1, K2, K3, K4, NEUTRAL = (slot("base", name) for name in BASE)
+DT, MIDDLE, CLEAR, LIMIT = (slot("setting", name) for name in SETTING)
+DELAY, SKEW, BIAS = slot("command_delay", "delay_s"), slot("channel_skew", "skew_s"), slot("position_bias", "rad")
+KI, WINDUP = slot("integral_action", "ki"), slot("integral_action", "limit")
+LAG = slot("valve_lag", "time_constant_s")
+BAND, ROUNDING = slot("valve_deadband", "half_width"), slot("valve_deadband", "rounding")
+SATURATION = slot("flow_saturation", "limit")
+ASYMMETRY, DRIFT = slot("direction_asymmetry", "ratio"), slot("gain_drift", "rate_per_s")
+DROOP, RECOVERY = slot("supply_droop", "droop"), slot("supply_droop", "recovery_s")
+ORIFICE, SLOPE = slot("orifice_flow", "effort_max_nm"), slot("position_dependent_stiffness", "slope_per_rad")
+COMPLIANCE, GAP = slot("transmission_compliance", "stiffness_nm_per_rad"), slot("backlash", "gap")
+COULOMB, COULOMB_ASYMMETRY = slot("coulomb_friction", "friction_nm"), slot("coulomb_friction", "asymmetry_nm")
+PRESLIDING = slot("coulomb_friction", "presliding_rad")
+STATIC, STRIBECK = slot("stribeck_friction", "static_nm"), slot("stribeck_friction", "velocity_rad_s")
+VISCOUS, LOAD = slot("viscous_friction", "nm_s_per_rad"), slot("load_dependent_friction", "coefficient")
+OFFSET = slot("torque_bias", "nm")

@@ -1,0 +1,215 @@
+"""Levenberg-Marquardt fit of an augmented actuator to windows of a log, one compiled call per fit.
+
+Residuals are Huber-weighted. The Jacobian is by forward differences: every effect is a scalar function with
+kinks (dead zones, limits), whose one-sided slopes are what the step needs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from hqpipe.effects.layout import FIELDS
+from hqpipe.kernels.augmented_columns import ALL, COMMAND, CORE, K1, K2, K3, KI
+from hqpipe.kernels.augmented_signals import Signals, Work, make_work
+from hqpipe.kernels.augmented_windows import simulate
+
+STEP = 1e-4  # of a parameter's scale: above rounding, below curvature
+_MOTION = (
+    "channel_skew",
+    "supply_droop",
+    "coulomb_friction",
+    "stribeck_friction",
+    "viscous_friction",
+    "load_dependent_friction",
+)
+_COMMAND = (
+    "command_delay",
+    "position_bias",
+    "integral_action",
+    "valve_lag",
+    "valve_deadband",
+    "flow_saturation",
+    "direction_asymmetry",
+    "gain_drift",
+    "torque_bias",
+)
+CHANGES = np.array(
+    [ALL if owner in _MOTION else COMMAND if owner in _COMMAND or name == "neutral" else CORE for owner, name in FIELDS]
+)
+"""(WIDTH,) what a change of each column makes necessary, see `simulate`."""
+
+
+@njit(cache=True, nogil=True)
+def _cost(out: np.ndarray, target: np.ndarray, outlier: float, residual: np.ndarray, weight: np.ndarray) -> float:
+    """Huber loss; fills residual and square root of the weight, (steps · W,) each."""
+    total, i = 0.0, 0
+    for k in range(out.shape[0]):
+        for w in range(out.shape[1]):
+            r = out[k, w] - target[k + 1, w]
+            size = abs(r)
+            residual[i] = r
+            if size > outlier:
+                weight[i] = np.sqrt(outlier / size)
+                total += outlier * (2.0 * size - outlier)
+            else:
+                weight[i] = 1.0
+                total += r * r
+            i += 1
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _jacobian(
+    p: np.ndarray,
+    s: Signals,
+    work: Work,
+    base: np.ndarray,
+    trial: np.ndarray,
+    free: np.ndarray,
+    scale: np.ndarray,
+    upper: np.ndarray,
+    changes: np.ndarray,
+    weight: np.ndarray,
+    jacobian: np.ndarray,
+) -> None:
+    """Weighted derivatives of the output, (n, steps · W)."""
+    moved = p.copy()
+    stale = CORE
+    for i in range(free.shape[0]):
+        at = free[i]
+        h = STEP * scale[i]
+        if p[at] + h > upper[i]:
+            h = -h
+        moved[at] = p[at] + h
+        # What the integrator holds at the start hangs on the gains, so the command side does too.
+        level = max(changes[at], COMMAND) if p[KI] != 0.0 and at in (K1, K2, K3) else changes[at]
+        simulate(moved, s, work, trial, max(level, stale))
+        stale = level
+        moved[at] = p[at]
+        row = jacobian[i]
+        n = 0
+        for k in range(base.shape[0]):
+            for w in range(base.shape[1]):
+                row[n] = (trial[k, w] - base[k, w]) / h * weight[n]
+                n += 1
+
+
+@njit(cache=True, nogil=True)
+def _damped_step(
+    hessian: np.ndarray, gradient: np.ndarray, value: np.ndarray, lower: np.ndarray, upper: np.ndarray, damping: float
+) -> np.ndarray:
+    """Step of the free parameters; one that its gradient presses against a bound stays there."""
+    n = gradient.shape[0]
+    matrix, right = np.zeros((n, n)), np.zeros(n)
+    for i in range(n):
+        pressed = (value[i] <= lower[i] and gradient[i] > 0.0) or (value[i] >= upper[i] and gradient[i] < 0.0)
+        if pressed or hessian[i, i] <= 0.0:
+            matrix[i, i] = 1.0
+            continue
+        right[i] = -gradient[i]
+        for m in range(n):
+            matrix[i, m] = hessian[i, m]
+    for i in range(n):
+        if right[i] == 0.0 and matrix[i, i] == 1.0:
+            matrix[:, i] = 0.0
+            matrix[i, :] = 0.0
+            matrix[i, i] = 1.0
+        else:
+            matrix[i, i] *= 1.0 + damping
+    unit = np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-300))
+    for i in range(n):
+        right[i] /= unit[i]
+        for m in range(n):
+            matrix[i, m] /= unit[i] * unit[m]
+        matrix[i, i] += 1e-12
+    return np.linalg.solve(matrix, right) / unit
+
+
+@njit(cache=True, nogil=True)
+def fit_windows(
+    start: np.ndarray,
+    s: Signals,
+    free: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    scale: np.ndarray,
+    changes: np.ndarray,
+    outlier: float,
+    iterations: int,
+    tolerance: float,
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """Fit the free columns of a row.
+
+    Args:
+        start: (WIDTH,) row to begin with.
+        s: data.
+        free: (n,) columns to fit; lower, upper, scale: (n,) bounds and sizes.
+        changes: (WIDTH,) `CHANGES`.
+        outlier: residuals beyond count linearly, in the unit of the output.
+        iterations: at most.
+        tolerance: stop when the loss falls by less than this share.
+
+    Returns:
+        The row, the Huber loss per sample, and the Gauss-Newton matrix JᵀJ (n, n) at the row.
+    """
+    work = make_work(s)
+    out, trial = np.empty((s.steps, s.first.shape[0])), np.empty((s.steps, s.first.shape[0]))
+    size, n = out.size, free.shape[0]
+    residual, weight, following = np.empty(size), np.empty(size), np.empty(size)
+    jacobian = np.empty((n, size))
+    p = start.copy()
+    level = CORE
+    for i in range(n):
+        level = max(level, changes[free[i]])
+    simulate(p, s, work, out, ALL)
+    cost = _cost(out, s.target, outlier, residual, weight)
+    damping, hessian = 1e-3, np.zeros((n, n))
+    fresh = False
+    for _ in range(iterations):
+        if level > CORE:
+            simulate(p, s, work, out, level)  # the work arrays still hold the last step that was tried
+        _jacobian(p, s, work, out, trial, free, scale, upper, changes, weight, jacobian)
+        hessian = jacobian @ jacobian.T
+        gradient = jacobian @ (weight * residual)
+        if not np.isfinite(hessian).all() or not np.isfinite(gradient).all():
+            hessian[:] = 0.0  # a runaway start; its loss says so
+            fresh = True
+            break
+        fresh = True
+        fell = 0.0
+        for _ in range(8):
+            step = _damped_step(hessian, gradient, p[free], lower, upper, damping)
+            moved = p.copy()
+            for i in range(n):
+                moved[free[i]] = min(max(p[free[i]] + step[i], lower[i]), upper[i])
+            simulate(moved, s, work, trial, level)
+            next_cost = _cost(trial, s.target, outlier, following, weight)
+            if next_cost < cost:
+                fell = cost - next_cost
+                p, cost, fresh = moved, next_cost, False
+                out, trial = trial, out
+                residual, following = following, residual
+                damping = max(0.2 * damping, 1e-9)
+                break
+            damping *= 8.0
+        if fell <= tolerance * cost:
+            break
+    if not fresh:
+        cost = _cost(out, s.target, outlier, residual, weight)
+        simulate(p, s, work, out, ALL)
+        _jacobian(p, s, work, out, trial, free, scale, upper, changes, weight, jacobian)
+        hessian = jacobian @ jacobian.T
+    return p, cost / size, hessian
+
+
+@njit(cache=True, nogil=True)
+def residual_windows(p: np.ndarray, s: Signals) -> np.ndarray:
+    """(steps, W) predicted − logged output of every window."""
+    work = make_work(s)
+    out = np.empty((s.steps, s.first.shape[0]))
+    simulate(p, s, work, out, ALL)
+    for k in range(out.shape[0]):
+        for w in range(out.shape[1]):
+            out[k, w] -= s.target[k + 1, w]
+    return out

@@ -1,0 +1,87 @@
+"""One joint of a log for the compiled loops, and their scratch; windows lie side by side in memory."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+
+class Signals(NamedTuple):
+    """One joint over several trials, end to end; SI units, (T,) each unless stated.
+
+    Attributes:
+        mode: POSITION, TORQUE or VALVE.
+        command: rad, N·m or any scale, by mode.
+        position, velocity, effort: rad, rad/s, N·m.
+        rate: (T,) time derivative of the effort, N·m/s; only valve mode reads it.
+        time: s since the trial's start.
+        demand: Σ |q̇| over all joints, rad/s.
+        bounds: (trials + 1,) first sample of each trial, and the end.
+        first: (W,) first sample of each window.
+        steps: samples that a window predicts.
+        target: (steps + 1, W) logged output: effort, or in valve mode velocity.
+    """
+
+    mode: int
+    command: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+    rate: np.ndarray
+    time: np.ndarray
+    demand: np.ndarray
+    bounds: np.ndarray
+    first: np.ndarray
+    steps: int
+    target: np.ndarray
+
+
+class Work(NamedTuple):
+    """Scratch of one simulation: (steps + 1, W) each, then (T,) sequences and (W,) states; the last two are the
+    spool and the integrator of torque mode as the logged effort drives them, (T,)."""
+
+    opening: np.ndarray
+    velocity: np.ndarray
+    offset: np.ndarray
+    turned: np.ndarray
+    loss: np.ndarray
+    command: np.ndarray
+    sequence: np.ndarray
+    other: np.ndarray
+    spool: np.ndarray
+    integral: np.ndarray
+    state: np.ndarray
+    driven: np.ndarray
+    summed: np.ndarray
+
+
+@njit(cache=True, nogil=True)
+def make_work(signals: Signals) -> Work:
+    """Scratch for `signals`."""
+    rows, windows, samples = signals.steps + 1, signals.first.shape[0], signals.command.shape[0]
+    return Work(
+        np.empty((rows, windows)),
+        np.empty((rows, windows)),
+        np.empty((rows, windows)),
+        np.zeros((rows, windows)),
+        np.zeros((rows, windows)),
+        np.empty(samples),
+        np.empty(samples),
+        np.empty(samples),
+        np.empty(windows),
+        np.empty(windows),
+        np.empty(windows),
+        np.empty(samples),
+        np.empty(samples),
+    )
+
+
+@njit(cache=True, nogil=True)
+def lay_out(sequence: np.ndarray, first: np.ndarray, out: np.ndarray) -> None:
+    """Windows side by side: out[k, w] = sequence[first[w] + k]."""
+    for w in range(first.shape[0]):
+        at = first[w]
+        for k in range(out.shape[0]):
+            out[k, w] = sequence[at + k]

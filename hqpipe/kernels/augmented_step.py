@@ -1,0 +1,124 @@
+"""One sample of an actuator with effects, for a robot: what the training simulator steps.
+
+The chain and its scalar functions are those of `hqpipe.kernels.augmented_windows`; here the states that a log
+provides (past commands, spool, integrator, wound-up chain, sagging supply) live in a row of memory per joint.
+Position mode.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numba import njit
+
+from hqpipe.effects.backlash import transmitted, wound_up
+from hqpipe.effects.coulomb_friction import direction
+from hqpipe.effects.integral_action import integrate
+from hqpipe.effects.orifice_flow import orifice
+from hqpipe.effects.position_dependent_stiffness import stiffness
+from hqpipe.effects.supply_droop import sag
+from hqpipe.effects.transmission_compliance import softened
+from hqpipe.effects.valve_lag import follow, lag_share, mean_share
+from hqpipe.kernels.augmented_columns import (
+    BIAS,
+    CLEAR,
+    COMPLIANCE,
+    DELAY,
+    DROOP,
+    DT,
+    GAP,
+    K1,
+    K2,
+    K3,
+    K4,
+    KI,
+    LAG,
+    LIMIT,
+    MIDDLE,
+    ORIFICE,
+    PRESLIDING,
+    RECOVERY,
+    SLOPE,
+    WINDUP,
+)
+from hqpipe.kernels.augmented_windows import friction, shape_opening
+from hqpipe.kernels.laws import clip, impact
+
+SAMPLES, SPOOL, INTEGRAL, WOUND, LOSS, TURNED, RING = range(
+    7
+)  # columns of the memory; the ring of past commands is last
+RING_LENGTH: Final = 96  # samples: the longest delay of the library at 1 kHz, and some
+MEMORY: Final = RING + RING_LENGTH
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _past(memory: np.ndarray, now: int, lag: float) -> float:
+    """The command `lag` samples ago by linear interpolation; no older than the first."""
+    lag = min(max(lag, 0.0), min(float(now), RING_LENGTH - 2.0))
+    whole = int(lag)
+    part = lag - whole
+    newer = memory[RING + (now - whole) % RING_LENGTH]
+    older = memory[RING + (now - min(whole + 1, now)) % RING_LENGTH]
+    return newer + part * (older - newer)
+
+
+@njit(cache=True, nogil=True)
+def _wake(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: float, qd: float) -> None:
+    """States at the first sample, as if the joint had been held there."""
+    half = 0.5 * p[GAP] * p[K3] / p[DT]
+    inner = torque + friction(p, torque, qd, 0.0)
+    memory[WOUND] = wound_up(inner + half * np.sign(inner), inner, half, p[CLEAR]) if half > 0.0 else inner
+    error = q_des - q + p[BIAS]
+    memory[INTEGRAL] = 0.0
+    if p[KI] != 0.0:
+        limit = 1.0 / max(p[WINDUP], 1e-300)
+        held = (p[K2] * inner + p[K3] * qd) / max(p[K1], 1e-300) - error
+        memory[INTEGRAL] = min(max(held, -limit), limit)
+    memory[SPOOL] = error + memory[INTEGRAL]
+    memory[LOSS] = 0.0
+
+
+@njit(cache=True, nogil=True)
+def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: float, qd: float, demand: float) -> float:
+    """Torque of one joint after one sample, N·m."""
+    now = int(memory[SAMPLES])
+    memory[RING + now % RING_LENGTH] = q_des
+    if now == 0:
+        _wake(p, memory, torque, q_des, q, qd)
+    dt = p[DT]
+    error = _past(memory, now, p[DELAY] / dt) - q + p[BIAS]
+    driven = error + memory[INTEGRAL]
+    memory[INTEGRAL] = integrate(memory[INTEGRAL], error, p[KI], p[WINDUP], dt)
+    u = shape_opening(p, follow(memory[SPOOL], driven, mean_share(p[LAG], dt)), now * dt)
+    memory[SPOOL] = follow(memory[SPOOL], driven, lag_share(p[LAG], dt))
+    memory[LOSS] = sag(memory[LOSS], demand, p[DROOP], lag_share(p[RECOVERY], dt))
+    half = 0.5 * p[GAP] * p[K3] / dt
+    effort = transmitted(memory[WOUND], half)
+    change = p[K1] * u * orifice(u, effort, p[ORIFICE], memory[LOSS]) - p[K2] * effort - p[K3] * qd
+    change += p[K4] * impact(effort, u)
+    change *= softened(p[K3], p[COMPLIANCE], dt) * stiffness(p[SLOPE], q - p[MIDDLE])
+    memory[WOUND] = clip(memory[WOUND] + change, p[LIMIT])
+    memory[SAMPLES] = now + 1.0
+    inner = transmitted(memory[WOUND], half)
+    memory[TURNED] = direction(memory[TURNED], qd * dt, p[PRESLIDING])
+    return clip(inner - friction(p, inner, qd, memory[TURNED]), p[LIMIT])
+
+
+@njit(cache=True, nogil=True)
+def augmented_row(
+    parameters: np.ndarray, tau: np.ndarray, memory: np.ndarray, q_des: np.ndarray, q: np.ndarray, qd: np.ndarray
+) -> None:
+    """Advance the joints of one robot by one sample, in place.
+
+    Args:
+        parameters: (J, WIDTH), see hqpipe.effects.layout.
+        tau: (J,) joint torque, overwritten, N·m.
+        memory: (J, MEMORY) states; all zero before the first sample.
+        q_des, q, qd: (J,) rad, rad, rad/s.
+    """
+    demand = 0.0
+    for j in range(tau.shape[0]):
+        demand += abs(qd[j])
+    for j in range(tau.shape[0]):
+        tau[j] = _joint(parameters[j], memory[j], tau[j], q_des[j], q[j], qd[j], demand)

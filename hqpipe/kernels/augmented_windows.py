@@ -1,0 +1,350 @@
+"""An actuator with effects, driven by a log: free running in windows that restart from the logged output.
+
+The chain, in this order (names as in hqpipe.effects):
+
+    clock     channel_skew (all inputs), command_delay (command), position_bias → position error e
+    command   integral_action → valve_lag → valve_deadband → flow_saturation → direction_asymmetry → gain_drift → u
+    core      τ' = τ + S · (k1 φ u − k2 τ − k3 q̇ + k4 h(τ, u)),  φ = orifice_flow with supply_droop,
+              S = position_dependent_stiffness · transmission_compliance, torque passed on through backlash
+    output    friction in front of the load cell, torque_bias
+
+In position mode the command side hangs on logged signals only and is computed once for all windows; windows
+lie side by side in memory, so that the core runs over all of them at once. In torque mode e = τ_des − τ closes
+the loop inside the core. In valve mode the output is the speed k1 φ u − k2 τ, without a state of its own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from hqpipe.effects.backlash import transmitted, wound_up
+from hqpipe.effects.command_delay import delayed
+from hqpipe.effects.coulomb_friction import coulomb, direction
+from hqpipe.effects.direction_asymmetry import asymmetric
+from hqpipe.effects.flow_saturation import saturate
+from hqpipe.effects.gain_drift import drifted
+from hqpipe.effects.integral_action import integrate
+from hqpipe.effects.load_dependent_friction import load_friction
+from hqpipe.effects.orifice_flow import orifice
+from hqpipe.effects.position_dependent_stiffness import stiffness
+from hqpipe.effects.stribeck_friction import stribeck
+from hqpipe.effects.supply_droop import sag
+from hqpipe.effects.transmission_compliance import softened
+from hqpipe.effects.valve_deadband import deadband
+from hqpipe.effects.valve_lag import follow, lag_share, mean_share
+from hqpipe.effects.viscous_friction import viscous
+from hqpipe.kernels.augmented_columns import (
+    ALL,
+    ASYMMETRY,
+    BAND,
+    BIAS,
+    CLEAR,
+    COMMAND,
+    COMPLIANCE,
+    COULOMB,
+    COULOMB_ASYMMETRY,
+    DELAY,
+    DRIFT,
+    DROOP,
+    DT,
+    GAP,
+    K1,
+    K2,
+    K3,
+    K4,
+    KI,
+    LAG,
+    LEAST_PASSED,
+    LIMIT,
+    LOAD,
+    MIDDLE,
+    NEUTRAL,
+    OFFSET,
+    ORIFICE,
+    POSITION,
+    PRESLIDING,
+    RECOVERY,
+    ROUNDING,
+    SATURATION,
+    SKEW,
+    SLOPE,
+    STATIC,
+    STRIBECK,
+    TORQUE,
+    VALVE,
+    VISCOUS,
+    WINDUP,
+)
+from hqpipe.kernels.augmented_signals import Signals, Work, lay_out
+from hqpipe.kernels.laws import clip, impact
+
+
+@njit(cache=True, nogil=True, inline="always")
+def shape_opening(p: np.ndarray, opening: float, time: float) -> float:
+    """The command side from the spool on."""
+    opening = saturate(deadband(opening, p[BAND], p[ROUNDING]), p[SATURATION])
+    return drifted(asymmetric(opening, p[ASYMMETRY]), p[DRIFT], time)
+
+
+@njit(cache=True, nogil=True)
+def _command_side(p: np.ndarray, s: Signals, work: Work) -> None:
+    """Fill `opening`: u in position and valve mode; in torque mode the delayed command, and the states at the
+    start of each window as the logged effort drives them."""
+    dt, sequence = p[DT], work.command
+    share, mean = lag_share(p[LAG], dt), mean_share(p[LAG], dt)
+    prompt = p[SKEW] == 0.0 and p[DELAY] == 0.0
+    shaped = p[BAND] != 0.0 or p[SATURATION] != 0.0 or p[ASYMMETRY] != 0.0 or p[DRIFT] != 0.0
+    for trial in range(s.bounds.shape[0] - 1):
+        first, last = s.bounds[trial], s.bounds[trial + 1] - 1
+        integral, spool = 0.0, 0.0
+        if p[KI] != 0.0 and s.mode != VALVE:
+            integral = _held(p, s, first, min(first + s.steps, last) if s.mode == POSITION else last)
+        for k in range(first, last + 1):
+            at = k - p[SKEW] / dt
+            wanted = s.command[k] if prompt else delayed(s.command, first, last, at, p[DELAY] / dt)
+            if s.mode == POSITION:
+                here = s.position[k] if p[SKEW] == 0.0 else delayed(s.position, first, last, at, 0.0)
+                error = wanted - here + p[BIAS]
+            elif s.mode == TORQUE:
+                error = wanted - s.effort[k] + p[OFFSET]
+            else:
+                error = wanted - p[NEUTRAL]
+            driven = error + integral
+            spool = driven if k == first else spool
+            if s.mode == TORQUE:
+                sequence[k], work.driven[k], work.summed[k] = wanted, spool, integral
+            else:
+                opening = follow(spool, driven, mean)
+                sequence[k] = shape_opening(p, opening, s.time[k]) if shaped else opening
+            integral = integrate(integral, error, p[KI], p[WINDUP], dt)
+            spool = follow(spool, driven, share)
+    lay_out(work.command, s.first, work.opening)
+    if s.mode == TORQUE:
+        for w in range(s.first.shape[0]):
+            work.spool[w] = work.driven[s.first[w]]
+            work.integral[w] = work.summed[s.first[w]]
+
+
+@njit(cache=True, nogil=True)
+def _held(p: np.ndarray, s: Signals, first: int, last: int) -> float:
+    """What the integrator holds when a trial starts: what the torque of its first window (torque mode: of all) needs.
+
+    Logs begin in the middle of operation, so it is not zero. In torque mode the error of the logged torque is small beside
+    its noise, and a wrong start would last.
+    """
+    dt, limit = p[DT], 1.0 / max(p[WINDUP], 1e-300)
+    integral, drive = 0.0, 0.0
+    for k in range(first, last):
+        at = k - p[SKEW] / dt
+        here = delayed(s.position, first, last, at, 0.0) if s.mode == POSITION else s.effort[k]
+        error = delayed(s.command, first, last, at, p[DELAY] / dt) - here
+        error += p[BIAS] if s.mode == POSITION else p[OFFSET]
+        drive += p[K1] * (error + integral) - p[K2] * (s.effort[k] - p[OFFSET]) - p[K3] * s.velocity[k]
+        integral += p[KI] * dt * error
+    needed = s.effort[last] - s.effort[first] - drive
+    return min(max(needed / max(p[K1] * (last - first), 1e-300), -limit), limit)
+
+
+@njit(cache=True, nogil=True)
+def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
+    """Fill velocity and position as late as the torque is logged, the direction of friction, and supply loss."""
+    dt = p[DT]
+    late = p[SKEW] / dt
+    if late == 0.0:
+        lay_out(s.velocity, s.first, work.velocity)
+        lay_out(s.position, s.first, work.offset)
+    else:
+        for trial in range(s.bounds.shape[0] - 1):
+            first, last = s.bounds[trial], s.bounds[trial + 1] - 1
+            for k in range(first, last + 1):
+                work.sequence[k] = delayed(s.velocity, first, last, float(k), late)
+                work.other[k] = delayed(s.position, first, last, float(k), late)
+        lay_out(work.sequence, s.first, work.velocity)
+        lay_out(work.other, s.first, work.offset)
+    if rubs(p):
+        _turn(p, s, work)
+    if p[DROOP] == 0.0:
+        work.loss[:] = 0.0
+        return
+    share = lag_share(p[RECOVERY], dt)
+    for trial in range(s.bounds.shape[0] - 1):
+        loss = 0.0
+        for k in range(s.bounds[trial], s.bounds[trial + 1]):
+            loss = sag(loss, s.demand[k], p[DROOP], share)
+            work.sequence[k] = loss
+    lay_out(work.sequence, s.first, work.loss)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def rubs(p: np.ndarray) -> bool:
+    """Whether any friction is active."""
+    dry = p[COULOMB] != 0.0 or p[COULOMB_ASYMMETRY] != 0.0 or p[STATIC] != 0.0 or p[LOAD] != 0.0
+    return dry or p[VISCOUS] != 0.0
+
+
+@njit(cache=True, nogil=True, inline="always")
+def shapes(p: np.ndarray) -> bool:
+    """Whether the core differs from the base model's."""
+    return p[ORIFICE] != 0.0 or p[DROOP] != 0.0 or p[SLOPE] != 0.0 or p[GAP] != 0.0 or p[COMPLIANCE] != 0.0
+
+
+@njit(cache=True, nogil=True)
+def _turn(p: np.ndarray, s: Signals, work: Work) -> None:
+    """Direction of the friction, from the travel of the joint."""
+    late, dt = p[SKEW] / p[DT], p[DT]
+    for trial in range(s.bounds.shape[0] - 1):
+        first, last = s.bounds[trial], s.bounds[trial + 1] - 1
+        turned = 0.0
+        for k in range(first, last + 1):
+            work.sequence[k] = turned
+            turned = direction(turned, delayed(s.velocity, first, last, float(k), late) * dt, p[PRESLIDING])
+    lay_out(work.sequence, s.first, work.turned)
+
+
+@njit(cache=True, nogil=True)
+def friction(p: np.ndarray, effort: float, velocity: float, turned: float) -> float:
+    """Torque lost between hydraulics and load cell, N·m."""
+    lost = coulomb(turned, p[COULOMB], p[COULOMB_ASYMMETRY]) + viscous(velocity, p[VISCOUS])
+    if p[STATIC] != 0.0:
+        lost += stribeck(turned, velocity, p[STATIC], p[STRIBECK])
+    return lost + load_friction(turned, effort, p[LOAD])
+
+
+@njit(cache=True, nogil=True)
+def _restart(p: np.ndarray, s: Signals, work: Work) -> None:
+    """Inner torque at the start of each window from the logged one: the output side turned round."""
+    for w in range(s.first.shape[0]):
+        effort = s.target[0, w] - p[OFFSET]
+        turned = work.turned[0, w]
+        unloaded = effort + friction(p, 0.0, work.velocity[0, w], turned)
+        work.state[w] = unloaded / max(1.0 - p[LOAD] * turned * np.sign(unloaded), LEAST_PASSED)
+    half = 0.5 * p[GAP] * p[K3] / p[DT]
+    if half > 0.0:
+        _take_up(p, s, work, half)
+
+
+@njit(cache=True, nogil=True)
+def _take_up(p: np.ndarray, s: Signals, work: Work, half: float) -> None:
+    """Where the chain stands in its slack at the start of each window, followed along with the logged torque."""
+    clear, mean = p[CLEAR], mean_share(p[LAG], p[DT])
+    for trial in range(s.bounds.shape[0] - 1):
+        first, last = s.bounds[trial], s.bounds[trial + 1] - 1
+        wound = wound_up(0.0, s.effort[first], half, clear)
+        for k in range(first, last):
+            work.other[k] = wound
+            effort = transmitted(wound, half)
+            u = work.command[k]
+            if s.mode == TORQUE:
+                driven = u - s.effort[k] + p[OFFSET] + work.summed[k]
+                u = shape_opening(p, follow(work.driven[k], driven, mean), s.time[k])
+            change = p[K1] * u - p[K2] * effort - p[K3] * s.velocity[k] + p[K4] * impact(effort, u)
+            wound = wound_up(wound + change, s.effort[k + 1] - p[OFFSET], half, clear)
+        work.other[last] = wound
+    for w in range(s.first.shape[0]):
+        work.state[w] = wound_up(work.other[s.first[w]], work.state[w], half, clear)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz", "arcp", "reassoc"})
+def _plain(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
+    """Core and output without orifice, droop, stiffness, backlash and friction."""
+    k1, keep, k3, k4, limit, bias = p[K1], 1.0 - p[K2], p[K3], p[K4], p[LIMIT], p[OFFSET]
+    state = work.state
+    for k in range(s.steps):
+        opening, velocity, row = work.opening[k], work.velocity[k], out[k]
+        for w in range(state.shape[0]):
+            u, effort = opening[w], state[w]
+            following = clip(keep * effort + k1 * u - k3 * velocity[w] + k4 * impact(effort, u), limit)
+            state[w] = following
+            row[w] = following + bias
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "nsz", "arcp", "reassoc"})
+def _full(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
+    """Core with every effect; the friction of the output side follows in `_rub`."""
+    k1, k2, k3, k4, limit = p[K1], p[K2], p[K3], p[K4], p[LIMIT]
+    inverse, slope, half = p[ORIFICE], p[SLOPE], 0.5 * p[GAP] * p[K3] / p[DT]
+    soft, middle = softened(k3, p[COMPLIANCE], p[DT]), p[MIDDLE]
+    state = work.state
+    for k in range(s.steps):
+        opening, velocity, offset, loss, row = work.opening[k], work.velocity[k], work.offset[k], work.loss[k], out[k]
+        for w in range(state.shape[0]):
+            u = opening[w]
+            effort = transmitted(state[w], half)
+            change = k1 * u * orifice(u, effort, inverse, loss[w]) - k2 * effort - k3 * velocity[w]
+            change += k4 * impact(effort, u)
+            following = clip(state[w] + soft * stiffness(slope, offset[w] - middle) * change, limit)
+            state[w] = following
+            row[w] = transmitted(following, half)
+
+
+@njit(cache=True, nogil=True)
+def _rub(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
+    """Output side: friction and bias."""
+    rubbed = rubs(p)
+    for k in range(s.steps):
+        for w in range(out.shape[1]):
+            if rubbed:
+                out[k, w] -= friction(p, out[k, w], work.velocity[k + 1, w], work.turned[k + 1, w])
+            out[k, w] += p[OFFSET]
+
+
+@njit(cache=True, nogil=True)
+def _torque_loop(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
+    """Core of torque mode: the force loop closes over the model's own torque."""
+    k1, k2, k3, limit, dt = p[K1], p[K2], p[K3], p[LIMIT], p[DT]
+    half, soft = 0.5 * p[GAP] * k3 / dt, softened(k3, p[COMPLIANCE], dt)
+    share, mean = lag_share(p[LAG], dt), mean_share(p[LAG], dt)
+    for w in range(work.state.shape[0]):
+        state, spool, integral = work.state[w], work.spool[w], work.integral[w]
+        start = s.time[s.first[w]]
+        for k in range(s.steps):
+            effort = transmitted(state, half)
+            error = work.opening[k, w] - effort
+            driven = error + integral
+            integral = integrate(integral, error, p[KI], p[WINDUP], dt)
+            u = shape_opening(p, follow(spool, driven, mean), start + k * dt)
+            spool = follow(spool, driven, share)
+            change = k1 * u * orifice(u, effort, p[ORIFICE], work.loss[k, w]) - k2 * effort - k3 * work.velocity[k, w]
+            state = clip(state + soft * stiffness(p[SLOPE], work.offset[k, w] - p[MIDDLE]) * change, limit)
+            out[k, w] = transmitted(state, half)
+
+
+@njit(cache=True, nogil=True)
+def _speed(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
+    """Valve mode: the speed of a rate-controlled axis, less what leaks under load and what the transmission stretches."""
+    for w in range(out.shape[1]):
+        for k in range(s.steps):
+            at = s.first[w] + k
+            u = work.opening[k, w]
+            flow = p[K1] * u * orifice(u, s.effort[at], p[ORIFICE], work.loss[k, w])
+            out[k, w] = flow - p[K2] * s.effort[at] - p[COMPLIANCE] * s.rate[at]
+
+
+@njit(cache=True, nogil=True)
+def simulate(p: np.ndarray, s: Signals, work: Work, out: np.ndarray, inputs: int) -> None:
+    """Predict the logged output of all windows.
+
+    Args:
+        p: (WIDTH,) row of parameters, see hqpipe.effects.layout.
+        s, work: data and scratch.
+        out: (steps, W), overwritten; row k is the prediction of `target` row k + 1.
+        inputs: what to compute anew: CORE only, the command side too (COMMAND), or the motion as well (ALL).
+    """
+    if inputs >= COMMAND:
+        _command_side(p, s, work)
+    if inputs >= ALL:
+        _motion(p, s, work)
+    if s.mode == VALVE:
+        _speed(p, s, work, out)
+        return
+    _restart(p, s, work)
+    if s.mode == TORQUE:
+        _torque_loop(p, s, work, out)
+        _rub(p, s, work, out)
+        return
+    if rubs(p) or shapes(p):
+        _full(p, s, work, out)
+        _rub(p, s, work, out)
+    else:
+        _plain(p, s, work, out)

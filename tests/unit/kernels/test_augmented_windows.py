@@ -1,0 +1,184 @@
+"""Windows of an actuator with effects, against the plain kernel and against independent numpy data."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from augmented_rows import EXACT, STEPS, planted, row, signals_of, trial
+
+from hqpipe.effects import EFFECTS
+from hqpipe.effects.layout import NOT_IN_THE_LOOP, slot
+from hqpipe.gap.joint_data import LOGGED, cut
+from hqpipe.kernels.actuator_step import HYDRAULIC
+from hqpipe.kernels.augmented_columns import MODES
+from hqpipe.kernels.augmented_fit import residual_windows
+from hqpipe.kernels.augmented_signals import make_work
+from hqpipe.kernels.augmented_windows import simulate
+from hqpipe.kernels.free_run import free_run
+
+# What a window cannot know at its start (integrator), solves by two rounds (friction under load) or reads between
+# samples (skew) stays small against the torque of 300 N·m.
+LEFT = {"integral_action": 2.0, "load_dependent_friction": 1.0, "channel_skew": 0.1}
+IN_THE_LOOP = [name for name in EFFECTS if name not in NOT_IN_THE_LOOP]
+
+
+def rms(values):
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def predicted(p, signals, mode=None):
+    signals = signals if mode is None else signals._replace(mode=MODES[mode])
+    out = np.empty((signals.steps, len(signals.first)))
+    simulate(p, signals, make_work(signals), out, 2)
+    return out
+
+
+def test_row_without_effects_is_the_plain_model():
+    t = trial()
+    gains = np.array([[*planted.GAINS.values(), 1.0, 400.0]] * len(t.joints))
+    p = row({})
+    p[slot("setting", "effort_limit")] = 400.0
+    expected = free_run(HYDRAULIC, gains, t.effort, t.position_command, t.position, t.velocity, STEPS)
+    for j in (0, 3, len(t.joints) - 1):
+        signals = cut([t], j, "position", STEPS, speed=LOGGED).signals
+        at = signals.first[None, :] + np.arange(1, STEPS + 1)[:, None]
+        np.testing.assert_allclose(predicted(p, signals), expected[at, j], atol=EXACT)
+    assert np.abs(expected).max() == 400.0, "the limit must be reached"
+
+
+@pytest.mark.parametrize("effect", planted.TYPICAL)
+def test_its_own_row_predicts_independent_data(effect):
+    signals = signals_of(effect)
+    left = rms(residual_windows(row({effect: planted.TYPICAL[effect]}), signals))
+    base = rms(residual_windows(row({}), signals))
+    assert left < LEFT.get(effect, EXACT)
+    assert base > 5.0 and base > 20.0 * left
+
+
+def test_effects_together_predict_independent_data():
+    names = [name for name in planted.TYPICAL if name not in (*LEFT, "backlash")]
+    sizes = {name: dict(planted.TYPICAL[name]) for name in names}
+    sizes["flow_saturation"]["limit"] = 0.1
+    data = planted.trajectory(planted.simulate(4.0, [sizes, sizes], 0.0, 5, middle=0.1))
+    signals = cut([data], 0, "position", STEPS).signals
+    assert rms(residual_windows(row(sizes, middle=0.1), signals)) < EXACT
+    for name in names:
+        fewer = {key: value for key, value in sizes.items() if key != name}
+        assert rms(residual_windows(row(fewer, middle=0.1), signals)) > 0.5, name
+
+
+CHAIN = ("lag", "deadband", "saturation", "asymmetry", "drift")
+NAMES = {
+    "lag": "valve_lag",
+    "deadband": "valve_deadband",
+    "saturation": "flow_saturation",
+    "asymmetry": "direction_asymmetry",
+    "drift": "gain_drift",
+}
+
+
+@pytest.mark.parametrize("first,second", [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3), (2, 4)])
+def test_order_of_the_command_side(first, second):
+    pair = CHAIN[first], CHAIN[second]
+    sizes = {NAMES[name]: planted.TYPICAL[NAMES[name]] for name in pair}
+    left = {}
+    for order in (pair, pair[::-1]):
+        data = planted.trajectory(planted.simulate(2.0, [sizes], 0.0, 7, order=order))
+        left[order] = rms(residual_windows(row(sizes), cut([data], 0, "position", STEPS).signals))
+    assert left[pair] < EXACT
+    assert left[pair[::-1]] > 1.0
+
+
+def test_friction_lies_behind_backlash_and_bias_behind_friction():
+    sizes = {name: planted.TYPICAL[name] for name in ("backlash", "load_dependent_friction", "torque_bias")}
+    signals = cut([planted.trajectory(planted.simulate(3.0, [sizes], 0.0, 8))], 0, "position", STEPS).signals
+    assert rms(residual_windows(row(sizes), signals)) < 1.0
+    # Friction under load grows with the torque that was passed on, not with the one that was logged with an offset.
+    moved = {**sizes, "torque_bias": {"nm": 0.0}}
+    assert rms(residual_windows(row(moved), signals)) > 10.0
+
+
+def test_windows_do_not_depend_on_each_other():
+    effects = {name: values for name, values in planted.TYPICAL.items() if name != "supply_droop"}
+    effects["flow_saturation"] = {"limit": 0.1}
+    signals = signals_of(None)
+    p = row(effects)
+    every = predicted(p, signals)
+    kept = np.array([3, 11, 12, 30])
+    fewer = signals._replace(first=signals.first[kept], target=np.ascontiguousarray(signals.target[:, kept]))
+    np.testing.assert_allclose(predicted(p, fewer), every[:, kept], atol=1e-9)
+
+
+def test_trials_do_not_leak_into_each_other():
+    t = trial()
+    alone = predicted(row(planted.TYPICAL), cut([t], 0, "position", STEPS).signals)
+    both = predicted(row(planted.TYPICAL), cut([t, t], 0, "position", STEPS).signals)
+    half = alone.shape[1]
+    np.testing.assert_allclose(both[:, :half], alone, atol=1e-9)
+    np.testing.assert_allclose(both[:, half:], alone, atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def other_modes():
+    """Random but smooth channels with a torque and a valve command."""
+    rng = np.random.default_rng(4)
+    time = np.arange(2000) * 1e-3
+    waves = [
+        sum(np.sin(2 * np.pi * f * time + p) for f, p in zip(rng.uniform(1, 6, 4), rng.uniform(0, 6, 4), strict=True))
+        for _ in range(4)
+    ]
+    t = trial()
+    position = 0.2 * waves[0][:, None]
+    return replace(
+        t.section(0, 2000).for_joints(t.joints[:1]),
+        position=position,
+        velocity=np.gradient(position, 1e-3, axis=0),
+        effort=60.0 * waves[1][:, None],
+        effort_command=80.0 * waves[2][:, None],
+        valve_command=0.4 * waves[3][:, None] + 0.1,
+    )
+
+
+BASE = {
+    "position": {},
+    "torque": {"k1": 0.08, "k2": 0.0, "k3": 2.0, "k4": 0.0},
+    "valve": {"k1": 3.0, "k2": 0.0, "k3": 0.0, "k4": 0.0, "neutral": 0.1},
+}
+CASES = [(mode, name) for mode in MODES for name in IN_THE_LOOP if mode in EFFECTS[name].modes]
+COMPLIANCE = {"transmission_compliance": {"stiffness_nm_per_rad": 800.0}}
+SIZES = {
+    "position": planted.TYPICAL | COMPLIANCE,
+    "torque": planted.TYPICAL
+    | {"integral_action": {"ki": 2.0}, "valve_deadband": {"half_width": 20.0, "rounding": 0.2}}
+    | {"flow_saturation": {"limit": 60.0}},
+    "valve": planted.TYPICAL | COMPLIANCE,
+}
+
+
+@pytest.mark.parametrize("mode,effect", CASES)
+def test_every_effect_changes_the_output_of_its_modes(other_modes, mode, effect):
+    signals = cut([other_modes], 0, mode, STEPS).signals
+    size = {effect: SIZES[mode][effect]}
+    change = predicted(row(size, **BASE[mode]), signals) - predicted(row({}, **BASE[mode]), signals)
+    assert np.isfinite(change).all()
+    assert rms(change) > 1e-3 * rms(signals.target)
+
+
+def test_torque_mode_is_a_first_order_force_loop(other_modes):
+    signals = cut([other_modes], 0, "torque", STEPS).signals
+    found = predicted(row({}, **BASE["torque"]), signals)
+    for w, first in enumerate(signals.first):
+        torque = signals.effort[first]
+        for k in range(STEPS):
+            torque = torque + 0.08 * (signals.command[first + k] - torque) - 2.0 * signals.velocity[first + k]
+            assert found[k, w] == pytest.approx(torque, abs=EXACT)
+
+
+def test_valve_mode_is_a_gain_on_the_opening(other_modes):
+    signals = cut([other_modes], 0, "valve", STEPS).signals
+    at = signals.first[None, :] + np.arange(STEPS)[:, None]
+    expected = 3.0 * (signals.command[at] - 0.1)
+    np.testing.assert_allclose(predicted(row({}, **BASE["valve"]), signals), expected, atol=1e-2 * EXACT)
+    np.testing.assert_array_equal(signals.target[1:], signals.velocity[at])
