@@ -26,12 +26,14 @@ RIGID = 1e9  # N·m/rad, for a model that is infinitely stiff at rest: four orde
 def position_stiffness(actuator: ActuatorModel) -> np.ndarray:
     """(J,) static torque per position error, N·m/rad: kp of a PD law, k1 R² / k2 of eq. (7) at rest.
 
-    A model without leak (k2 = 0) is infinitely stiff at rest.
+    A model without leak (k2 = 0) is infinitely stiff at rest. Effects that a diagnosis added to eq. (7) are left out: what
+    the trot's compensation of the load misses by them is for the policy to correct.
     """
     if "kp" in actuator.FIELDS:
         return actuator.column("kp").copy()
+    radius = actuator.column("sprocket_radius") if "sprocket_radius" in actuator.FIELDS else 1.0  # gains of the joint
     with np.errstate(divide="ignore", invalid="ignore"):
-        return actuator.column("k1") * actuator.column("sprocket_radius") ** 2 / actuator.column("k2")
+        return actuator.column("k1") * radius**2 / actuator.column("k2")
 
 
 @dataclass(frozen=True)

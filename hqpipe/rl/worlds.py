@@ -13,6 +13,8 @@ from hqpipe.sim.world import BatchedWorld
 
 # Geometry and limits are known; the other columns of a parameter table are fitted or tuned, hence uncertain.
 _CERTAIN = ("sprocket_radius", "effort_limit")
+# Columns that switch an effect on or off: scaled, they would be no flags any more.
+_FLAG = "has_"
 
 
 def unmodelled_actuator(robot: RobotSpec, control_mode: str) -> ActuatorModel:
@@ -52,12 +54,18 @@ def evaluation_world(robot: RobotSpec, actuator: ActuatorModel, config: TrainCon
 def scattered_parameters(
     actuator: ActuatorModel, count: int, half_range: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """(count, J, P) coefficients, each scaled by its own factor within 1 ± half_range and kept within its bounds."""
+    """(count, J, P) coefficients, each scaled by its own factor within 1 ± half_range and kept within its bounds.
+
+    Geometry, limits, flags (``has_<effect>``) and every other certain column stay; a shared column has one factor per
+    robot.
+    """
     joints, fields = actuator.parameters.shape
     factor = rng.uniform(1.0 - half_range, 1.0 + half_range, size=(count, joints, fields))
-    for column, name in enumerate(actuator.FIELDS):
-        if name in _CERTAIN:
+    for column, (name, field) in enumerate(actuator.FIELDS.items()):
+        if field.certain or name in _CERTAIN or name.startswith(_FLAG):
             factor[..., column] = 1.0
+        elif field.shared:
+            factor[..., column] = factor[:, :1, column]
     lower = [field.lower for field in actuator.FIELDS.values()]
     upper = [field.upper for field in actuator.FIELDS.values()]
     return np.clip(actuator.parameters * factor, lower, upper)

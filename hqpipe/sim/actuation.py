@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.kernels.actuator_step import step_row
+from hqpipe.kernels.actuator_step import step_row, take_back
 
 
 @njit(cache=True, nogil=True)
@@ -17,24 +17,28 @@ def actuate_robot(
     q: np.ndarray,
     qd: np.ndarray,
     tau: np.ndarray,
+    memory: np.ndarray,
     mean_square: np.ndarray,
     clipped: np.ndarray,
     share: float,
 ) -> None:
-    """Torque of one robot from its present state; all arrays but `parameters` are (J,).
+    """Torque of one robot from its present state; all arrays but `parameters` and `memory` are (J,).
 
     Args:
         kind: see hqpipe.kernels.actuator_step.
         parameters: (J, P), with an infinite effort limit.
         limit: N·m, applied here.
         tau: torque, read and overwritten, N·m.
+        memory: (J, M) of the actuator model, read and overwritten.
         mean_square: grows by `share` times the square of the torque.
         clipped: grows to the largest excess of the demand over the limit.
     """
-    step_row(kind, parameters, tau, q_des, q, qd)
+    step_row(kind, parameters, tau, memory, q_des, q, qd)
     for j in range(tau.shape[0]):
-        clipped[j] = max(clipped[j], abs(tau[j]) - limit[j])
-        tau[j] = min(max(tau[j], -limit[j]), limit[j])
+        demand = tau[j]
+        clipped[j] = max(clipped[j], abs(demand) - limit[j])
+        tau[j] = min(max(demand, -limit[j]), limit[j])
+        take_back(kind, memory[j], demand - tau[j])
         mean_square[j] += share * tau[j] * tau[j]
 
 
@@ -47,10 +51,23 @@ def actuate_batch(
     q: np.ndarray,
     qd: np.ndarray,
     tau: np.ndarray,
+    memory: np.ndarray,
     mean_square: np.ndarray,
     clipped: np.ndarray,
     share: float,
 ) -> None:
-    """`actuate_robot` for every row: `parameters` (N, J, P), the other arrays (N, J)."""
+    """`actuate_robot` for every row: `parameters` (N, J, P), `memory` (N, J, M), the other arrays (N, J)."""
     for n in range(tau.shape[0]):
-        actuate_robot(kind, parameters[n], limit[n], q_des[n], q[n], qd[n], tau[n], mean_square[n], clipped[n], share)
+        actuate_robot(
+            kind,
+            parameters[n],
+            limit[n],
+            q_des[n],
+            q[n],
+            qd[n],
+            tau[n],
+            memory[n],
+            mean_square[n],
+            clipped[n],
+            share,
+        )

@@ -66,6 +66,7 @@ class Rows(NamedTuple):
     joint_position: np.ndarray
     joint_velocity: np.ndarray
     joint_effort: np.ndarray
+    actuator_memory: np.ndarray
     effort_mean_square: np.ndarray
     effort_clipped: np.ndarray
     foot_position: np.ndarray
@@ -107,6 +108,7 @@ def step_robots(
                 rows.joint_position[n],
                 rows.joint_velocity[n],
                 rows.joint_effort[n],
+                rows.actuator_memory[n],
                 rows.effort_mean_square[n],
                 rows.effort_clipped[n],
                 share,

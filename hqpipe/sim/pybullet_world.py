@@ -57,6 +57,7 @@ class PybulletWorld:
                 state.joint_position,
                 state.joint_velocity,
                 state.joint_effort,
+                state.actuator_memory,
                 state.effort_mean_square,
                 state.effort_clipped,
                 share,

@@ -13,7 +13,8 @@ ALIGNMENT = 64  # bytes, a cache line: no two arrays share one
 class WorldState:
     """What `BatchedWorld.step` and `reset` leave behind; read-only views, SI, world frame unless stated.
 
-    N environments, J joints and F feet, in the order of RobotSpec.joints and RobotSpec.feet.
+    N environments, J joints and F feet, in the order of RobotSpec.joints and RobotSpec.feet; M numbers that the actuator
+    model remembers of a joint.
 
     Attributes:
         base_position: (N, 3) origin of the base link, m.
@@ -22,6 +23,7 @@ class WorldState:
         base_angular_velocity: (N, 3) in the base frame, rad/s.
         joint_position, joint_velocity: (N, J) rad, rad/s.
         joint_effort: (N, J) torque applied during the last millisecond, N·m.
+        actuator_memory: (N, J, M) what the actuator model remembers besides the torque; zeros after a reset.
         effort_mean_square: (N, J) over the last policy step, N²·m².
         effort_clipped: (N, J) largest amount by which the actuator's demand exceeded the limit, N·m.
         foot_position, foot_velocity: (N, F, 3) origin of the foot links, m and m/s.
@@ -37,6 +39,7 @@ class WorldState:
     joint_position: np.ndarray
     joint_velocity: np.ndarray
     joint_effort: np.ndarray
+    actuator_memory: np.ndarray
     effort_mean_square: np.ndarray
     effort_clipped: np.ndarray
     foot_position: np.ndarray
@@ -78,16 +81,17 @@ class WorldArrays:
 
 @dataclass(frozen=True)
 class ArraySizes:
-    """Numbers that determine the memory layout: environments, joints, actuator parameters and feet."""
+    """Numbers that determine the memory layout: environments, joints, actuator parameters, feet and actuator memory."""
 
     envs: int
     joints: int
     parameters: int
     feet: int
+    memory: int
 
     def layout(self) -> dict[str, tuple[tuple[int, ...], type]]:
         """Name → shape and type of every array, in the order of memory."""
-        n, j, p, f = self.envs, self.joints, self.parameters, self.feet
+        n, j, p, f, m = self.envs, self.joints, self.parameters, self.feet, self.memory
         return {
             "base_position": ((n, 3), np.float64),
             "base_orientation": ((n, 4), np.float64),
@@ -96,6 +100,7 @@ class ArraySizes:
             "joint_position": ((n, j), np.float64),
             "joint_velocity": ((n, j), np.float64),
             "joint_effort": ((n, j), np.float64),
+            "actuator_memory": ((n, j, m), np.float64),
             "effort_mean_square": ((n, j), np.float64),
             "effort_clipped": ((n, j), np.float64),
             "foot_position": ((n, f, 3), np.float64),

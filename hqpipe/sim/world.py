@@ -58,7 +58,7 @@ class BatchedWorld:
         self._limit_column = list(actuator.FIELDS).index("effort_limit")
         variants = robot_variants(robot, randomisation, seed)
         setup = robot_setup(robot, kind=actuator.KIND, decimation=decimation, variants=variants)
-        sizes = ArraySizes(num_envs, len(robot.joints), len(actuator.FIELDS), len(robot.feet))
+        sizes = ArraySizes(num_envs, len(robot.joints), len(actuator.FIELDS), len(robot.feet), actuator.MEMORY)
         self._team = _make_team(engine, setup, sizes, workers)
         self._arrays = self._team.arrays
         self._open = True
@@ -70,7 +70,7 @@ class BatchedWorld:
         self._reset_to_nominal(everyone)
 
     def set_actuator_parameters(self, indices: np.ndarray, parameters: np.ndarray) -> None:
-        """Give some robots actuators of their own, e.g. randomised ones.
+        """Give some robots actuators of their own, e.g. randomised ones, without memory of what was before.
 
         Args:
             indices: (n,) environments.
@@ -85,6 +85,7 @@ class BatchedWorld:
         table[..., self._limit_column] = np.inf
         self._arrays.parameters[indices] = table
         self._arrays.effort_limit[indices] = limit
+        self._arrays.state.actuator_memory[indices] = 0.0
 
     def step(self, targets: np.ndarray) -> WorldState:
         """Hold joint position targets (N, J), rad, for one policy step; returns `state`."""
@@ -108,7 +109,7 @@ class BatchedWorld:
 
         Args:
             indices: (n,) environments; the other arrays have n rows.
-            joint_effort: torque at which the actuator model starts, N·m; zero if not given.
+            joint_effort: torque at which the actuator model starts, N·m; zero if not given. Its memory starts empty.
 
         Returns:
             `state`; contacts and foot forces of these robots read zero until the next step.
@@ -137,6 +138,7 @@ class BatchedWorld:
         checked["base_orientation"] = checked["base_orientation"] / length
         for name, value in checked.items():
             getattr(state, name)[indices] = value
+        state.actuator_memory[indices] = 0.0
         state.effort_mean_square[indices] = 0.0
         state.effort_clipped[indices] = 0.0
         self._arrays.reset_flag[indices] = True

@@ -61,5 +61,5 @@ def test_stiffness_at_rest_is_that_of_the_fixed_point():
 
     tau = np.zeros((1, 1))
     for _ in range(500):
-        model.step(tau, np.full((1, 1), 0.01), np.zeros((1, 1)), np.zeros((1, 1)), 1e-3)
+        model.step(tau, model.fresh_memory(1), np.full((1, 1), 0.01), np.zeros((1, 1)), np.zeros((1, 1)), 1e-3)
     assert tau[0, 0] / 0.01 == pytest.approx(position_stiffness(model)[0], rel=1e-6)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from hqpipe.actuators.base import ActuatorModel, ParameterField
 from hqpipe.rl import train as training
 from hqpipe.rl.config import from_mapping
 from hqpipe.rl.train import train
@@ -114,6 +115,28 @@ def test_scatter_keeps_geometry_and_bounds(actuator):
     kp, limit = relative[..., 0], relative[..., list(actuator.FIELDS).index("effort_limit")]
     assert kp.min() >= 0.8 and kp.max() <= 1.2 and kp.std() > 0.1
     assert (limit == 1.0).all()
+
+
+def test_scatter_knows_columns_by_name():
+    class Wide(ActuatorModel):
+        NAME, KIND = "wide", 0
+        FIELDS = {
+            "kp": ParameterField("N·m/rad"),
+            "middle": ParameterField("rad", lower=-np.inf, certain=True),
+            "kd": ParameterField("N·m·s/rad"),
+            "has_delay": ParameterField("1", upper=1.0),
+            "droop": ParameterField("s/rad", shared=True),
+            "effort_limit": ParameterField("N·m", may_be_infinite=True),
+        }
+
+    model = Wide.build(("a", "b"), kp=100.0, middle=-0.3, kd=5.0, has_delay=[1.0, 0.0], droop=0.1, effort_limit=np.inf)
+    table = scattered_parameters(model, 50, 0.2, np.random.default_rng(0))
+    kp, middle, kd, flag, droop, limit = np.moveaxis(table, -1, 0)
+    for scattered, centre in ((kp, 100.0), (kd, 5.0)):
+        assert (np.abs(scattered / centre - 1.0) <= 0.2).all() and len(np.unique(scattered)) == 100
+    assert (middle == -0.3).all() and (flag == [1.0, 0.0]).all() and np.isinf(limit).all()
+    np.testing.assert_array_equal(droop[:, 0], droop[:, 1])
+    assert len(np.unique(droop)) == 50
 
 
 def test_training_world_without_randomisation_has_exact_robots(robot, actuator, small):

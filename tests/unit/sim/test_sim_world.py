@@ -25,6 +25,7 @@ def test_a_new_world_stands_in_the_nominal_pose(engine, make_world, robot):
         "joint_position": (3, 12),
         "joint_velocity": (3, 12),
         "joint_effort": (3, 12),
+        "actuator_memory": (3, 12, 0),
         "effort_mean_square": (3, 12),
         "effort_clipped": (3, 12),
         "foot_position": (3, 4, 3),
