@@ -1,230 +1,221 @@
-"""Where the model misses the machine: the diagnosis of a log set, and its files."""
+"""The diagnosis of a log set: where the gap is, what causes it, how far it shrinks; and its files."""
 
 from __future__ import annotations
 
 import csv
 import json
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from hqpipe.actuators.augmented import SENSING, Augmented
+from hqpipe.actuators.base import ActuatorModel
+from hqpipe.actuators.files import save_actuator
+from hqpipe.effects.layout import neutral_row, slot, slots
 from hqpipe.errors import IdentificationError
-from hqpipe.gap.locate import Place, locate, telling
-from hqpipe.gap.noise import free_run_floor
-from hqpipe.gap.reference import Explained, explain
-from hqpipe.gap.replay import Replay, memory, persistence_error, replay
-from hqpipe.gap.schema import FORMAT, validate_diagnosis
-from hqpipe.gap.sensing import channel_warnings, model_warnings
+from hqpipe.gap.accuse import accuse
+from hqpipe.gap.answer import answer, not_identifiable
+from hqpipe.gap.confirm import confirmed
+from hqpipe.gap.joint_data import COMMAND_CHANNEL
+from hqpipe.gap.locate import Place, locate
+from hqpipe.gap.reference import explain
+from hqpipe.gap.row_model import RowModel
+from hqpipe.gap.sanity import check_logs
+from hqpipe.gap.schema import validate_diagnosis
+from hqpipe.gap.second_channel import measured, scale_causes, settle_offsets
+from hqpipe.gap.sensing import channel_warnings
+from hqpipe.gap.signs import SignedLogs, restore_efforts
 from hqpipe.gap.tally import tally
-from hqpipe.gap.verdict import Evidence, shortage, weigh
+from hqpipe.gap.traces import worst_windows
+from hqpipe.gap.verdict import shortage, weigh
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.trajectory import LogSet
-from hqpipe.sysid.free_run import WINDOW_S, Model
-from hqpipe.sysid.noise import noise_floor
+from hqpipe.sysid.free_run import WINDOW_S, window_samples
 
-LAYER = "actuator"
-FILE, TABLE = "diagnosis.json", "residuals.csv"
-NO_CANDIDATE = "no candidate effect was tried: the diagnosis says where the error is, not what causes it"
-_NEEDED = ("effort", "position_command")
-_MIN_SHARE = 0.01  # signals that explain less of the gap are not listed
+NOT_USED = ("velocity_mismatch",)  # defects of the velocity channel: the models run on the change of position
+FILE, TABLE, TRACES = "diagnosis.json", "residuals.csv", "traces.json"
+Progress = Callable[[float, float, str], None]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One joint in one regime, before and after; the trial "all" pools the held-out trials."""
+
+    trial: str
+    before: Place
+    after: Place | None
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The content of diagnosis.json, and the table behind it.
+    """The content of diagnosis.json, and what lies behind it.
 
     Attributes:
         content: JSON-able, valid against `hqpipe.gap.schema`.
-        table: (trial, place) rows; the trial "all" pools the held-out trials.
+        table: joint × regime.
+        traces: measured and predicted torque round the worst window of each joint.
+        base, augmented: the actuator model without and with the effects found; None outside position mode.
     """
 
     content: dict[str, Any]
-    table: tuple[tuple[str, Place], ...] = ()
+    table: tuple[Row, ...] = ()
+    traces: dict[str, Any] = field(default_factory=dict)
+    base: ActuatorModel | None = None
+    augmented: ActuatorModel | None = None
 
     @property
     def verdict(self) -> str:
         return self.content["verdict"]
 
 
-def diagnose(log_set: LogSet, model: Model | None, *, window_s: float = WINDOW_S) -> Diagnosis:
-    """Say whether the error on the held-out trials exceeds the noise, where it is and what it depends on.
+def diagnose(
+    log_set: LogSet,
+    *,
+    window_s: float = WINDOW_S,
+    without: Sequence[str] = (),
+    effort_limit: np.ndarray | None = None,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Say whether the error on the held-out trials exceeds the noise, where it is and what causes it.
 
     Args:
         log_set: fit and held-out trials of one machine.
-        model: the actuator model fitted to the fit trials; None if the logs cannot carry one.
         window_s: length of the free-running windows, s.
+        without: effects left out of the library.
+        effort_limit: (J,) N·m at which the actuator saturates; None for no limit.
+        workers: joints searched at a time; the answer does not depend on it.
+        progress: called with (done, total, text).
 
     Raises:
         IdentificationError: no layer can be evaluated.
     """
+    mode = log_set.control_mode
     trials = [trial.trajectory for trial in log_set.trials]
-    lacking = [name for name in _NEEDED if getattr(trials[0], name) is None]
-    if "effort" in lacking:
+    if trials[0].effort is None and mode != "valve":
         raise IdentificationError(
             f"{log_set.path}: no layer can be evaluated without '{joint_column('<name>', 'effort')}'; "
-            "record the joint torque (for the actuator layer with the position command)"
+            "record the joint torque (for the actuator layer with the command of its control mode)"
         )
     warnings = [*log_set.warnings, *channel_warnings(trials)]
-    if lacking or model is None:
-        missing = " and ".join(joint_column("<name>", name) for name in lacking) or "a fitted actuator model"
-        reason = f"the actuator layer needs {missing}: only the sensing layer was evaluated"
-        return Diagnosis(_not_identifiable(log_set, [*warnings, reason], "record the missing channels"))
-    return _actuator(log_set, model, window_s, warnings)
+    lacking = [COMMAND_CHANNEL[mode]] if mode and getattr(trials[0], COMMAND_CHANNEL[mode]) is None else []
+    if mode is None or lacking:
+        column = joint_column("<name>", lacking[0] if lacking else "position_command")
+        reason = f"the actuator layer needs {column}: only the sensing layer was evaluated"
+        return Diagnosis(not_identifiable(log_set, [*warnings, reason], "record the missing channel"))
+    signed = restore_efforts(log_set, without)
+    log_set = signed.log_set
+    defects = check_logs(log_set, window_s=window_s)
+    steps = window_samples(float(np.median([t.dt for t in trials])), window_s)
+    fatal = [d.message for d in defects if d.fatal and d.kind not in NOT_USED and confirmed(d, log_set, steps)]
+    warnings += [d.message for d in defects if d.message not in fatal]
+    if fatal:
+        return Diagnosis(not_identifiable(log_set, [*fatal, *warnings], "mend the logs, then diagnose them again"))
+    return _actuator(log_set, signed, window_s, without, effort_limit, workers, progress, warnings)
 
 
-def _actuator(log_set: LogSet, model: Model, window_s: float, warnings: list[str]) -> Diagnosis:
-    fit = [replay(trial, model, window_s) for trial in log_set.fit]
-    heldout = [replay(trial, model, window_s) for trial in log_set.heldout]
-    sensor = np.array([noise_floor(log_set.heldout or log_set.fit, j).value for j in log_set.joints]) ** 2
-    reasons, excited = shortage(fit, heldout, sensor)
+def _actuator(
+    log_set: LogSet,
+    signed: SignedLogs,
+    window_s: float,
+    without: Sequence[str],
+    effort_limit: np.ndarray | None,
+    workers: int,
+    progress: Progress | None,
+    warnings: list[str],
+) -> Diagnosis:
+    steps = window_samples(float(np.median([t.trajectory.dt for t in log_set.trials])), window_s)
+    short = [t.file for t in log_set.trials if t.trajectory.samples <= steps]
+    log_set = replace(log_set, trials=tuple(t for t in log_set.trials if t.file not in short))
+    warnings = [*warnings, *(f"{name}: shorter than one window, left out" for name in short)]
+    if not log_set.fit or not log_set.heldout:
+        advice = "record longer trials in which every joint moves, one of them held out"
+        return Diagnosis(not_identifiable(log_set, [*warnings, "no fit or no held-out trial holds a window"], advice))
+    found = accuse(log_set, steps, without, signed, effort_limit, workers, progress)
+    checked = measured(log_set, without)
+    compared = log_set.trials[0].trajectory.pressure_a is not None
+    found = replace(found, causes=settle_offsets(found.causes, checked, compared))
+    sensor = np.array([state.data.noise for state in found.states]) ** 2
+    reasons, excited = shortage(found.fit, found.heldout, sensor)
     if reasons:
         advice = "record longer trials in which every joint moves, one of them held out"
-        return Diagnosis(_not_identifiable(log_set, [*warnings, *reasons], advice))
-    fit, heldout = [r for r in fit if r.windows], [r for r in heldout if r.windows]
-    warnings = [*warnings, *model_warnings(heldout)]
-    kept = np.mean([memory(item, model) for item in heldout], axis=0)
-    pole = np.mean([memory(item, model) for item in fit], axis=0)[0]
-    explained = [explain(fit, heldout, j, pole[j]) for j in range(len(log_set.joints))]
-    sums = tally(heldout)
-    evidence = weigh(sums, free_run_floor(heldout, sensor, kept), explained)
-    places = locate(sums, evidence.floor, log_set.joints)
-    table = [("all", place) for place in places]
-    for index, item in enumerate(heldout):
-        table += [(item.file, p) for p in locate(sums.of_trial(index), evidence.floor, log_set.joints)]
-    content = _content(log_set, window_s, heldout, evidence, explained, places)
-    still = [joint for joint, moved in zip(log_set.joints, excited, strict=True) if not moved]
+        return Diagnosis(not_identifiable(log_set, [*warnings, *reasons], advice))
+    joints = log_set.joints
+    memory_before, memory_after = found.before.memory, found.after.memory
+    explained = [explain(found.fit, found.heldout, j, memory_before[j]) for j in range(len(joints))]
+    left = [explain(found.after_fit, found.after_heldout, j, memory_after[j]) for j in range(len(joints))]
+    sums, sums_after = tally(found.heldout), tally(found.after_heldout)
+    evidence = weigh(sums, found.floor, explained)
+    evidence_after = weigh(sums_after, np.minimum(found.floor, evidence.floor), left)
+    places = locate(sums, evidence.floor, joints)
+    places_after = locate(sums_after, evidence_after.floor, joints)
+    still = [joint for joint, moved in zip(joints, excited, strict=True) if not moved]
     if still:
         warnings.append(f"too little excitation to judge {', '.join(still)}")
-    content["warnings"] = [*warnings, *_remarks(log_set.joints, evidence, content["gap"]), NO_CANDIDATE]
-    validate_diagnosis(content)
-    return Diagnosis(content, tuple(table))
+    content = answer(
+        log_set,
+        signed,
+        window_s,
+        found,
+        scale_causes(checked, joints),
+        (evidence, evidence_after),
+        (explained, left),
+        (places, places_after),
+        warnings,
+    )
+    table = _table(sums, sums_after, evidence, evidence_after, found, joints, places, places_after)
+    traces = worst_windows(found.heldout, found.after_heldout, log_set, content["gap"]["unit"])
+    return Diagnosis(content, tuple(table), traces, _actuator_model(found.before), _actuator_model(found.after))
 
 
-def _content(
-    log_set: LogSet,
-    window_s: float,
-    heldout: list[Replay],
-    evidence: Evidence,
-    explained: list[Explained],
-    places: list[Place],
-) -> dict[str, Any]:
-    unknown = bool(evidence.gap.any())
-    error = _rms(evidence.error)
-    where = [
-        {"layer": LAYER, "joint": p.joint, "regime": p.regime, "share": _short(p.share)}
-        for p in (telling(places) if unknown else [])
-    ]
-    gap = {
-        "layer": LAYER,
-        "metric": "free_run_rmse",
-        "unit": "N·m",
-        "window_s": window_s,
-        "before": error,
-        "after": error,
-        "noise_floor": _rms(evidence.floor),
-        "persistence": _rms(persistence_error(heldout)),
-        "shrink": 0.0,
-        "shrink_ci95": [0.0, 0.0],
-    }
-    return _head(log_set, "unknown" if unknown else "no_gap") | {
-        "gap": gap,
-        "where": where,
-        "causes": [],
-        "effects_considered": [],
-        "unexplained": {
-            "share_of_gap": 1.0 if unknown else 0.0,
-            "above_noise": unknown,
-            "where": where,
-            "depends_on": _depends_on(log_set.joints, evidence, explained),
-        },
-        "next_experiment": None,
-    }
+def _table(sums, sums_after, evidence, evidence_after, found, joints, places, places_after) -> list[Row]:
+    table = _paired("all", places, places_after)
+    for index, item in enumerate(found.heldout):
+        first = locate(sums.of_trial(index), evidence.floor, joints)
+        second = locate(sums_after.of_trial(index), evidence_after.floor, joints)
+        table += _paired(item.file, first, second)
+    return table
 
 
-def _depends_on(joints: tuple[str, ...], evidence: Evidence, explained: list[Explained]) -> list[dict[str, Any]]:
-    """Signals by the share of the gap that they explain, pooled over the joints where it is predictable."""
-    clear = evidence.gap & evidence.predictable
-    total = np.sum((evidence.error - evidence.floor)[evidence.gap])
-    found: dict[str, dict[str, float]] = {}
-    for j in np.flatnonzero(clear):
-        for signal, drop in explained[j].signals.items():
-            if drop > _MIN_SHARE * (evidence.error[j] - evidence.floor[j]):
-                found.setdefault(signal, {})[joints[j]] = drop
-    rows = [
-        {"signal": name, "joints": list(drops), "share": _short(min(1.0, sum(drops.values()) / total))}
-        for name, drops in found.items()
-    ]
-    return sorted(rows, key=lambda row: -row["share"])
+def _paired(trial: str, before: list[Place], after: list[Place]) -> list[Row]:
+    known = {(p.joint, p.family, p.regime): p for p in after}
+    return [Row(trial, p, known.get((p.joint, p.family, p.regime))) for p in before]
 
 
-def _remarks(joints: tuple[str, ...], evidence: Evidence, gap: dict[str, Any]) -> list[str]:
-    """What the numbers alone do not say."""
-    found = []
-    if gap["before"] > gap["persistence"]:
-        found.append(
-            f"the model ({gap['before']:.4g} N·m) is worse than holding the torque of the window start "
-            f"({gap['persistence']:.4g} N·m)"
-        )
-    if evidence.gap.any():
-        share = np.sum(np.maximum(evidence.explained, 0.0) * evidence.error) / np.sum(evidence.error)
-        found.append(f"a flexible reference model explains {share:.0%} of the squared held-out error")
-    if (outer := evidence.above & ~evidence.predictable).any():
-        names = ", ".join(np.array(joints)[outer])
-        found.append(
-            f"{names}: no logged signal predicts the error above the noise floor: coloured noise, an outer "
-            "cause, or held-out trials unlike the fit trials"
-        )
-    return found
-
-
-def _not_identifiable(log_set: LogSet, warnings: list[str], advice: str) -> dict[str, Any]:
-    content = _head(log_set, "not_identifiable") | {
-        "gap": None,
-        "where": [],
-        "causes": [],
-        "effects_considered": [],
-        "unexplained": {"share_of_gap": None, "above_noise": False, "where": [], "depends_on": []},
-        "next_experiment": advice,
-        "warnings": [*warnings, NO_CANDIDATE],
-    }
-    validate_diagnosis(content)
-    return content
-
-
-def _head(log_set: LogSet, verdict: str) -> dict[str, Any]:
-    logs = {
-        "path": str(log_set.path),
-        "sha256": log_set.sha256,
-        "trials": len(log_set.trials),
-        "joints": list(log_set.joints),
-        "control_mode": log_set.control_mode,
-    }
-    return {"format": FORMAT, "verdict": verdict, "logs": logs}
-
-
-def _rms(mean_square: np.ndarray) -> float:
-    return _short(float(np.sqrt(np.mean(mean_square))))
-
-
-def _short(value: float) -> float:
-    return float(f"{value:.6g}")
+def _actuator_model(model: RowModel) -> ActuatorModel | None:
+    """The actuator for the training simulator: what the sensors add is no part of it."""
+    if model.mode != "position":
+        return None
+    rows, neutral = model.rows.copy(), neutral_row()
+    for name in SENSING:
+        rows[:, slots(name)] = neutral[slots(name)]
+    return Augmented(model.joints, rows, float(rows[0, slot("setting", "sample_time")]))
 
 
 def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> None:
-    """Write diagnosis.json and residuals.csv; the same diagnosis gives the same bytes."""
+    """Write diagnosis.json, residuals.csv, traces.json and actuator.json; equal diagnoses give equal bytes."""
     folder.mkdir(parents=True, exist_ok=True)
     validate_diagnosis(diagnosis.content)
-    text = json.dumps(diagnosis.content, indent=2, ensure_ascii=False, allow_nan=False)
-    (folder / FILE).write_text(text + "\n", encoding="utf-8")
+    _write_json(folder / FILE, diagnosis.content, indent=2)
+    if diagnosis.traces:
+        _write_json(folder / TRACES, diagnosis.traces)
+    if diagnosis.augmented is not None:
+        save_actuator(diagnosis.augmented, folder)
     columns = ("joint", "family", "regime", "samples", "rmse", "share", "share_low", "share_high")
     with (folder / TABLE).open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(["trial", "joint", "family", "regime", "n", *columns[4:]])
-        for trial, place in diagnosis.table:
-            row = asdict(place)
-            writer.writerow([trial, *(_cell(row[name]) for name in columns)])
+        writer.writerow(["trial", "joint", "family", "regime", "n", *columns[4:], "rmse_after", "share_after"])
+        for row in diagnosis.table:
+            values = asdict(row.before)
+            later = [row.after.rmse, row.after.share] if row.after else ["", ""]
+            writer.writerow([row.trial, *(_cell(values[name]) for name in columns), *(_cell(v) for v in later)])
+
+
+def _write_json(path: Path, content: Any, indent: int | None = None) -> None:
+    path.write_text(json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _cell(value: Any) -> Any:

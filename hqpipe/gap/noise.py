@@ -72,6 +72,11 @@ def separate(replays: Sequence[Replay], bound: np.ndarray, pole: np.ndarray) -> 
     falling = [np.ones_like(relative), relative**-2.0, relative**-4.0]
     sensor, drive = np.empty((2, len(pole)))
     for j, a in enumerate(pole):
+        if a == 0.0:  # nothing is remembered: white noise of a speed, or that of the positions between which it lies
+            stepped = np.abs(1.0 - np.exp(-2j * np.pi * frequency)) ** 2
+            white, between = _fit([falling[0], stepped, *falling[1:]], power[:, j])[:2]
+            sensor[j], drive[j] = min(white + 2.0 * between, bound[j]), 0.0
+            continue
         twice = np.abs(1.0 - a * np.exp(-2j * np.pi * frequency)) ** 2
         sensor[j], drive[j] = _fit([twice, *falling], power[:, j])[:2]
         if sensor[j] > bound[j]:

@@ -19,7 +19,7 @@ from hqpipe.gap.signals import joint_signals, spread
 
 RIDGE = 1e-4  # of the mean diagonal: enough against collinear shapes, too little to bias
 FOLDS = 4
-MAX_ROWS = 20_000  # per joint and split: more rows of a correlated residual add nothing
+MAX_ROWS = 8_000  # per joint and split: more rows of a correlated residual add nothing
 MIN_GAIN = 0.002  # of the squared residual in cross-validation, for a signal to be taken in
 DIRECT = (
     "torque",

@@ -90,6 +90,15 @@ CAUSE = {
     "shrink_ci95": INTERVAL,
     "confused_with": TEXTS,
 }
+CONSIDERED = {
+    "effect": TEXT,
+    "layer": _one_of(*LAYERS),
+    "joints": TEXTS,
+    "scope": _one_of(*SCOPES),
+    "score": NUMBER,
+    "shrink": AT_MOST_ONE,
+    "reason": TEXT,
+}
 DIAGNOSIS = {
     "format": _one_of(FORMAT),
     "verdict": _one_of(*VERDICTS),
@@ -104,7 +113,7 @@ DIAGNOSIS = {
     "gaps": Maybe([GAP], absent=True),
     "where": [PLACE],
     "causes": [CAUSE],
-    "effects_considered": [{"effect": TEXT, "layer": _one_of(*LAYERS), "joints": TEXTS, "score": NUMBER}],
+    "effects_considered": [CONSIDERED],
     "unexplained": {
         "share_of_gap": SHARE_OR_NULL,
         "above_noise": TRUTH,

@@ -6,43 +6,86 @@ the checks that compare channels in time.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from hqpipe.gap.replay import Replay
 from hqpipe.logs.columns import joint_column
+from hqpipe.logs.differentiate import differentiate
 from hqpipe.logs.trajectory import Trajectory
 
 LARGEST_SKEW_S = 0.02
 MIN_DROP = 0.2  # assumption: shifting must remove a fifth of the squared error before it is reported
-MODEL_DROP = 0.7  # of a model's error, because a wrong gain is also a little better shifted
 MIN_FIT = 0.8  # of the torque's variance: a joint that moves with others follows no inertia of its own
 MIN_SKEW_SAMPLES = 0.5
 MAX_ROWS = 10_000  # per trial: enough for a lag
 MIN_LEVELS = 100  # assumption: fewer levels within ±2 standard deviations show in a fit
+LATE_COST = 0.04  # of the velocity's variance (20 % of its size): a smaller lag harms no model; assumption
+AGREEING = 0.6  # share of the parts that must show a lag; assumption
+PARTS = 8  # of a trial, of which the scatter of a lag is taken
+
+
+@dataclass(frozen=True)
+class Lag:
+    """How much later one channel of a joint comes than another that it must agree with.
+
+    Attributes:
+        channel, behind: names in the log format. joint: its name.
+        lag_s: s, positive if `channel` is late. error_s: standard error, from the scatter of parts of the log.
+        cost: share of the channel's variance that the lag costs.
+    """
+
+    channel: str
+    behind: str
+    joint: str
+    lag_s: float
+    error_s: float
+    cost: float
+
+
+def lags(trajectories: list[Trajectory]) -> list[Lag]:
+    """Velocity behind position, to a fraction of a sample, for every joint where a lag stands out.
+
+    Effort behind the pressures is in `hqpipe.gap.cross_check`. A low-pass on the velocity is a lag, too.
+    """
+    found: list[Lag] = []
+    if trajectories[0].velocity_source != "measured":
+        return found
+    slopes = [differentiate(t.position, t.dt) for t in trajectories]
+    dt = trajectories[0].dt
+    for j, joint in enumerate(trajectories[0].joints):
+        pairs = [(x[:, [j]], t.velocity[:, j]) for x, t in zip(slopes, trajectories, strict=True)]
+        lag = skew(pairs, dt)
+        if lag is None:
+            continue
+        parts = [skew([(x[rows], y[rows])], dt) for x, y in pairs for rows in np.array_split(np.arange(len(y)), PARTS)]
+        known = [part for part in parts if part is not None]
+        if len(known) > 1:
+            error = float(np.std(known, ddof=1) / np.sqrt(len(known)))
+            found.append(Lag("velocity", "position", joint, lag, error, _cost(pairs, lag, dt)))
+    return found
+
+
+def _cost(pairs: list[tuple[np.ndarray, np.ndarray]], lag: float, dt: float) -> float:
+    """(lag × rate of change)² over the variance: what a shift by `lag` takes from the agreement."""
+    change = sum(float(np.sum(np.gradient(x[:, 0], dt) ** 2)) for x, _ in pairs)
+    energy = sum(float(np.sum((x[:, 0] - x[:, 0].mean()) ** 2)) for x, _ in pairs)
+    return lag**2 * change / max(energy, np.finfo(float).tiny)
 
 
 def channel_warnings(trajectories: list[Trajectory]) -> list[str]:
-    """Torque that lags the motion, and coarse channels, over all trials."""
+    """Torque that lags the motion, velocity that lags the position, and coarse channels, over all trials."""
     late = {}
     for j, joint in enumerate(trajectories[0].joints):
         if trajectories[0].effort is not None:
-            found = skew([(_inertia(t, j), t.effort[:, j]) for t in trajectories], trajectories[0].dt, min_fit=MIN_FIT)
-            if found is not None:
+            pairs = [(_inertia(t, j), t.effort[:, j]) for t in trajectories]
+            found = skew(pairs, trajectories[0].dt, min_fit=MIN_FIT)
+            if found is not None and _throughout(pairs, trajectories[0].dt, found):
                 late[joint] = found
     text = f"torque against the inertial load it moves: later by {_listed(late)}; the channels may be skewed"
-    return ([text] if late else []) + _coarse(trajectories)
-
-
-def model_warnings(replays: list[Replay]) -> list[str]:
-    """Torque that is measured later than the model predicts it, for joints where that is clear."""
-    late = {}
-    for j, joint in enumerate(replays[0].trajectory.joints):
-        pairs = [(r.predicted[:, [j]], r.trajectory.effort[:, j]) for r in replays]
-        found = skew(pairs, replays[0].trajectory.dt, min_drop=MODEL_DROP)
-        if found is not None and found > 0:
-            late[joint] = found
-    text = f"torque against the model's: later by {_listed(late)}; a command delay or a skewed channel"
-    return [text] if late else []
+    behind = {entry.joint: entry.lag_s for entry in lags(trajectories) if entry.cost > LATE_COST}
+    slow = f"velocity against the derivative of the position: later by {_listed(behind)}; a low-pass filter or skewed"
+    return ([text] if late else []) + ([slow] if behind else []) + _coarse(trajectories)
 
 
 def skew(
@@ -82,9 +125,16 @@ def skew(
     return float(lag * dt) if abs(lag) >= MIN_SKEW_SAMPLES else None
 
 
+def _throughout(pairs: list[tuple[np.ndarray, np.ndarray]], dt: float, lag: float) -> bool:
+    """Whether most parts of the log show the lag by themselves, to a sample or a quarter of it."""
+    parts = [skew([(x[rows], y[rows])], dt) for x, y in pairs for rows in np.array_split(np.arange(len(y)), PARTS)]
+    near = [part is not None and abs(part - lag) < max(dt, 0.25 * abs(lag)) for part in parts]
+    return float(np.mean(near)) > AGREEING
+
+
 def _inertia(t: Trajectory, j: int) -> np.ndarray:
     """What the torque of a single joint works against: inertia, damping, dry friction, stiffness; (T, 4)."""
-    velocity = t.velocity[:, j]
+    velocity = differentiate(t.position[:, [j]], t.dt)[:, 0]  # the recorded one may be late itself
     sign = np.tanh(velocity / (0.05 * velocity.std() + 1e-300))
     return np.column_stack([np.gradient(velocity, t.dt), velocity, sign, t.position[:, j]])
 

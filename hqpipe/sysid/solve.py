@@ -38,6 +38,8 @@ def solve(problem: Problem, k: np.ndarray, starts: list[np.ndarray], free: np.nd
         free: (4,) bool.
     """
     at = problem.evaluate(k, starts)
+    if not (np.isfinite(at.cost) and np.isfinite(at.hessian).all() and np.isfinite(at.gradient).all()):
+        return Solution(k, starts, at, False)  # a guess that runs away within a window
     damping = _DAMPING
     for _ in range(_MAX_EVALUATIONS):
         step = _step(at, k, free, damping)
@@ -46,7 +48,8 @@ def solve(problem: Problem, k: np.ndarray, starts: list[np.ndarray], free: np.nd
         pairs = zip(starts, at.blocks, strict=True)
         moved_starts = [s - (offset + ratio @ step) for s, (ratio, offset) in pairs]
         moved = problem.evaluate(moved_k, moved_starts)
-        if not np.isfinite(moved.cost) or moved.cost > at.cost:
+        sound = np.isfinite(moved.cost) and np.isfinite(moved.hessian).all() and np.isfinite(moved.gradient).all()
+        if not sound or moved.cost > at.cost:
             damping *= 10.0
             if damping > _DAMPING_MAX:
                 return Solution(k, starts, at, True)

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plant_logs import plant_logs, real, values
 
-from hqpipe.gap.replay import replay
-from hqpipe.gap.sensing import channel_warnings, model_warnings, skew
+from hqpipe.gap.sensing import channel_warnings, lags, skew
 
 
 def late(trajectory, samples):
@@ -39,15 +39,10 @@ def test_no_skew_is_reported_between_unrelated_or_aligned_signals():
     assert skew([(a[:, None], 2.0 * a + 0.1 * b)], 1e-3) is None
 
 
-def test_late_torque_channel_is_reported_by_both_checks(make_logs, right_model):
-    logs = make_logs(joints=1)
-    trial = logs.heldout[0]
-    model = right_model(logs)
-    assert channel_warnings([trial.trajectory]) == []
-    assert model_warnings([replay(trial, model, 0.1)]) == []
-    shifted = replace(trial, trajectory=late(trial.trajectory, 4))
-    assert "LFR +3.5 ms" in channel_warnings([shifted.trajectory])[0]
-    assert "command delay or a skewed channel" in model_warnings([replay(shifted, model, 0.1)])[0]
+def test_late_torque_channel_is_reported(make_logs):
+    trajectory = make_logs(joints=1).heldout[0].trajectory
+    assert channel_warnings([trajectory]) == []
+    assert "LFR +4.0 ms" in channel_warnings([late(trajectory, 4)])[0]
 
 
 def test_coarse_channel_is_named_with_its_step(make_logs):
@@ -55,3 +50,39 @@ def test_coarse_channel_is_named_with_its_step(make_logs):
     coarse = replace(trajectory, velocity=np.round(trajectory.velocity / 0.3) * 0.3)
     text = " ".join(channel_warnings([coarse]))
     assert "joint/LFR/velocity moves in steps of 0.3 (and 1 more joints)" in text
+
+
+@pytest.mark.parametrize("source", ["pressure", "load_cell"])
+def test_velocity_filter_of_the_plant_is_measured(source):
+    trials = [t.trajectory for t in plant_logs(source=source).trials]
+    found = lags(trials)
+    assert len(found) == 12
+    assert [entry.lag_s for entry in found] == pytest.approx([1.0 / (2 * np.pi * 100.0)] * 12, abs=2e-4)  # 100 Hz
+    assert not any("velocity" in text for text in channel_warnings(trials))
+
+
+def test_late_velocity_is_measured_and_warned_about():
+    def shifted(t):
+        return values("velocity", lambda v: np.stack([np.interp(t.time - 0.0097, t.time, c) for c in v.T], axis=1))(t)
+
+    trials = [shifted(t.trajectory) for t in plant_logs().trials]
+    found = lags(trials)
+    assert [entry.lag_s for entry in found] == pytest.approx([0.0097 + 0.0016] * 12, abs=2e-4)
+    assert all(entry.error_s < 1e-4 for entry in found)
+    assert any(
+        "velocity against the derivative of the position: later by LFR +11.3 ms" in w for w in channel_warnings(trials)
+    )
+
+
+@pytest.mark.parametrize("kind", ["multisine", "chirp"])
+def test_sound_logs_have_no_skew(kind):
+    for source in ("pressure", "load_cell"):
+        trials = [t.trajectory for t in plant_logs((0, 1), source, kind=kind).trials]
+        assert channel_warnings(trials) == []
+
+
+@pytest.mark.parametrize("name", ["emps", "so101"])
+def test_real_logs_have_no_skew(name):
+    trials = [t.trajectory for t in real(name).trials]
+    assert lags(trials) == []
+    assert not any("later by" in text for text in channel_warnings(trials))

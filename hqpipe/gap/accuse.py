@@ -1,0 +1,244 @@
+"""Which effects cause the gap of a log set's actuator layer, and how far each of them shrinks it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hqpipe.gap.causes import (
+    Cause,
+    JointState,
+    Progress,
+    assemble,
+    close_gap,
+    drop_trifles,
+    library,
+    pool_groups,
+    search_joints,
+    seek_consensus,
+)
+from hqpipe.gap.joint_data import LOGGED, MOVED, SPEEDS, JointData, joint_data, output_of, row_lag
+from hqpipe.gap.noise import free_run_floor
+from hqpipe.gap.replay import Replay
+from hqpipe.gap.row_model import RowModel, SpanRow, kept, replay_all
+from hqpipe.gap.set_fit import ROW_OFFSET, JointFitter
+from hqpipe.gap.shapley import Shrink, shapley
+from hqpipe.gap.signs import SignedLogs
+from hqpipe.gap.spans import Spans, search_spans
+from hqpipe.logs.trajectory import LogSet
+from hqpipe.sysid.noise import difference_noise
+
+BLURRED = ("backlash",)  # a size is noise round zero torque, which looks like slack once the sign is restored
+FILTERED_ROWS = 1.25  # a logged speed later than that was filtered, which would pass for a lag of the valve; assumption
+OPEN_ROWS = 0.6  # half a sample on both sides, and what the speed's own rows are misjudged by; assumption
+WINDOWS_PER_BLOCK = 5  # of 0.1 s: errors of neighbouring windows are correlated
+
+
+@dataclass(frozen=True, eq=False)
+class Accusation:
+    """What the search found.
+
+    Attributes:
+        library: effects that were candidates.
+        states: one per joint.
+        causes: most important first. shrink: their shares.
+        passing: those of them that act for a part of each trial only; spans: when.
+        before, after: the machine without and with the effects.
+        fit, heldout, after_fit, after_heldout: replays of both.
+        floor: (J,) mean squared error that noise alone leaves.
+        raw: (W,) held-out squared error per window, mean over the joints, of the base model on the log as it came, where
+            a torque had lost its sign; else None.
+        final: (W,) the same with all causes in the model.
+    """
+
+    library: tuple[str, ...]
+    states: list[JointState]
+    causes: list[Cause]
+    passing: tuple[Cause, ...]
+    spans: Spans | None
+    shrink: Shrink
+    before: RowModel
+    after: RowModel
+    fit: list[Replay]
+    heldout: list[Replay]
+    after_fit: list[Replay]
+    after_heldout: list[Replay]
+    floor: np.ndarray
+    raw: np.ndarray | None
+    final: np.ndarray
+
+
+def accuse(
+    log_set: LogSet,
+    steps: int,
+    without: Sequence[str] = (),
+    signed: SignedLogs | None = None,
+    effort_limit: np.ndarray | None = None,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> Accusation:
+    """Search the causes of a log set whose channels have been checked.
+
+    Args:
+        log_set: with the command, position, velocity and output of its control mode.
+        steps: samples per window.
+        without: effects left out of the library.
+        signed: joints whose torque was given its sign back.
+        effort_limit: (J,) N·m.
+        workers: joints searched at a time. progress: called after each joint.
+    """
+    mode, joints = log_set.control_mode, log_set.joints
+    fit_trials = [t.trajectory for t in log_set.fit]
+    held_trials = [t.trajectory for t in log_set.heldout]
+    names = library(mode, log_set.effort_source, len(joints), without, fit_trials[0].effort is not None)
+    options = []
+    late = row_lag([*fit_trials, *held_trials]) if mode == "valve" else 0.0
+    for speed in SPEEDS if late <= FILTERED_ROWS else (MOVED,):
+        data = []
+        for j in range(len(joints)):
+            noise = output_noise(held_trials or fit_trials, j, mode, speed)
+            limit = np.inf if effort_limit is None else float(effort_limit[j])
+            one = joint_data(fit_trials, held_trials, j, mode, steps, noise, limit, speed)
+            data.append(replace(one, barred=BLURRED) if signed and joints[j] in signed.joints else one)
+        known = (ROW_OFFSET,) if mode == "valve" else ()  # a delay must not choose the speed that hides a part of it
+        options.append((sum(np.log(JointFitter(d).fit(known).loss + 1e-300) for d in data), speed, data))
+    _, speed, data = min(options, key=lambda option: option[0])
+    states = search_joints(data, names, workers, progress)
+    before = _machine(states, mode, speed, chosen=False)
+    fit, heldout = replay_all(before, log_set.fit, steps), replay_all(before, log_set.heldout, steps)
+    noises = np.array([d.noise for d in data])
+    states = pool_groups(seek_consensus(states))
+    after = _machine(states, mode, speed, chosen=True)
+    floor = free_run_floor(replay_all(after, log_set.heldout, steps), noises**2, kept(after, steps))
+    floor = np.minimum(floor, [state.chosen.error for state in states])
+    states = close_gap(states, floor)
+    causes = assemble(states, floor)
+    shares = _shrink(states, causes, len(causes), None)
+    states = close_gap(drop_trifles(states, causes, shares.each, shares.each_ci95[:, 0]), floor)
+    spans = search_spans(states, floor, workers)
+    after = _with_spans(_machine(states, mode, speed, chosen=True), spans, states, log_set)
+    after_fit, after_heldout = replay_all(after, log_set.fit, steps), replay_all(after, log_set.heldout, steps)
+    causes = assemble(states, floor)
+    lasting = len(causes)
+    if spans:
+        inside = [joints.index(state.joint) for state in spans.states]
+        causes += assemble(spans.states, floor[inside], joints)
+    if mode == "valve":
+        causes = [_in_rows(cause, late, speed, data[0].row_dt) for cause in causes]
+    shrink = _shrink(states, causes, lasting, spans)
+    order = sorted(range(len(causes)), key=lambda i: -shrink.each[i])
+    shrink = Shrink(shrink.each[order], shrink.each_ci95[order], shrink.whole, shrink.whole_ci95)
+    return Accusation(
+        names,
+        states,
+        [causes[i] for i in order],
+        tuple(causes[lasting:]),
+        spans,
+        shrink,
+        before,
+        after,
+        fit,
+        heldout,
+        after_fit,
+        after_heldout,
+        floor,
+        _raw_error(signed, states, data, steps, mode, speed) if signed and signed.findings else None,
+        _final_error(states, spans),
+    )
+
+
+def _final_error(states: list[JointState], spans: Spans | None) -> np.ndarray:
+    inside = {state.joint: state for state in spans.states} if spans else {}
+    return np.mean(
+        [
+            spans.errors(s.joint, inside[s.joint].chosen.heldout) if s.joint in inside else s.chosen.heldout
+            for s in states
+        ],
+        axis=0,
+    )
+
+
+def _raw_error(
+    signed: SignedLogs, states: list[JointState], data: Sequence[JointData], steps: int, mode: str, speed: str
+) -> np.ndarray:
+    """What the base model makes of the unsigned torque, in the joints that have it."""
+    trials = {name: [t.trajectory for t in getattr(signed.raw, name)] for name in ("fit", "heldout")}
+    errors = []
+    for state, one in zip(states, data, strict=True):
+        if state.joint in signed.joints:
+            j = signed.raw.joints.index(state.joint)
+            unsigned = joint_data(trials["fit"], trials["heldout"], j, mode, steps, one.noise, speed=speed)
+            errors.append(JointFitter(unsigned).fit().heldout)
+        else:
+            errors.append(state.base.heldout)
+    return np.mean(errors, axis=0)
+
+
+def output_noise(trials: Sequence, j: int, mode: str, speed: str = LOGGED) -> float:
+    """Standard deviation of the sensor noise of the output of one joint."""
+    signals = [output_of(t, mode, speed)[:, j] for t in trials]
+    return float(np.sqrt(np.mean([difference_noise(s) ** 2 for s in signals])))
+
+
+def _in_rows(cause: Cause, late: float, speed: str, dt: float) -> Cause:
+    """A delay of valve mode, of which the logger's habit leaves one sample open where the logged speed is late.
+
+    Where the speed of a row is that of the step before it, the row's command caused either that step or the next one:
+    the middle is stated, and the interval holds both.
+    """
+    if cause.effect != ROW_OFFSET or "delay_s" not in cause.parameters:
+        return cause
+    late = min(max(late, 0.0), 1.0)
+    shift, part = dt * late * (0.5 - (speed == LOGGED)), cause.parameters["delay_s"]
+    low, high = part.low + shift - OPEN_ROWS * dt, part.high + shift + OPEN_ROWS * dt
+    moved_by = replace(part, value=part.value + shift, low=max(low, 0.0), high=high)
+    return replace(cause, parameters={**cause.parameters, "delay_s": moved_by})
+
+
+def _machine(states: list[JointState], mode: str, speed: str, chosen: bool) -> RowModel:
+    rows = [state.chosen.row if chosen else state.base.row for state in states]
+    return RowModel(tuple(state.joint for state in states), np.array(rows), mode, speed)
+
+
+def _with_spans(model: RowModel, spans: Spans | None, states: list[JointState], log_set: LogSet) -> RowModel:
+    """The machine with other rows in the stretches; outside of them the joint is sound."""
+    if spans is None:
+        return model
+    rows, extra = model.rows.copy(), {}
+    files = [trial.file for trial in log_set.heldout]
+    stretches = {files[index]: (start, end) for index, start, end in spans.stretches}
+    for state in spans.states:
+        j = model.joints.index(state.joint)
+        rows[j] = spans.outside[state.joint].row
+        extra[j] = SpanRow(state.chosen.row, stretches)
+    return replace(model, rows=rows, spans=extra)
+
+
+def _shrink(states: list[JointState], causes: list[Cause], lasting: int, spans: Spans | None) -> Shrink:
+    """Shapley shares of the causes, over the held-out windows of all joints.
+
+    Args:
+        causes: the first `lasting` of them act all the time, the others inside `spans`.
+    """
+    edges = np.arange(0, len(states[0].base.heldout), WINDOWS_PER_BLOCK)
+    passing = {state.joint: state for state in spans.states} if spans else {}
+
+    def error(state: JointState, subset: frozenset[int]) -> np.ndarray:
+        active = [i for i in subset if state.joint in causes[i].joints]
+        if not active:
+            return state.base.heldout
+        names = [causes[i].effect for i in active]
+        if active[0] >= lasting:
+            inside = passing[state.joint]
+            return spans.errors(state.joint, inside.search.fit(names, [inside.chosen]).heldout)
+        return state.search.fit(names, [state.chosen]).heldout
+
+    def errors(subset: frozenset[int]) -> np.ndarray:
+        return sum(np.add.reduceat(error(state, subset), edges) for state in states)
+
+    if not causes:
+        zero = np.zeros((0, 2))
+        return Shrink(np.zeros(0), zero, 0.0, (0.0, 0.0))
+    return shapley(len(causes), errors)

@@ -1,0 +1,362 @@
+"""diagnosis.json from what was found."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hqpipe.effects import EFFECTS
+from hqpipe.gap.accuse import WINDOWS_PER_BLOCK, Accusation
+from hqpipe.gap.bootstrap import block_weights, interval
+from hqpipe.gap.causes import Cause, JointState
+from hqpipe.gap.groups import scope_of
+from hqpipe.gap.locate import Place, telling
+from hqpipe.gap.reference import Explained
+from hqpipe.gap.replay import persistence_error
+from hqpipe.gap.schema import FORMAT, validate_diagnosis
+from hqpipe.gap.search import MATERIAL
+from hqpipe.gap.signs import NAME as UNSIGNED
+from hqpipe.gap.signs import SignedLogs
+from hqpipe.gap.verdict import Evidence
+from hqpipe.logs.trajectory import LogSet
+
+LAYER = "actuator"
+EXPLAINED = 0.25  # of the squared error above the noise may be left in an explained gap; assumption
+HELPS = 0.97  # of the loss in the fit trials that an effect must leave at most to count as seen there; assumption
+UNLIKE = 3.0  # held-out over fitted RMSE beyond which the trials are unlike each other; assumption
+UNSIGNED_EVEN, UNSIGNED_STEEPNESS = 0.7, 10.0  # error ratio of the sign search at even odds, and how fast they grow
+MIN_SHARE = 0.01  # signals that explain less of the gap are not listed
+SIGNALS = {
+    "torque": {"position_error": "torque_error", "past_position_error": "past_torque_error"},
+    "valve": {
+        "position_error": "valve_command",
+        "past_position_error": "past_valve_command",
+        "torque": "speed_of_the_model",
+        "torque_at_restart": "past_speed",
+        "torque_of_other_joints": "speed_of_other_joints",
+    },
+}
+"""What the shapes of `hqpipe.gap.signals` stand for outside position mode, see `hqpipe.gap.row_model`."""
+COMMAND_UNITS = {"position": "rad", "torque": "N·m", "valve": "1"}
+
+Pair = tuple[Any, Any]
+
+
+def answer(
+    log_set: LogSet,
+    signed: SignedLogs,
+    window_s: float,
+    found: Accusation,
+    scales: list[Cause],
+    evidence: tuple[Evidence, Evidence],
+    explained: tuple[list[Explained], list[Explained]],
+    places: tuple[list[Place], list[Place]],
+    warnings: list[str],
+) -> dict[str, Any]:
+    """The content of diagnosis.json.
+
+    Args:
+        log_set: as it was diagnosed. signed: joints whose sign was restored. found: the search.
+        scales: torque sensors with a wrong gain; no part of the gap, for the coefficients take it up.
+        evidence, explained, places: before and after the causes were added.
+        warnings: so far.
+    """
+    gap_before, gap_after = (_matters(e, found) for e in evidence)
+    unexplained = bool(gap_after.any())
+    excess_before, excess_after = (np.maximum(e.error - found.floor, 0.0)[gap_before].sum() for e in evidence)
+    left = float(excess_after / excess_before) if excess_before > 0 else 0.0
+    raw, room = _before_signs(found, evidence[0]), _room(found, evidence)
+    part = _rms(evidence[0].error) / raw  # the causes' shares are of the error once the signs are back
+    whole = 1.0 - _rms(evidence[1].error) / max(_rms(evidence[0].error), 1e-300)
+    if found.shrink.whole > 0.0:
+        part *= whole / found.shrink.whole  # the search thins the windows of long logs, the gap is of all of them
+    causes = [_unsigned(signed, log_set, found, evidence[0])] if signed.findings else []
+    causes += [_cause(cause, 0.0, np.zeros(2), log_set) for cause in scales]
+    causes += [
+        _cause(cause, part * found.shrink.each[i], part * (found.shrink.each_ci95[i] + [0.0, room]), log_set)
+        for i, cause in enumerate(found.causes)
+    ]
+    verdict = _verdict(bool(causes), bool(gap_before.any()), unexplained, left)
+    where = [_place(p) for p in (telling(places[0]) if gap_before.any() else [])]
+    remaining = [_place(p) for p in (telling(places[1]) if unexplained else [])]
+    content = _head(log_set, verdict) | {
+        "gap": _gap(log_set, window_s, found, evidence),
+        "where": where,
+        "causes": causes,
+        "effects_considered": _considered(found, log_set),
+        "unexplained": {
+            "share_of_gap": _short(min(left, 1.0)),
+            "above_noise": unexplained,
+            "where": remaining,
+            "depends_on": _depends_on(log_set, evidence[1], explained[1], gap_after),
+        },
+        "next_experiment": _next(causes, unexplained, found),
+        "warnings": [*warnings, *_remarks(log_set.joints, evidence, found)],
+    }
+    validate_diagnosis(content)
+    return content
+
+
+def _matters(evidence: Evidence, found: Accusation) -> np.ndarray:
+    """(J,) True where the error exceeds the noise, and by an amount that a simulator would notice."""
+    size = np.array([state.data.output for state in found.states])
+    return evidence.gap & (evidence.error - evidence.floor > (MATERIAL * size) ** 2)
+
+
+def _verdict(causes: bool, gap: bool, unexplained: bool, left: float) -> str:
+    if not causes:
+        return "unknown" if gap else "no_gap"
+    return "explained" if not unexplained or left <= EXPLAINED else "partly_explained"
+
+
+def _before_signs(found: Accusation, evidence: Evidence) -> float:
+    """RMSE of the base model on the log as it came."""
+    return _rms(found.raw) if found.raw is not None else _rms(evidence.error)
+
+
+def _room(found: Accusation, evidence: tuple[Evidence, Evidence]) -> float:
+    """Share of the RMSE before that is left above the noise: so much more a cause could be worth than its model shows."""
+    before = max(_rms(evidence[0].error), 1e-300)
+    return max(_rms(evidence[1].error) - _rms(found.floor), 0.0) / before if found.causes else 0.0
+
+
+def _gap(log_set: LogSet, window_s: float, found: Accusation, evidence: tuple[Evidence, Evidence]) -> dict[str, Any]:
+    signed, after = (_rms(e.error) for e in evidence)
+    before = _before_signs(found, evidence[0])
+    part = signed / before if before > 0 else 0.0
+    low, high = found.shrink.whole_ci95 if found.raw is None else _fall(found.raw, found.final)
+    return {
+        "layer": LAYER,
+        "metric": "free_run_rmse",
+        "unit": "rad/s" if log_set.control_mode == "valve" else "N·m",
+        "window_s": window_s,
+        "before": before,
+        "after": after,
+        "noise_floor": _rms(found.floor),
+        "persistence": _rms(persistence_error(found.heldout)),
+        "shrink": _short(1.0 - after / before) if before > 0 else 0.0,
+        "shrink_ci95": [_short(low), _short(min(high + part * _room(found, evidence), 1.0))],
+    }
+
+
+def _cause(cause: Cause, shrink: float, interval: np.ndarray, log_set: LogSet) -> dict[str, Any]:
+    effect = EFFECTS[cause.effect]
+    units = {p.name: p.unit for p in effect.parameters}
+    parameters = {
+        name: {
+            "value": _short(part.value),
+            "unit": COMMAND_UNITS[log_set.control_mode] if units[name] == "command" else units[name],
+            "ci95": [_short(part.low), _short(part.high)],
+        }
+        for name, part in cause.parameters.items()
+    }
+    return {
+        "effect": cause.effect,
+        "layer": effect.layer,
+        "joints": list(cause.joints),
+        "scope": cause.scope,
+        "probability": _short(cause.probability),
+        "parameters": parameters,
+        "shrink": _short(shrink),
+        "shrink_ci95": sorted([_short(interval[0]), _short(interval[1])]),
+        "confused_with": list(cause.rivals),
+    }
+
+
+def _unsigned(signed: SignedLogs, log_set: LogSet, found: Accusation, evidence: Evidence) -> dict[str, Any]:
+    """The cause that was removed before anything else, with what that did to the base model's error."""
+    low, high = _fall(found.raw, np.mean([state.base.heldout for state in found.states], axis=0))
+    shrink = 1.0 - _rms(evidence.error) / _rms(found.raw)
+    ratio = float(np.mean([entry.error_ratio for entry in signed.findings]))
+    return {
+        "effect": UNSIGNED,
+        "layer": "sensing",
+        "joints": list(signed.joints),
+        "scope": scope_of(signed.joints, log_set.joints),
+        "probability": _short(1.0 / (1.0 + np.exp(UNSIGNED_STEEPNESS * (ratio - UNSIGNED_EVEN)))),
+        "parameters": {},
+        "shrink": _short(shrink),
+        "shrink_ci95": [_short(min(low, shrink)), _short(max(high, shrink))],
+        "confused_with": [],
+    }
+
+
+def _fall(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
+    """95 % interval of the fall of the RMSE, from (W,) squared errors per window."""
+    edges = np.arange(0, len(before), WINDOWS_PER_BLOCK)
+    weights = block_weights(len(edges))
+    low, high = interval(
+        1.0 - np.sqrt((weights @ np.add.reduceat(after, edges)) / (weights @ np.add.reduceat(before, edges)))
+    )
+    return float(low), float(high)
+
+
+def _considered(found: Accusation, log_set: LogSet) -> list[dict[str, Any]]:
+    """Candidates that were not accepted anywhere, the best first, with the reason."""
+    accepted = {cause.effect for cause in found.causes}
+    total = sum(state.base.heldout.sum() for state in found.states)
+    rows = []
+    for effect in (*found.library, *_absorbed(log_set)):
+        if effect in accepted:
+            continue
+        if effect not in found.library:
+            reason = "the base model's own coefficients take it up completely: these logs cannot show it"
+            joints, score, shrink = list(log_set.joints), 0.0, 0.0
+        else:
+            joints, score, shrink = _alone(effect, found.states, total)
+            reason = _reason(effect, found.states, score)
+        rows.append(
+            {
+                "effect": effect,
+                "layer": EFFECTS[effect].layer,
+                "joints": joints,
+                "scope": scope_of(joints, log_set.joints),
+                "score": _short(score),
+                "shrink": _short(shrink),
+                "reason": reason,
+            }
+        )
+    return sorted(rows, key=lambda row: -row["shrink"])
+
+
+def _absorbed(log_set: LogSet) -> list[str]:
+    return [name for name, effect in EFFECTS.items() if log_set.control_mode in effect.absorbed]
+
+
+def _alone(effect: str, states: list[JointState], total: float) -> tuple[list[str], float, float]:
+    """Joints that the effect alone would help, the largest z of its improvement, and its shrink."""
+    after, best, joints = 0.0, 0.0, []
+    for state in states:
+        if effect not in state.search.library:
+            after += state.base.heldout.sum()
+            continue
+        fit = state.search.fit((effect,))
+        ratio, z = state.search.gain(state.base, fit)
+        after += min(fit.heldout.sum(), state.base.heldout.sum())
+        if ratio > 1.05 and z > 2.0:
+            joints.append(state.joint)
+        best = max(best, z if ratio > 1.0 else 0.0)
+    return joints, best, 1.0 - float(np.sqrt(after / total)) if total > 0 else 0.0
+
+
+def _reason(effect: str, states: list[JointState], score: float) -> str:
+    for state in states:
+        if effect in state.dropped:
+            return state.dropped[effect]
+    if score < states[0].search.significance:
+        return "does not lower the held-out error beyond chance"
+    if all(
+        state.search.fit((effect,)).loss > HELPS * state.base.loss for state in states if effect in state.search.library
+    ):
+        return "helps by chance: not in the fit trials"
+    if any(state.chosen.effects for state in states):
+        return "adds nothing once the accepted causes are in the model"
+    return "lowers the held-out error too little to matter"
+
+
+def _depends_on(
+    log_set: LogSet, evidence: Evidence, explained: list[Explained], gap: np.ndarray
+) -> list[dict[str, Any]]:
+    """Signals by the share of the remaining gap that they explain, over the joints where it is predictable."""
+    joints, known = log_set.joints, SIGNALS.get(log_set.control_mode, {})
+    clear = gap & evidence.predictable
+    total = np.sum((evidence.error - evidence.floor)[gap])
+    found: dict[str, dict[str, float]] = {}
+    for j in np.flatnonzero(clear):
+        for signal, drop in explained[j].signals.items():
+            if drop > MIN_SHARE * (evidence.error[j] - evidence.floor[j]):
+                found.setdefault(known.get(signal, signal), {})[joints[j]] = drop
+    rows = [
+        {"signal": name, "joints": list(drops), "share": _short(min(1.0, sum(drops.values()) / total))}
+        for name, drops in found.items()
+    ]
+    return sorted(rows, key=lambda row: -row["share"])
+
+
+def _next(causes: list[dict[str, Any]], unexplained: bool, found: Accusation) -> str | None:
+    """The experiment that would settle what is open, the most important first."""
+    for cause in causes:
+        if cause["confused_with"]:
+            rival = cause["confused_with"][0]
+            return (
+                f"to tell {cause['effect']} from {rival} in {', '.join(cause['joints'])}: "
+                f"{EFFECTS[cause['effect']].experiment}"
+            )
+    if unexplained:
+        worst = max(found.states, key=lambda s: s.chosen.error / max(s.data.output, 1e-300) ** 2)
+        return (
+            f"no effect of the library fits what is left; excite {worst.joint} alone, slowly and then fast, "
+            "with the others held, and log all that its controller measures and sends"
+        )
+    return None
+
+
+def _remarks(joints: tuple[str, ...], evidence: tuple[Evidence, Evidence], found: Accusation) -> list[str]:
+    """What the numbers alone do not say."""
+    remarks = []
+    for cause in found.passing:
+        times = ", ".join(
+            f"{start:.1f}–{end:.1f} s of {found.heldout[i].file}" for i, start, end in found.spans.stretches
+        )
+        remarks.append(f"{cause.effect} acts for some time only: {times}")
+    before, persistence = _rms(evidence[0].error), _rms(persistence_error(found.heldout))
+    if before > persistence:
+        remarks.append(
+            f"the base model ({before:.4g}) is worse than holding the output of the window start ({persistence:.4g})"
+        )
+    if evidence[0].gap.any():
+        share = np.sum(np.maximum(evidence[0].explained, 0.0) * evidence[0].error) / np.sum(evidence[0].error)
+        remarks.append(f"a flexible reference model explains {share:.0%} of the squared held-out error")
+    fitted = np.sqrt(np.mean([state.base.fitted.mean() for state in found.states]))
+    if before > UNLIKE * fitted:
+        remarks.append(
+            f"the base model is off by {fitted:.4g} in the fit trials and by {before:.4g} in the held-out ones: something "
+            "acts in these that no fit trial shows; give the fit a trial of their kind"
+        )
+    outer = evidence[1].above & ~evidence[1].predictable & _matters(evidence[1], found)
+    if outer.any():
+        names = ", ".join(np.array(joints)[outer])
+        remarks.append(
+            f"{names}: no logged signal predicts the error above the noise floor: coloured noise, an outer "
+            "cause, or held-out trials unlike the fit trials"
+        )
+    return remarks
+
+
+def not_identifiable(log_set: LogSet, warnings: list[str], advice: str) -> dict[str, Any]:
+    """The answer when the logs cannot carry one."""
+    content = _head(log_set, "not_identifiable") | {
+        "gap": None,
+        "where": [],
+        "causes": [],
+        "effects_considered": [],
+        "unexplained": {"share_of_gap": None, "above_noise": False, "where": [], "depends_on": []},
+        "next_experiment": advice,
+        "warnings": warnings,
+    }
+    validate_diagnosis(content)
+    return content
+
+
+def _head(log_set: LogSet, verdict: str) -> dict[str, Any]:
+    logs = {
+        "path": str(log_set.path),
+        "sha256": log_set.sha256,
+        "trials": len(log_set.trials),
+        "joints": list(log_set.joints),
+        "control_mode": log_set.control_mode,
+    }
+    return {"format": FORMAT, "verdict": verdict, "logs": logs}
+
+
+def _place(p: Place) -> dict[str, Any]:
+    return {"layer": LAYER, "joint": p.joint, "regime": p.regime, "share": _short(p.share)}
+
+
+def _rms(mean_square: np.ndarray) -> float:
+    return _short(float(np.sqrt(np.mean(mean_square))))
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.6g}")

@@ -1,0 +1,261 @@
+"""The score of a diagnosis on cases whose effects were withheld."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from hqpipe.gap.blind_case import Judged
+from hqpipe.gap.blind_truth import must_be_named, true_shares, true_shrink
+
+FORMAT = "hqpipe-blind-score/1"
+Z95 = 1.959964  # standard normal quantile at 97.5 %
+BINS = 5  # of the reliability curve: with some hundred causes each keeps enough to be judged
+NO_NAME = "(no name)"
+NO_EFFECT = "(no effect)"
+
+
+def wilson(right: int, of: int) -> list[float]:
+    """95 % interval of a share; Wilson, JASA 22, 1927. [0, 1] if nothing was tried."""
+    if of == 0:
+        return [0.0, 1.0]
+    share, weight = right / of, Z95**2 / of
+    middle = (share + weight / 2) / (1 + weight)
+    half = Z95 * math.sqrt(share * (1 - share) / of + weight / (4 * of)) / (1 + weight)
+    return [max(middle - half, 0.0), min(middle + half, 1.0)]
+
+
+def tally(outcomes: Iterable[bool]) -> dict[str, Any]:
+    """How many were right: right, of, share, ci95."""
+    listed = list(outcomes)
+    right, of = sum(listed), len(listed)
+    return {"right": right, "of": of, "share": right / of if of else None, "ci95": wilson(right, of)}
+
+
+def score(judged: Sequence[Judged]) -> dict[str, Any]:
+    """All measures; JSON-able.
+
+    Args:
+        judged: every case with its diagnosis.
+    """
+    aims = [_row(judged, *definition) for definition in MEASURES]
+    rows = [row for case in judged for row in case.parameters()]
+    aims += _parameter_aims(rows)
+    return {
+        "format": FORMAT,
+        "cases": len(judged),
+        "failed": [{"case": c.answer.case, "error": c.error} for c in judged if c.content is None],
+        "aims": aims,
+        "more": _more(judged),
+        "calibration": calibration(judged),
+        "detection": detection(judged),
+        "confusion": confusion(judged),
+        "parameters": rows,
+        "shrink": [row for case in judged if (row := _shrink_row(case))],
+        "misses": misses(judged),
+    }
+
+
+Selects = Callable[[Judged], bool]
+Right = Callable[[Judged, bool], bool]
+
+
+def _row(judged: Sequence[Judged], measure: str, aim: str, least: float | None, selects: Selects, right: Right):
+    chosen = [case for case in judged if selects(case)]
+    main = tally(right(case, False) for case in chosen)
+    met = None if least is None or main["share"] is None else main["share"] >= least
+    return {"measure": measure, "aim": aim, "met": met, **main, "strict": tally(right(case, True) for case in chosen)}
+
+
+def _is_typical_single(case: Judged) -> bool:
+    return (
+        case.answer.kind == "single"
+        and not case.unnamable
+        and all(effect.size in ("typical", None) for effect in case.answer.effects)
+    )
+
+
+def _claims_all(case: Judged) -> bool:
+    """The found set is the planted one, so that its claimed shrink is comparable with the true one."""
+    return bool(case.answer.effects and case.gaps and case.causes and not case.unnamable and case.exact())
+
+
+def _shrink_covered(case: Judged, strict: bool) -> bool:
+    low, high = case.content["gap"]["shrink_ci95"]
+    return low <= true_shrink(case.gaps) <= high and (not strict or case.exact(strict=True))
+
+
+MEASURES: tuple[tuple[str, str, float | None, Selects, Right], ...] = (
+    (
+        "single effect, typical size: it is the top cause",
+        "≥ 98 %",
+        0.98,
+        _is_typical_single,
+        lambda case, strict: case.top_is_right(strict),
+    ),
+    (
+        "exact set of causes, mixtures of 2–4",
+        "≥ 90 %",
+        0.90,
+        lambda case: case.answer.kind == "mixture" and not case.unnamable,
+        lambda case, strict: case.exact(strict),
+    ),
+    (
+        "no false alarm on logs with no effect",
+        "≥ 98 %",
+        0.98,
+        lambda case: case.answer.kind == "none",
+        lambda case, strict: case.content is not None and not case.causes and (not strict or case.verdict == "no_gap"),
+    ),
+    (
+        "effect not in the library: unknown, and no false name",
+        "≥ 90 %",
+        0.90,
+        lambda case: case.unnamable,
+        lambda case, strict: case.admits_ignorance(),
+    ),
+    (
+        "place (joint, quarter) right",
+        "≥ 95 %",
+        0.95,
+        lambda case: case.place_is_right() is not None,
+        lambda case, strict: bool(case.place_is_right(strict)),
+    ),
+    (
+        "claimed shrink within its interval of the true one",
+        "≥ 95 %",
+        0.95,
+        _claims_all,
+        _shrink_covered,
+    ),
+)
+"""Text, aim, least share, which cases, what counts as right (strictly, or with `confused_with`)."""
+
+
+def _parameter_aims(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Parameters only count where the effect itself was named, so that both columns are the same."""
+    close, covered = tally(row["close"] for row in rows), tally(row["covered"] for row in rows)
+    near = None if close["share"] is None else close["share"] >= 0.90
+    well = None if covered["share"] is None else 0.93 <= covered["share"] <= 0.97
+    return [
+        {"measure": "parameters within 10 %", "aim": "≥ 90 %", "met": near, **close, "strict": close},
+        {
+            "measure": "95 % intervals of the parameters cover",
+            "aim": "93–97 %",
+            "met": well,
+            **covered,
+            "strict": covered,
+        },
+    ]
+
+
+def _more(judged: Sequence[Judged]) -> list[dict[str, Any]]:
+    """Measures without an aim."""
+    known = [c for c in judged if c.namable]
+    worth = [(c, e) for c in known for e in c.namable if must_be_named(c.gaps, e)]
+    causes = [(case, cause) for case in judged for cause in case.causes]
+    definitions = {
+        "recall: effects of the library that make a gap and were named": [bool(c.of(e)) for c, e in worth],
+        "the same, without small ones": [bool(c.of(e)) for c, e in worth if e.size != "small"],
+        "precision: names that are right": [_is_right(case, cause) for case, cause in causes],
+        "exact set, one effect in some joints or for some time": [c.exact() for c in known if c.answer.kind == "place"],
+        "claimed share of an effect within its interval of the true one (up to three effects)": [
+            row["covered"] for case in judged if _claims_all(case) for row in _share_rows(case)
+        ],
+        "diagnosis finished": [case.content is not None for case in judged],
+    }
+    for count in (2, 3, 4):
+        definitions[f"exact set, mixtures of {count}"] = [
+            c.exact() for c in known if c.answer.kind == "mixture" and len(c.answer.effects) == count
+        ]
+    return [{"measure": name, **tally(outcomes)} for name, outcomes in definitions.items()]
+
+
+def _is_right(case: Judged, cause: Any) -> bool:
+    return cause["effect"] not in case.false_names()
+
+
+def _share_rows(case: Judged) -> list[dict[str, Any]]:
+    shares, rows = true_shares(case.gaps, [e.effect for e in case.answer.effects]), []
+    for effect in case.answer.effects:
+        named = case.of(effect, strict=True)
+        if effect.effect in shares and len(named) == 1:
+            low, high = named[0]["shrink_ci95"]
+            rows.append({"effect": effect.effect, "covered": low <= shares[effect.effect] <= high})
+    return rows
+
+
+def _shrink_row(case: Judged) -> dict[str, Any] | None:
+    if not _claims_all(case):
+        return None
+    gap = case.content["gap"]
+    return {
+        "case": case.answer.case,
+        "true": true_shrink(case.gaps),
+        "claimed": gap["shrink"],
+        "ci95": list(gap["shrink_ci95"]),
+        "covered": _shrink_covered(case, False),
+    }
+
+
+def calibration(judged: Sequence[Judged]) -> dict[str, Any]:
+    """Brier score (Brier, Monthly Weather Review 78, 1950) and reliability curve of the causes' probabilities."""
+    pairs = [(float(cause["probability"]), _is_right(case, cause)) for case in judged for cause in case.causes]
+    bins = []
+    for index in range(BINS):
+        low, high = index / BINS, (index + 1) / BINS
+        inside = [(p, r) for p, r in pairs if low <= p < high or (index == BINS - 1 and p == high)]
+        mean = sum(p for p, _ in inside) / len(inside) if inside else None
+        bins.append({"low": low, "high": high, "mean_probability": mean, **tally(r for _, r in inside)})
+    brier = sum((p - right) ** 2 for p, right in pairs) / len(pairs) if pairs else None
+    return {"brier": brier, "causes": len(pairs), "bins": bins}
+
+
+def detection(judged: Sequence[Judged]) -> list[dict[str, Any]]:
+    """Share named by effect and size among the cases with one effect; "any" pools the effects."""
+    seen: dict[tuple[str, str], list[bool]] = {}
+    for case in judged:
+        if case.answer.kind != "single" or case.unnamable:
+            continue
+        for effect in case.namable:
+            for name in ("any", effect.effect):
+                seen.setdefault((name, effect.size or "typical"), []).append(bool(case.of(effect)))
+    order = ("small", "typical", "large")
+    keys = sorted(seen, key=lambda key: (key[0] != "any", key[0], order.index(key[1])))
+    return [{"effect": name, "size": size, **tally(seen[name, size])} for name, size in keys]
+
+
+def confusion(judged: Sequence[Judged]) -> dict[str, Any]:
+    """True effect against the first name, over the cases with one effect or none; "(no name)" if there is none."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for case in judged:
+        if len(case.answer.effects) <= 1 and case.content is not None:
+            true = next(iter(case.answer.names), NO_EFFECT)
+            counts[true, case.causes[0]["effect"] if case.causes else NO_NAME] += 1
+    truths = sorted({true for true, _ in counts}, key=lambda name: (name == NO_EFFECT, name))
+    named = sorted({name for _, name in counts}, key=lambda name: (name == NO_NAME, name))
+    return {"truth": truths, "named": named, "counts": [[counts[t, n] for n in named] for t in truths]}
+
+
+def misses(judged: Sequence[Judged]) -> list[dict[str, str]]:
+    """Every case that fails one of the measures that have an aim: case, kind, truth, answer, and which."""
+    found = []
+    for case in judged:
+        failed = [text for text, _, _, selects, right in MEASURES if selects(case) and not right(case, False)]
+        if case.answer.kind == "single" and not failed and not case.unnamable and not case.exact():
+            failed = ["the set of causes is not exact"]
+        if case.content is None:
+            failed = ["the diagnosis failed"]
+        if failed:
+            found.append(
+                {
+                    "case": case.answer.case,
+                    "kind": case.answer.kind,
+                    "truth": case.truth_text(),
+                    "answer": case.answer_text(),
+                    "missed": "; ".join(failed),
+                }
+            )
+    return found

@@ -1,0 +1,184 @@
+"""One case against its answer: what was named, where, how large, and what was missed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from hqpipe.gap.blind_truth import Answer, Gaps, TrueEffect, must_be_named, shown
+
+PARAMETER_TOLERANCE = 0.1  # the aim's
+SAME_PLACE = 0.8  # share of the joints: two of twelve may be off, a leg or a kind of joint is exactly right
+_QUARTERS = 4  # regimes quarter_1 … quarter_4 of a trial
+_NOTABLE = 0.5  # a place counts as said if its share is at least this part of the largest
+
+
+def alternatives(cause: Mapping[str, Any]) -> frozenset[str]:
+    """Names that the logs could not tell from this cause; sets of names are opened."""
+    flat: set[str] = set()
+    for entry in cause["confused_with"]:
+        flat.update([entry] if isinstance(entry, str) else entry)
+    return frozenset(flat)
+
+
+def stands_for(cause: Mapping[str, Any], effect: str, strict: bool) -> bool:
+    """Whether a cause names the effect, or (not strict) says that it cannot be told from it."""
+    return cause["effect"] == effect or (not strict and effect in alternatives(cause))
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A case with its diagnosis.
+
+    Attributes:
+        answer: the truth. content: diagnosis.json, or None if the diagnosis failed. error: why it failed.
+        gaps: base gaps of `hqpipe.gap.blind_truth`, N·m. without: effects that the library lacked.
+    """
+
+    answer: Answer
+    content: Mapping[str, Any] | None
+    error: str = ""
+    gaps: Gaps | None = None
+    without: tuple[str, ...] = ()
+
+    @cached_property
+    def causes(self) -> list[Mapping[str, Any]]:
+        return list(self.content["causes"]) if self.content else []
+
+    @property
+    def verdict(self) -> str:
+        return self.content["verdict"] if self.content else "failed"
+
+    @property
+    def namable(self) -> tuple[TrueEffect, ...]:
+        """The effects that the library held."""
+        return tuple(e for e in self.answer.effects if not e.outside and e.effect not in self.without)
+
+    @property
+    def unnamable(self) -> bool:
+        """Whether something is wrong that the library did not hold."""
+        return len(self.namable) < len(self.answer.effects)
+
+    def of(self, effect: TrueEffect, strict: bool = False) -> list[Mapping[str, Any]]:
+        """The causes that stand for an effect, without those that name another one that is there."""
+        others = self.answer.names - {effect.effect}
+        return [c for c in self.causes if c["effect"] not in others and stands_for(c, effect.effect, strict)]
+
+    def top_is_right(self, strict: bool = False) -> bool:
+        return bool(self.causes) and any(stands_for(self.causes[0], e.effect, strict) for e in self.namable)
+
+    def false_names(self, strict: bool = False) -> list[str]:
+        """Causes that stand for nothing that is wrong."""
+        return [c["effect"] for c in self.causes if not any(stands_for(c, e.effect, strict) for e in self.namable)]
+
+    def exact(self, strict: bool = False) -> bool:
+        """Every effect named that makes a gap, and nothing else."""
+        needed = [effect for effect in self.namable if must_be_named(self.gaps, effect)]
+        return (
+            self.content is not None
+            and not self.false_names(strict)
+            and all(self.of(effect, strict) for effect in needed)
+        )
+
+    def admits_ignorance(self) -> bool:
+        """The verdict `unknown` without a name; beside effects that are known, a remainder above the noise."""
+        if self.content is None or self.false_names():
+            return False
+        if self.namable:
+            return self.verdict == "unknown" or bool(self.content["unexplained"]["above_noise"])
+        return self.verdict == "unknown"
+
+    def place_is_right(self, strict: bool = False) -> bool | None:
+        """Whether the joints (and for a time span the quarter) are right; None where nothing can be said.
+
+        A named effect is where its causes are; joints in which it made no gap need not be named. An unknown one is where
+        the largest places of `where` are: none of them in a sound joint; where it is in all joints, its place says
+        nothing.
+        """
+        if not self.answer.effects or self.content is None:
+            return None
+        judged = [self._joints_right(e, strict) for e in self.namable if self.of(e, strict)]
+        if any(e.scope != "machine" for e in self.answer.effects if e not in self.namable):
+            judged.append(self._unknown_right())
+        judged += [self._quarter_right(e.span) for e in self.answer.effects if e.span]
+        return all(judged) if judged else None
+
+    def _joints_right(self, effect: TrueEffect, strict: bool) -> bool:
+        said = {joint for cause in self.of(effect, strict) for joint in cause["joints"]}
+        needed = shown(self.gaps, effect)
+        wrong = (said - set(effect.joints)) | (needed - said)
+        return not wrong if strict else len(wrong) <= (1.0 - SAME_PLACE) * len(said | needed)
+
+    def _places(self) -> list[Mapping[str, Any]]:
+        left = self.content["unexplained"]["where"] if self.namable else None
+        return list(left or self.content["where"])
+
+    def _unknown_right(self) -> bool:
+        hidden = {j for e in self.answer.effects if e not in self.namable for j in e.joints}
+        places = self._places()
+        if not places:
+            return False
+        largest = max(place["share"] for place in places)
+        return {p["joint"] for p in places if p["share"] >= _NOTABLE * largest} <= hidden
+
+    def _quarter_right(self, span: Sequence[float]) -> bool:
+        """Whether the first quarter of the trial that is listed overlaps the span."""
+        for place in self.content["where"]:
+            regime = str(place["regime"])
+            if regime.startswith("quarter_"):
+                start = (int(regime.removeprefix("quarter_")) - 1) / _QUARTERS
+                return min(span[1], start + 1 / _QUARTERS) > max(span[0], start)
+        return False
+
+    def parameters(self) -> Iterator[dict[str, Any]]:
+        """Every number that was claimed of an effect that is there, beside the true one; not for time spans."""
+        for effect in self.namable:
+            if effect.span:
+                continue
+            for cause in self.of(effect, strict=True):
+                for name, true in effect.parameters.items():
+                    if name in cause["parameters"]:
+                        yield self._compare(effect, cause, name, true)
+
+    def _compare(self, effect: TrueEffect, cause: Mapping[str, Any], name: str, true: float) -> dict[str, Any]:
+        claim = cause["parameters"][name]
+        error = (claim["value"] - true) / abs(true)
+        return {
+            "case": self.answer.case,
+            "effect": effect.effect,
+            "size": effect.size,
+            "joints": list(cause["joints"]),
+            "parameter": name,
+            "true": true,
+            "value": claim["value"],
+            "ci95": list(claim["ci95"]),
+            "error": error,
+            "close": abs(error) <= PARAMETER_TOLERANCE,
+            "covered": claim["ci95"][0] <= true <= claim["ci95"][1],
+        }
+
+    def truth_text(self) -> str:
+        """e.g. "valve_deadband (typical) in LFK + torque_bias"."""
+        return " + ".join(_effect_text(e) for e in self.answer.effects) or "no effect"
+
+    def answer_text(self) -> str:
+        """e.g. "unknown: valve_lag 0.97 in LFK [or command_delay]"."""
+        if self.content is None:
+            return f"failed: {self.error}"
+        named = [
+            f"{c['effect']} {c['probability']:.2f} in {_joints_text(c['joints'])}"
+            + (f" [or {', '.join(sorted(alternatives(c)))}]" if alternatives(c) else "")
+            for c in self.causes
+        ]
+        return f"{self.verdict}: {' + '.join(named) if named else 'no cause named'}"
+
+
+def _effect_text(effect: TrueEffect) -> str:
+    span = f" from {effect.span[0]:.0%} to {effect.span[1]:.0%} of the trial" if effect.span else ""
+    return f"{effect.effect}{f' ({effect.size})' if effect.size else ''} in {_joints_text(effect.joints)}{span}"
+
+
+def _joints_text(joints: Sequence[str]) -> str:
+    return "all joints" if len(joints) == 12 else ", ".join(joints)

@@ -1,0 +1,180 @@
+"""What the cases of `hqpipe blind make` hide: the answers, and the gap of the machine without its effects."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hqpipe.errors import LogError
+from hqpipe.logs.log_set import read_log_set
+from hqpipe.sysid.fit_actuator import fit_actuator
+from hqpipe.sysid.free_run import WINDOW_S, free_run
+
+FORMAT = "hqpipe-blind/1"
+ANSWERS = "answers.json"
+_KEYS = ("case", "kind", "effects", "truth")
+SHOWN = 0.3  # assumption: a joint with a third of the effect of the worst one must be named, with less it may be
+LEAST_RISE = 0.05  # assumption: an effect that alone raises no joint's gap by more need not be named
+GAPLESS = {"torque_scale"}  # the model's coefficients take it up: there is no gap, and other channels show it
+
+Gap = Mapping[str, float]
+"""RMSE by joint, and over "all", N·m."""
+Gaps = Mapping[str, Gap]
+"""`Gap` of the case ("with"), of its machine without effects ("all"), without one (`lacking`) and with one (`alone`)."""
+
+
+def lacking(effect: str) -> str:
+    """Name of the set without one effect."""
+    return f"without_{effect}"
+
+
+def alone(effect: str) -> str:
+    """Name of the set with one effect only."""
+    return f"only_{effect}"
+
+
+@dataclass(frozen=True)
+class TrueEffect:
+    """One planted effect.
+
+    Attributes:
+        effect, layer, scope: as in diagnosis.json. joints: where. outside: not in the library.
+        size: "small", "typical", "large" or None. span: start and end as shares of the trial, or None.
+        parameters: those with a number in diagnosis.json.
+    """
+
+    effect: str
+    layer: str
+    joints: tuple[str, ...]
+    scope: str
+    outside: bool
+    size: str | None
+    span: tuple[float, float] | None
+    parameters: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What is wrong in one case; `truth` holds the folders of its log sets without effects, "all" or by effect."""
+
+    case: str
+    kind: str
+    effects: tuple[TrueEffect, ...]
+    truth: Mapping[str, Any]
+
+    @property
+    def names(self) -> frozenset[str]:
+        return frozenset(effect.effect for effect in self.effects)
+
+
+def read_answers(folder: Path) -> list[Answer]:
+    """The answers beside the cases.
+
+    Raises:
+        LogError: absent, or not in this format.
+    """
+    path = Path(folder) / ANSWERS
+    if not path.is_file():
+        raise LogError(f"{path} does not exist; expected a folder that hqpipe blind make wrote")
+    raw = json.loads(path.read_text(encoding="utf-8"))
+    if raw.get("format") != FORMAT:
+        raise LogError(f"{path}: format is '{raw.get('format')}', expected {FORMAT}; make the cases again")
+    for number, entry in enumerate(raw["answers"]):
+        if missing := [key for key in _KEYS if key not in entry]:
+            raise LogError(f"{path}: answers[{number}] has no '{missing[0]}'; make the cases again")
+    return [_answer(entry) for entry in raw["answers"]]
+
+
+def _answer(entry: Mapping[str, Any]) -> Answer:
+    effects = tuple(
+        TrueEffect(
+            effect["effect"],
+            effect["layer"],
+            tuple(effect["joints"]),
+            effect["scope"],
+            effect["outside"],
+            effect["size"],
+            tuple(effect["span"]) if effect["span"] else None,
+            {name: value for name, value in effect["parameters"].items() if value is not None},
+        )
+        for effect in entry["effects"]
+    )
+    return Answer(entry["case"], entry["kind"], effects, entry["truth"])
+
+
+def base_gap(folder: Path) -> Gap:
+    """Held-out free-running error of the paper's four coefficients, fitted to the fit trials of a log set.
+
+    Returns:
+        "all": RMSE over all joints and held-out samples in windows of 100 ms, and that of each joint by its name; N·m.
+    """
+    log_set = read_log_set(folder)
+    model = fit_actuator(log_set, window_s=WINDOW_S).model
+    residuals = [free_run(t.trajectory, model, WINDOW_S) - t.trajectory.effort for t in log_set.heldout]
+    square = np.mean(np.concatenate(residuals) ** 2, axis=0)
+    joints = {joint: float(np.sqrt(value)) for joint, value in zip(log_set.joints, square, strict=True)}
+    return {"all": float(np.sqrt(square.mean())), **joints}
+
+
+def true_shrink(gaps: Gaps) -> float | None:
+    """How far the gap falls without any effect, None for a case without effects."""
+    return _closed(gaps, "all") if "all" in gaps else None
+
+
+def _closed(gaps: Gaps, name: str) -> float:
+    """Share of the gap that is gone in a set."""
+    return 1.0 - gaps[name]["all"] / gaps["with"]["all"]
+
+
+def true_shares(gaps: Gaps, effects: Sequence[str]) -> dict[str, float]:
+    """What one, two or three effects share of the true shrink by Shapley's rule; empty for more.
+
+    The worth of a set of effects is the share of the gap that goes with them.
+    """
+    if "all" not in gaps or not 1 <= len(effects) <= 3:
+        return {}
+    whole = _closed(gaps, "all")
+    if len(effects) == 1:
+        return {effects[0]: whole}
+    first = {name: _closed(gaps, lacking(name)) for name in effects}
+    last = {name: whole - _closed(gaps, alone(name)) for name in effects}
+    if len(effects) == 2:
+        return {name: 0.5 * (first[name] + last[name]) for name in effects}
+    shares = {}
+    for name in effects:
+        others = [other for other in effects if other != name]
+        # The worth of this one with another is what goes when only the third stays.
+        second = sum(_closed(gaps, alone(others[1 - i])) - first[other] for i, other in enumerate(others))
+        shares[name] = first[name] / 3.0 + second / 6.0 + last[name] / 3.0
+    return shares
+
+
+def _rises(gaps: Gaps | None, effect: TrueEffect) -> dict[str, float]:
+    """By how much the effect alone raises the gap of each of its joints, as a share; empty if that is not known."""
+    name = alone(effect.effect) if gaps and alone(effect.effect) in gaps else "with"
+    if not gaps or "all" not in gaps:
+        return {}
+    return {joint: gaps[name][joint] / gaps["all"][joint] - 1.0 for joint in effect.joints}
+
+
+def must_be_named(gaps: Gaps | None, effect: TrueEffect) -> bool:
+    """Whether the effect makes a gap that is worth a name."""
+    rises = _rises(gaps, effect)
+    return effect.effect in GAPLESS or not rises or max(rises.values()) >= LEAST_RISE
+
+
+def shown(gaps: Gaps | None, effect: TrueEffect) -> frozenset[str]:
+    """The joints in which an effect makes a gap: a limit that a joint never reaches is not there to be found.
+
+    Those whose gap it raises by at least `SHOWN` of what it does to the worst one; all its joints where it raises none.
+    """
+    rises = _rises(gaps, effect)
+    most = max(rises.values(), default=0.0)
+    if most < LEAST_RISE:
+        return frozenset(effect.joints)
+    return frozenset(joint for joint, rise in rises.items() if rise >= SHOWN * most)

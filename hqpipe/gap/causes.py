@@ -1,0 +1,325 @@
+"""From the searches of single joints to the causes of a machine.
+
+Joints are searched one by one; then groups are asked together, because an effect that every joint shows a little
+may be clear in their sum, and an effect that most joints show is looked for in the rest with less suspicion. A
+joint whose best set leaves most of what could be explained is not given a name at all: an effect that is not in
+the library makes several of those that are look useful.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.stats import norm
+
+from hqpipe.effects import EFFECTS
+from hqpipe.errors import UsageError, near_match
+from hqpipe.gap.estimate import Estimate, agree, estimates, pooled
+from hqpipe.gap.groups import groups, scope_of
+from hqpipe.gap.joint_data import JointData
+from hqpipe.gap.search import MATERIAL, RIVAL_Z, WORTH, JointResult, JointSearch, Support
+from hqpipe.gap.set_fit import JointFitter, SetFit
+
+SIGNIFICANCE = 0.05  # that any effect at all is named on logs without one
+LEAST_CLOSURE = 0.8  # of the squared error above the noise floor; assumption, between right and wrong names
+POOLED_SHARE = 0.75  # of a group's joints that must show an effect
+POOLED_RATIO, POOLED_Z = 1.01, 1.0  # what counts as showing it, in a group
+TRIFLE, NEEDED = 0.01, 1.5  # share of the gap; squared error of a joint without the effect over that with it
+CONSENSUS, MOST_SETS = 1.02, 4  # error ratio that a shared set may cost a joint; sets that are tried
+Progress = Callable[[float, float, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class JointState:
+    """Where the diagnosis of a joint stands.
+
+    Attributes:
+        search: its search. base, chosen: fits without and with effects.
+        support: of the chosen effects. dropped: effect → why it was not accepted.
+    """
+
+    search: JointSearch
+    base: SetFit
+    chosen: SetFit
+    support: tuple[Support, ...]
+    dropped: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def joint(self) -> str:
+        return self.search.fitter.data.joint
+
+    @property
+    def data(self) -> JointData:
+        return self.search.fitter.data
+
+
+@dataclass(frozen=True, eq=False)
+class Cause:
+    """An accepted effect: where, how sure, how large, and what it could be taken for."""
+
+    effect: str
+    joints: tuple[str, ...]
+    scope: str
+    probability: float
+    parameters: dict[str, Estimate]
+    rivals: tuple[str, ...]
+
+
+def library(
+    mode: str, effort_source: str | None, joints: int, without: Sequence[str] = (), effort: bool = True
+) -> tuple[str, ...]:
+    """Effects that logs of this kind can show; `effort`: whether the torque was recorded.
+
+    Raises:
+        UsageError: `without` names an effect that does not exist.
+    """
+    for name in without:
+        if name not in EFFECTS:
+            raise UsageError(f"without: no effect '{name}'{near_match(name, EFFECTS)} (known: {', '.join(EFFECTS)})")
+    return tuple(
+        name
+        for name, effect in EFFECTS.items()
+        if mode in effect.modes
+        and effect.parameters
+        and joints >= effect.least_joints
+        and (effort or not effect.needs_effort)
+        and (effect.effort_sources is None or effort_source in effect.effort_sources)
+        and name not in without
+    )
+
+
+def search_joints(
+    data: Sequence[JointData], names: Sequence[str], workers: int = 1, progress: Progress | None = None
+) -> list[JointState]:
+    """Search every joint, `workers` at a time; the result does not depend on their number."""
+    questions = max(len(data) * len(names), 1)
+    significance = float(norm.isf(SIGNIFICANCE / questions))
+    searches = [JointSearch(JointFitter(d), [n for n in names if n not in d.barred], significance) for d in data]
+
+    def one(search: JointSearch) -> JointResult:
+        return search.run()
+
+    states = []
+    with ThreadPoolExecutor(max(workers, 1)) as pool:
+        for done, (search, result) in enumerate(zip(searches, pool.map(one, searches), strict=True), start=1):
+            states.append(JointState(search, result.base, result.best, result.support))
+            if progress:
+                progress(done, len(searches), f"{result.joint}: {result.tried} sets of effects fitted")
+    return states
+
+
+def seek_consensus(states: list[JointState]) -> list[JointState]:
+    """Of several sets that explain a joint alike, give it the one that more of the machine has.
+
+    A cause that the joints share is the simpler story. First single effects are exchanged for rivals that more
+    joints name, then whole sets are tried.
+    """
+    return _shared_sets(_shared_rivals(states))
+
+
+def _shared_rivals(states: list[JointState]) -> list[JointState]:
+    popular = Counter(name for state in states for name in state.chosen.effects)
+    found = []
+    for state in states:
+        for support in state.support:
+            better = [name for name in support.rivals if popular[name] > popular[support.effect]]
+            names = set(state.chosen.effects)
+            if better and support.effect in names:
+                best = max(better, key=lambda name: popular[name])
+                state = _with(state, state.search.fit((names - {support.effect}) | {best}, [state.chosen]))
+        found.append(state)
+    return found
+
+
+def _shared_sets(states: list[JointState]) -> list[JointState]:
+    popular = Counter(state.chosen.effects for state in states)
+    found = []
+    for state in states:
+        better = state.chosen
+        for names, count in popular.most_common(MOST_SETS):
+            if count > popular[better.effects] and set(names) <= set(state.search.library):
+                fit = state.search.fit(names, [state.chosen])
+                ratio, z = state.search.gain(fit, state.chosen)
+                if (ratio <= CONSENSUS or (z < RIVAL_Z and ratio <= WORTH)) and _all_earn(state, fit):
+                    better = fit
+                    break
+        found.append(_with(state, better))
+    return found
+
+
+def _with(state: JointState, fit: SetFit) -> JointState:
+    """The joint with another set chosen."""
+    if fit is state.chosen:
+        return state
+    return JointState(state.search, state.base, fit, state.search.with_support(fit), state.dropped)
+
+
+def drop_trifles(
+    states: list[JointState], causes: Sequence[Cause], shrink: np.ndarray, low: np.ndarray
+) -> list[JointState]:
+    """Take back names that shrink the machine's gap by next to nothing and that no joint needs badly.
+
+    Args:
+        causes: of the states. shrink, low: (C,) their shares and the lower ends of the intervals.
+    """
+    found = {state.joint: state for state in states}
+    for cause, share, least in zip(causes, shrink, low, strict=True):
+        needed = max(s.ratio for j in cause.joints for s in found[j].support if s.effect == cause.effect)
+        if least > 0.0 and (share >= TRIFLE or needed >= NEEDED):
+            continue
+        for joint in cause.joints:
+            state = found[joint]
+            reason = f"shrinks the gap by {share:.1%} only"
+            dropped = {**state.dropped, cause.effect: reason}
+            fit = state.search.without(state.chosen, cause.effect)
+            found[joint] = JointState(state.search, state.base, fit, state.search.with_support(fit), dropped)
+    return list(found.values())
+
+
+def _all_earn(state: JointState, fit: SetFit) -> bool:
+    """Whether every effect of a set does something in a joint, if less than a name of its own would need."""
+    gains = [state.search.gain(state.search.without(fit, name), fit) for name in fit.effects]
+    return all(ratio > POOLED_RATIO and z > POOLED_Z for ratio, z in gains)
+
+
+def pool_groups(states: list[JointState]) -> list[JointState]:
+    """Ask the machine, then its groups, for effects that single joints show too weakly."""
+    joints = tuple(state.joint for state in states)
+    if len(joints) < 2:
+        return states
+    for members in (joints, *groups(joints)):
+        inside = [i for i, name in enumerate(joints) if name in members]
+        for effect in dict.fromkeys(name for i in inside for name in states[i].search.library):
+            asked = [i for i in inside if effect in states[i].search.library]
+            for i, state in zip(asked, _shared(effect, [states[i] for i in asked]) or [], strict=False):
+                states[i] = state
+    return states
+
+
+def _shared(effect: str, members: list[JointState]) -> list[JointState] | None:
+    """The group with an effect added where it was lacking, if the group shows it."""
+    lacking = [m for m in members if effect not in m.chosen.effects]
+    if not lacking or (len(lacking) == len(members) and not _promising(effect, members)):
+        return None
+    if len(members) < 2:
+        return None
+    fits = {m.joint: m.search.fit((*m.chosen.effects, effect), [m.chosen]) for m in lacking}
+    gains = {m.joint: m.search.gain(m.chosen, fits[m.joint]) for m in lacking}
+    showing = [m for m in lacking if gains[m.joint][0] >= POOLED_RATIO and gains[m.joint][1] >= POOLED_Z]
+    if len(members) - len(lacking) + len(showing) < POOLED_SHARE * len(members) or not showing:
+        return None
+    z = sum(gains[m.joint][1] for m in showing) / np.sqrt(len(showing))
+    fall = np.mean([(m.chosen.error - fits[m.joint].error) / (MATERIAL * m.data.output) ** 2 for m in showing])
+    ratio = np.mean([gains[m.joint][0] for m in showing])
+    already = [m for m in members if m not in lacking]
+    if z < members[0].search.significance or (not already and (fall < 1.0 or ratio < 1.05)):
+        return None
+    parts = [estimates(m.data, fits[m.joint], effect) for m in showing]
+    parts += [estimates(m.data, m.chosen, effect) for m in already]
+    first = EFFECTS[effect].parameters[0].name
+    if not all(first in p for p in parts) or not agree([p[first] for p in parts], tolerance=0.5):
+        return None
+    changed = []
+    for m in members:
+        if m in showing:
+            fit = fits[m.joint]
+            m = JointState(m.search, m.base, fit, m.search.with_support(fit), m.dropped)
+        changed.append(m)
+    return changed
+
+
+def _promising(effect: str, members: list[JointState]) -> bool:
+    """Whether the effect alone helps most joints at all, on the fit trials."""
+    helps = sum(m.search.fit((effect,)).loss < 0.995 * m.base.loss for m in members)
+    return helps >= POOLED_SHARE * len(members)
+
+
+def close_gap(states: list[JointState], floor: np.ndarray) -> list[JointState]:
+    """Give up the names in joints where they close too little of what is above the noise floor.
+
+    Args:
+        states: one per joint. floor: (J,) mean squared error that noise alone leaves.
+    """
+    found = []
+    for state, noise in zip(states, floor, strict=True):
+        share = closure(state, noise)
+        if state.chosen.effects and share < LEAST_CLOSURE:
+            reason = f"closes only {max(share, 0.0):.0%} of the squared error above the noise in {state.joint}"
+            state = JointState(state.search, state.base, state.base, (), dict.fromkeys(state.chosen.effects, reason))
+        found.append(state)
+    return found
+
+
+def closure(state: JointState, floor: float) -> float:
+    """Share of the squared held-out error above the noise floor that the chosen set removes."""
+    before = state.base.error - floor
+    return (state.base.error - state.chosen.error) / before if before > 0 else 0.0
+
+
+def assemble(states: list[JointState], floor: np.ndarray, machine: Sequence[str] = ()) -> list[Cause]:
+    """Merge the joints' effects into causes: one per set of joints that could share its parameters.
+
+    Args:
+        states: one per joint. floor: (J,) of these joints. machine: all joints, if these are only some.
+    """
+    joints = tuple(machine) or tuple(state.joint for state in states)
+    floors = {state.joint: float(level) for state, level in zip(states, floor, strict=True)}
+    causes = []
+    for effect in dict.fromkeys(name for state in states for name in state.chosen.effects):
+        members = [s for s in states if effect in s.chosen.effects]
+        parts = {s.joint: estimates(s.data, s.chosen, effect) for s in members}
+        for batch in [members] if EFFECTS[effect].machine else _alike(effect, members, parts):
+            causes.append(_cause(effect, batch, parts, joints, floors))
+    return causes
+
+
+def _alike(effect: str, members: list[JointState], parts: dict[str, dict[str, Estimate]]) -> list[list[JointState]]:
+    """Joints whose first parameter agrees, in batches; the largest batch first."""
+    first = EFFECTS[effect].parameters[0].name
+    rest, batches = sorted(members, key=lambda s: parts[s.joint][first].value if first in parts[s.joint] else 0.0), []
+    while rest:
+        best: list[JointState] = []
+        for centre in rest:
+            batch = [s for s in rest if _near(parts[centre.joint].get(first), parts[s.joint].get(first))]
+            best = batch if len(batch) > len(best) else best
+        best = best or rest[:1]
+        batches.append(best)
+        rest = [s for s in rest if s not in best]
+    order = [s.joint for s in members]
+    return [sorted(batch, key=lambda s: order.index(s.joint)) for batch in batches]
+
+
+def _near(a: Estimate | None, b: Estimate | None) -> bool:
+    return a is not None and b is not None and agree([a, b])
+
+
+def _cause(
+    effect: str,
+    members: list[JointState],
+    parts: dict[str, dict[str, Estimate]],
+    joints: tuple[str, ...],
+    floor: dict[str, float],
+) -> Cause:
+    names = tuple(s.joint for s in members)
+    parameters = {}
+    for parameter in EFFECTS[effect].parameters:
+        known = [parts[name][parameter.name] for name in names if parameter.name in parts[name]]
+        if len(known) == len(names):
+            parameters[parameter.name] = pooled(known) if len(known) > 1 else known[0]
+    supports = [next(x for x in s.support if x.effect == effect) for s in members]
+    rivals = [set(x.rivals) for x in supports]
+    common = set.intersection(*rivals) if rivals else set()
+    odds = [_log_odds(x, closure(s, floor[s.joint]), len(common)) for x, s in zip(supports, members, strict=True)]
+    probability = float(1.0 / (1.0 + np.exp(-max(odds))))
+    scope = "machine" if EFFECTS[effect].machine else scope_of(names, joints)
+    ordered = tuple(name for name in EFFECTS if name in common)
+    return Cause(effect, names, scope, probability, parameters, ordered)
+
+
+def _log_odds(support: Support, closed: float, rivals: int) -> float:
+    """Log odds that the name is right; see docs/theory/diagnosis.md for where the weights come from."""
+    return -1.0 + 0.8 * float(np.log(max(support.ratio - 1.0, 1e-3))) + 4.0 * min(max(closed, 0.0), 1.0) - 0.7 * rivals

@@ -1,0 +1,236 @@
+"""One joint of a log set as the compiled fits want it: windows side by side, and the sizes of its signals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hqpipe.effects import effect as scales
+from hqpipe.effects.layout import neutral_row, slot
+from hqpipe.kernels.augmented_columns import MODES
+from hqpipe.kernels.augmented_signals import Signals
+from hqpipe.logs.differentiate import differentiate, window_s
+from hqpipe.logs.trajectory import Trajectory
+
+MAX_WINDOWS = 400  # per joint and split; 40 s of windows of 0.1 s say what an hour says, in bounded time
+PRESLIDING_SHARE = 0.0003  # of the position's standard deviation: where friction turns round, until it is fitted
+CLEAR_SHARE = 0.5  # of the RMS torque: more than a chain chatters within its slack; assumption
+MOVED, LOGGED = SPEEDS = ("moved", "logged")
+"""Speed from one position to the next, or the logged channel. The first adds up to the travel however coarse the
+encoder is, and no filter delays it; the second is right where the controller computes with it."""
+SLOPE_ROWS = 3  # of the speed's slope: its noise must be none of the sample in the middle; assumption
+COMMAND_CHANNEL = {"position": "position_command", "torque": "effort_command", "valve": "valve_command"}
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """The windows of one joint in the fit or the held-out trials.
+
+    Attributes:
+        signals: for the kernels.
+        trial: (W,) index of the trial of each window.
+    """
+
+    signals: Signals
+    trial: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class JointData:
+    """One joint.
+
+    Attributes:
+        joint: name. fit, heldout: its windows.
+        size: scale → number that bounds and starts of effect parameters are multiples of.
+        row: (WIDTH,) row without effects and with zero gains, settings filled in.
+        noise: standard deviation of the output's sensor noise.
+        barred: effects that this joint's log could only imitate.
+    """
+
+    joint: str
+    mode: str
+    fit: Split
+    heldout: Split
+    size: dict[str, float]
+    row: np.ndarray
+    noise: float
+    barred: tuple[str, ...] = ()
+
+    @property
+    def output(self) -> float:
+        """RMS of what is predicted: torque, in valve mode speed."""
+        return self.size[scales.VELOCITY if self.mode == "valve" else scales.EFFORT]
+
+    @property
+    def row_dt(self) -> float:
+        """Sample time, s."""
+        return float(self.row[slot("setting", "sample_time")])
+
+
+def joint_data(
+    fit: Sequence[Trajectory],
+    heldout: Sequence[Trajectory],
+    j: int,
+    mode: str,
+    steps: int,
+    noise: float,
+    effort_limit: float = np.inf,
+    speed: str = MOVED,
+) -> JointData:
+    """Cut the trials of one joint into windows of `steps` samples.
+
+    Args:
+        fit, heldout: trials with the channels of the control mode.
+        j: joint index. mode: position, torque or valve.
+        noise: standard deviation of the sensor noise of the output.
+        effort_limit: N·m.
+        speed: where the velocity comes from, of `SPEEDS`.
+    """
+    row = neutral_row()
+    row[slot("setting", "sample_time")] = float(np.median([t.dt for t in fit]))
+    row[slot("setting", "middle")] = float(np.mean(np.concatenate([t.position[:, j] for t in fit])))
+    row[slot("setting", "effort_limit")] = effort_limit
+    size = _sizes(fit, j, mode)
+    row[slot("setting", "clear")] = CLEAR_SHARE * size[scales.EFFORT]
+    row[slot("coulomb_friction", "presliding_rad")] = PRESLIDING_SHARE * size[scales.ANGLE]
+    return JointData(
+        joint=fit[0].joints[j],
+        mode=mode,
+        fit=cut(fit, j, mode, steps, speed=speed),
+        heldout=cut(heldout, j, mode, steps, speed=speed),
+        size=size,
+        row=row,
+        noise=noise,
+    )
+
+
+def cut(
+    trials: Sequence[Trajectory], j: int, mode: str, steps: int, most: int = MAX_WINDOWS, speed: str = MOVED
+) -> Split:
+    """Complete windows, evenly thinned to `most`.
+
+    In valve mode a trial's first window is left out: nothing restarts there from a logged output, and what was commanded
+    before the log began is unknown.
+    """
+    parts, first, owner, bounds = [], [], [], [0]
+    for index, t in enumerate(trials):
+        starts = np.arange(steps if mode == "valve" else 0, t.samples - steps, steps)
+        first.append(starts + bounds[-1])
+        owner.append(np.full(len(starts), index))
+        bounds.append(bounds[-1] + t.samples)
+        parts.append(_channels(t, j, mode, speed))
+    starts, trial = np.concatenate(first), np.concatenate(owner)
+    if len(starts) > most:
+        kept = np.linspace(0, len(starts) - 1, most).round().astype(int)
+        starts, trial = starts[kept], trial[kept]
+    command, position, velocity, effort, rate, time, demand = (
+        np.ascontiguousarray(np.concatenate(c)) for c in zip(*parts, strict=True)
+    )
+    output = velocity if mode == "valve" else effort
+    target = np.ascontiguousarray(output[starts[None, :] + np.arange(steps + 1)[:, None]])
+    if mode == "valve":
+        target[1:] = target[:-1].copy()  # the speed answers at once: row k + 1 is compared with the inputs of row k
+    signals = Signals(
+        MODES[mode],
+        command,
+        position,
+        velocity,
+        effort,
+        rate,
+        time,
+        demand,
+        np.array(bounds, dtype=np.int64),
+        starts.astype(np.int64),
+        steps,
+        target,
+    )
+    return Split(signals, trial)
+
+
+def _channels(t: Trajectory, j: int, mode: str, speed: str) -> tuple[np.ndarray, ...]:
+    effort = t.effort[:, j] if t.effort is not None else np.zeros(t.samples)
+    rate = np.gradient(effort, t.dt)
+    if mode == "valve" and t.effort is not None:
+        effort, rate = load(effort, t.dt)
+    return (
+        getattr(t, COMMAND_CHANNEL[mode])[:, j].astype(np.float64),
+        t.position[:, j].astype(np.float64),
+        moved(t.position[:, j], t.dt) if speed == MOVED else t.velocity[:, j].astype(np.float64),
+        effort.astype(np.float64),
+        rate,
+        t.time - t.time[0],
+        np.abs(t.velocity).sum(axis=1),
+    )
+
+
+def output_of(t: Trajectory, mode: str, speed: str) -> np.ndarray:
+    """(T, J) what is predicted: the torque, or in valve mode the speed."""
+    if mode != "valve":
+        return t.effort
+    return t.velocity if speed == LOGGED else np.stack([moved(q, t.dt) for q in t.position.T], axis=1)
+
+
+def load(effort: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """(T,) torque and its rate without most of the sensor's noise, which would pass into the speed that they explain.
+
+    A parabola through a centred window (Savitzky and Golay, 1964), as long as that of `differentiate`.
+    """
+    from scipy.signal import savgol_filter
+
+    span = min(round(window_s(dt) / dt), len(effort) - 1 + len(effort) % 2)
+    return savgol_filter(effort, span, 2), differentiate(effort[:, None], dt)[:, 0]
+
+
+def row_lag(trials: Sequence[Trajectory]) -> float:
+    """Samples by which the logged speed comes after `moved`, over all joints.
+
+    0 where it is the mean speed of the step that begins at the sample, 1 of the one that ends there, more behind a filter.
+    """
+    products, squares = 0.0, 0.0
+    for t in trials:
+        step = output_of(t, "valve", MOVED)
+        change = (step[2 * SLOPE_ROWS :] - step[: -2 * SLOPE_ROWS]) / (2 * SLOPE_ROWS)
+        middle = slice(SLOPE_ROWS, -SLOPE_ROWS)
+        products += float(np.sum((step - t.velocity)[middle] * change))
+        squares += float(np.sum(change**2))
+    return products / max(squares, np.finfo(float).tiny)
+
+
+def moved(position: np.ndarray, dt: float) -> np.ndarray:
+    """Mean speed from each sample to the next, rad/s; its sum is the travel, whatever the encoder's resolution."""
+    speed = np.empty(len(position))
+    speed[:-1] = np.diff(position) / dt
+    speed[-1] = speed[-2]
+    return speed
+
+
+def _sizes(fit: Sequence[Trajectory], j: int, mode: str) -> dict[str, float]:
+    def rms(values: list[np.ndarray]) -> float:
+        return float(np.sqrt(np.mean(np.concatenate(values) ** 2))) + 1e-12
+
+    command = [getattr(t, COMMAND_CHANNEL[mode])[:, j] for t in fit]
+    if mode == "position":
+        command = [c - t.position[:, j] for c, t in zip(command, fit, strict=True)]
+    elif mode == "torque":
+        command = [c - t.effort[:, j] for c, t in zip(command, fit, strict=True)]
+    elif mode == "valve":
+        middle = np.median(np.concatenate(command))
+        command = [c - middle for c in command]
+    effort = rms([t.effort[:, j] for t in fit]) if fit[0].effort is not None else 1.0
+    velocity, angle = (
+        rms([t.velocity[:, j] for t in fit]),
+        float(np.std(np.concatenate([t.position[:, j] for t in fit]))),
+    )
+    return {
+        scales.SECOND: 1.0,
+        scales.NONE: 1.0,
+        scales.COMMAND: rms(command),
+        scales.EFFORT: effort,
+        scales.VELOCITY: velocity,
+        scales.SLOWNESS: 1.0 / rms([np.abs(t.velocity).sum(axis=1) for t in fit]),
+        scales.ANGLE: angle + 1e-12,
+        scales.DAMPING: effort / velocity,
+        scales.STIFFNESS: effort / (angle + 1e-12),
+    }

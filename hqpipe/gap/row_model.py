@@ -1,0 +1,110 @@
+"""A machine's actuators with effects, driven by logged trials: the replay that places and noise floors start from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hqpipe.effects.layout import slot
+from hqpipe.gap.joint_data import COMMAND_CHANNEL, MOVED, cut, output_of
+from hqpipe.gap.replay import Replay
+from hqpipe.gap.signals import LOAD
+from hqpipe.kernels.augmented_fit import residual_windows
+from hqpipe.logs.trajectory import Trajectory, Trial
+
+EVERY = 1 << 62  # windows: no thinning
+
+
+def view(t: Trajectory, mode: str, speed: str) -> Trajectory:
+    """The trial with `effort` as the output of the actuator, one sample after the inputs that it answers to.
+
+    In valve mode the output is the speed, which answers at once; the torque, where it was logged, becomes the extra
+    column `load/<joint>`.
+    """
+    if mode != "valve":
+        return t
+    output = output_of(t, mode, speed)
+    load = {} if t.effort is None else {LOAD + joint: t.effort[:, j] for j, joint in enumerate(t.joints)}
+    return replace(t, effort=np.concatenate([output[:1], output[:-1]]), extra={**t.extra, **load})
+
+
+def driven(t: Trajectory, seen: Trajectory, predicted: np.ndarray, mode: str) -> Trajectory:
+    """`seen` with `position_command` − `position` as what drives the actuator.
+
+    In position mode that is the trial itself. In torque mode the drive is the torque error, in valve mode the valve
+    command. Output and drive must share no noise, or a part of the noise could be predicted: where the drive or the
+    inputs would hold the measured output, they hold the model's.
+    """
+    if mode == "position":
+        return seen
+    drive = getattr(t, COMMAND_CHANNEL[mode])
+    if mode == "torque":
+        return replace(seen, position_command=t.position + drive - predicted)
+    speed = np.concatenate([predicted[1:], predicted[-1:]])
+    return replace(seen, position_command=t.position + drive, velocity=speed)
+
+
+@dataclass(frozen=True, eq=False)
+class SpanRow:
+    """Another row (WIDTH,) for a stretch of each trial: file → (start, end), s."""
+
+    row: np.ndarray
+    stretches: dict[str, tuple[float, float]]
+
+
+@dataclass(frozen=True, eq=False)
+class RowModel:
+    """Actuators of a machine.
+
+    Attributes:
+        joints: names. rows: (J, WIDTH), see hqpipe.effects.layout. mode: control mode.
+        speed: see `SPEEDS`. spans: joint index → its row for some time.
+    """
+
+    joints: tuple[str, ...]
+    rows: np.ndarray
+    mode: str
+    speed: str = MOVED
+    spans: dict[int, SpanRow] = field(default_factory=dict)
+
+    @property
+    def memory(self) -> np.ndarray:
+        """(J,) share of a torque offset that is left after one sample."""
+        decay = self.rows[:, slot("base", "k2")] + (self.rows[:, slot("base", "k1")] if self.mode == "torque" else 0.0)
+        return np.clip(1.0 - decay, 0.0, 1.0) if self.mode != "valve" else np.zeros(len(self.rows))
+
+    def replay(self, trial: Trial, steps: int) -> Replay:
+        """Run the model through one trial in windows of `steps` samples, and one step ahead."""
+        t = trial.trajectory
+        seen = view(t, self.mode, self.speed)
+        free = self._predict(trial.file, t, seen, steps)
+        one = self._predict(trial.file, t, seen, 1) if self.mode != "valve" else free
+        return Replay(trial.file, driven(t, seen, free, self.mode), steps, free, one)
+
+    def _predict(self, file: str, t: Trajectory, seen: Trajectory, steps: int) -> np.ndarray:
+        predicted = seen.effort.astype(np.float64).copy()
+        if t.samples <= steps:
+            return predicted
+        for j in range(len(self.joints)):
+            signals = cut([t], j, self.mode, steps, EVERY, self.speed).signals
+            output = residual_windows(self.rows[j], signals) + signals.target[1:]
+            if j in self.spans and file in self.spans[j].stretches:
+                start, end = (round(at / t.dt) for at in self.spans[j].stretches[file])
+                inside = (signals.first >= start) & (signals.first < end)
+                other = residual_windows(self.spans[j].row, signals) + signals.target[1:]
+                output[:, inside] = other[:, inside]
+            predicted[signals.first[None, :] + np.arange(1, steps + 1)[:, None], j] = output
+        return predicted
+
+
+def kept(model: RowModel, steps: int) -> np.ndarray:
+    """(steps, J) how much of a torque offset at the window start is left after 1 … steps samples."""
+    return model.memory[None, :] ** np.arange(1, steps + 1)[:, None]
+
+
+def replay_all(model: RowModel, trials: Sequence[Trial], steps: int) -> list[Replay]:
+    """The trials that hold at least one window."""
+    found = [model.replay(trial, steps) for trial in trials]
+    return [item for item in found if item.windows]

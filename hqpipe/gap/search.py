@@ -1,0 +1,201 @@
+"""Which set of effects explains one joint: all singles and pairs, then larger sets by growing and swapping.
+
+The path is chosen on the fit trials; whether an effect is accepted is decided on the held-out ones. An effect
+stays in the set only if leaving it out, with everything else fitted again, makes the held-out error worse by
+more than chance (block bootstrap) and by a share that is worth a name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+
+from hqpipe.gap.bootstrap import BLOCK_S
+from hqpipe.gap.set_fit import JointFitter, Names, SetFit, in_order
+
+MOST_EFFECTS = 5  # per joint; more have never been told apart on logs of a minute; assumption
+BEAM = 4  # sets that are grown side by side
+PAIR_ITERATIONS, GROW_ITERATIONS = 6, 8
+MATERIAL = 0.005  # of the output's RMS: a change of the error by less is no use to a simulator
+WORTH = 1.10  # squared error without an effect over that with it: less is not worth a name
+RIVAL = 0.03  # of an effect's improvement: another that comes as close cannot be told from it
+RIVAL_Z, DOUBTFUL = 2.0, 0.25  # standard errors by which a rival must be worse, unless it is so by this share
+SHAPE_WORTH = 1.005  # for every parameter beyond the first: of two effects that do alike the simpler one is named
+SEARCH_WORTH = 1.05  # the same while growing: a weak effect may open the way for a strong one
+
+
+@dataclass(frozen=True)
+class Support:
+    """What speaks for one effect of a set, from the held-out trials.
+
+    Attributes:
+        effect: name.
+        ratio: mean squared error without it over that with it.
+        z: mean of the improvement over its standard error, by blocks.
+        rivals: effects that could stand in its place as well.
+    """
+
+    effect: str
+    ratio: float
+    z: float
+    rivals: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class JointResult:
+    """The search of one joint.
+
+    Attributes:
+        joint: name.
+        base: fit without effects.
+        best: fit of the accepted set (the base fit if none).
+        support: one per accepted effect.
+        singles: every candidate alone.
+        tried: number of sets fitted.
+    """
+
+    joint: str
+    base: SetFit
+    best: SetFit
+    support: tuple[Support, ...]
+    singles: dict[str, SetFit]
+    tried: int = field(default=0)
+
+
+class JointSearch:
+    """Search of one joint.
+
+    Args:
+        fitter: of the joint.
+        library: candidate effects.
+        significance: z that an effect must exceed; corrected for the number of questions by the caller.
+    """
+
+    def __init__(self, fitter: JointFitter, library: Sequence[str], significance: float) -> None:
+        self.fitter, self.library, self.significance = fitter, in_order(library), significance
+        data = fitter.data
+        self._block = max(1, round(BLOCK_S / (data.fit.signals.steps * data.row_dt)))
+        self._tried: dict[Names, SetFit] = {}
+
+    def fit(self, names: Sequence[str], warm: Sequence[SetFit] = (), iterations: int = GROW_ITERATIONS) -> SetFit:
+        """A set's fit, remembered."""
+        key = in_order(names)
+        if key not in self._tried:
+            self._tried[key] = self.fitter.fit(key, warm, iterations)
+        return self._tried[key]
+
+    def run(self) -> JointResult:
+        """All singles and pairs, larger sets, elimination."""
+        base = self.fitter.fit(())
+        self._tried[()] = base
+        singles = {name: self.fitter.fit((name,)) for name in self.library}
+        self._tried |= {(name,): fit for name, fit in singles.items()}
+        for a, b in combinations(self.library, 2):
+            first, second = singles[a], singles[b]
+            self.fit((a, b), [first if first.loss <= second.loss else second], PAIR_ITERATIONS)
+        best = self._grow()
+        best = self.eliminate(self._settled(best))
+        return JointResult(self.fitter.data.joint, base, best, self.with_support(best), singles, len(self._tried))
+
+    def _settled(self, fit: SetFit) -> SetFit:
+        """The set and those with one effect less, fitted until they settle: they decide what is accepted."""
+        for name in fit.effects:
+            less = self.without(fit, name)
+            if not less.effects:
+                continue
+            self._tried[less.effects] = self.fitter.refine(less)
+        if fit.effects:
+            self._tried[fit.effects] = self.fitter.refine(fit)
+        return self._tried[fit.effects]
+
+    def _score(self, fit: SetFit) -> float:
+        shape = len(fit.free) - len(self._tried[()].free) - len(fit.effects)
+        price = np.log(SEARCH_WORTH) * len(fit.effects) + np.log(SHAPE_WORTH) * shape
+        return float(np.log(fit.loss + 1e-300) + price)
+
+    def _grow(self) -> SetFit:
+        """Beam search with additions and swaps, by the penalised loss in the fit trials."""
+        ranked = sorted(self._tried.values(), key=self._score)
+        best = ranked[0]
+        beam = ranked[:BEAM]
+        while True:
+            fresh = []
+            for fit in beam:
+                fresh += self._neighbours(fit)
+            ranked = sorted({f.effects: f for f in [*beam, *fresh]}.values(), key=self._score)
+            if self._score(ranked[0]) >= self._score(best) - 1e-9:
+                return best
+            best, beam = ranked[0], ranked[:BEAM]
+
+    def _neighbours(self, fit: SetFit) -> list[SetFit]:
+        """Sets with one effect more, or one exchanged (pairs are all known)."""
+        found = []
+        rest = [name for name in self.library if name not in fit.effects]
+        if 2 <= len(fit.effects) < MOST_EFFECTS:
+            found += [self.fit((*fit.effects, name), [fit]) for name in rest]
+        if len(fit.effects) > 2:
+            for out in fit.effects:
+                kept = [name for name in fit.effects if name != out]
+                found += [self.fit((*kept, name), [fit]) for name in rest]
+        return found
+
+    def gain(self, without: SetFit, fit: SetFit) -> tuple[float, float]:
+        """Ratio of squared held-out errors, and z of the improvement by blocks of about half a second.
+
+        The improvement is judged twice, by the mean squared error and by the mean of its logarithm, and the
+        clearer answer counts: the first misses effects that help everywhere a little, the second those that
+        help rarely but much.
+        """
+        plain = self._z(without.heldout - fit.heldout)
+        logarithmic = self._z(np.log((without.heldout + 1e-300) / (fit.heldout + 1e-300)))
+        return without.error / max(fit.error, 1e-300), max(plain, logarithmic)
+
+    def _z(self, difference: np.ndarray) -> float:
+        edges = np.arange(0, len(difference), self._block)
+        blocks = np.add.reduceat(difference, edges) / np.diff([*edges, len(difference)])
+        if len(blocks) < 2:
+            return 0.0
+        return float(blocks.mean() / max(blocks.std(ddof=1) / np.sqrt(len(blocks)), 1e-300))
+
+    def without(self, fit: SetFit, effect: str) -> SetFit:
+        """The set less one effect, fitted again."""
+        return self.fit([name for name in fit.effects if name != effect], [fit])
+
+    def eliminate(self, fit: SetFit) -> SetFit:
+        """Drop the weakest effect until every one that is left earns its place on the held-out trials."""
+        while fit.effects:
+            support = [Support(name, *self.gain(self.without(fit, name), fit)) for name in fit.effects]
+            weak = [s for s in support if not self.earns(fit, s)]
+            if not weak:
+                break
+            fit = self.without(fit, min(weak, key=lambda s: s.ratio).effect)
+        return fit
+
+    def earns(self, fit: SetFit, support: Support) -> bool:
+        """Whether an effect is worth its name: certain, material, and not a trifle beside what is left."""
+        fall = (support.ratio - 1.0) * fit.error
+        material = fall >= (MATERIAL * self.fitter.data.output) ** 2
+        return support.ratio >= WORTH and support.z >= self.significance and material
+
+    def with_support(self, fit: SetFit) -> tuple[Support, ...]:
+        """What speaks for each effect of a set, with its rivals."""
+        return tuple(
+            self._with_rivals(fit, Support(name, *self.gain(self.without(fit, name), fit))) for name in fit.effects
+        )
+
+    def _with_rivals(self, fit: SetFit, support: Support) -> Support:
+        """Add the effects that explain the held-out trials as well in the place of this one."""
+        kept = [name for name in fit.effects if name != support.effect]
+        without = self.without(fit, support.effect)
+        rivals = []
+        for name in self.library:
+            if name not in fit.effects:
+                other = self.fit((*kept, name), [without])
+                _, z = self.gain(other, fit)
+                share = (other.error - fit.error) / max(without.error - fit.error, 1e-300)
+                if share < RIVAL or (z < RIVAL_Z and share < DOUBTFUL):
+                    rivals.append(name)
+        return Support(support.effect, support.ratio, support.z, tuple(rivals))

@@ -1,0 +1,219 @@
+"""Fit a set of effects to one joint, together with the base model's own coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from hqpipe.effects import EFFECTS
+from hqpipe.effects.layout import BASE, neutral_row, slot, slots
+from hqpipe.gap.joint_data import JointData, Split
+from hqpipe.kernels.augmented_fit import CHANGES, fit_windows, residual_windows
+
+BASE_OF_MODE = {"position": ("k1", "k2", "k3", "k4"), "torque": ("k1", "k2", "k3"), "valve": ("k1", "neutral")}
+LEAK = "k2"  # in valve mode, rad/s per N·m, where the torque was logged: a loaded axis slows, as in eq. (1) linearised
+ROW_OFFSET = "command_delay"
+"""In valve mode the command may belong to the row before or after the speed that it causes, whatever the logger's habit:
+while the effect itself is not in the set, its delay is a base coefficient of at most one sample."""
+OUTLIER_SIGMAS = 6.0  # assumption: only gross errors (sensor glitches) lie beyond
+OUTLIER_SHARE = 0.5  # of the output's RMS; keeps impacts from counting as outliers
+SPANS = (1, 5, 20)  # samples of the differences that first guesses come from
+FIRST_LOOK = 3  # iterations before a start is compared with its rivals
+ITERATIONS, TOLERANCE = 25, 1e-4
+
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SetFit:
+    """A set of effects fitted to one joint.
+
+    Attributes:
+        effects: names, in the order of the chain.
+        row: (WIDTH,) parameters.
+        loss: Huber loss per sample in the fit trials.
+        hessian: (n, n) Gauss-Newton matrix of the free columns.
+        free: (n,) free columns.
+        heldout: (W,) mean squared error of each held-out window.
+        fitted: (W,) the same in the fit trials.
+    """
+
+    effects: Names
+    row: np.ndarray
+    loss: float
+    hessian: np.ndarray
+    free: np.ndarray
+    heldout: np.ndarray
+    fitted: np.ndarray
+
+    @property
+    def error(self) -> float:
+        """Mean squared held-out error."""
+        return float(self.heldout.mean())
+
+
+def in_order(effects: Iterable[str]) -> Names:
+    """The effects in the order of the chain, each once."""
+    wanted = set(effects)
+    return tuple(name for name in EFFECTS if name in wanted)
+
+
+def window_errors(row: np.ndarray, split: Split) -> np.ndarray:
+    """(W,) mean squared error of each window."""
+    return np.mean(residual_windows(row, split.signals) ** 2, axis=0)
+
+
+class JointFitter:
+    """Fits effect sets to one joint, each set once.
+
+    Args:
+        data: of the joint.
+    """
+
+    def __init__(self, data: JointData) -> None:
+        self.data = data
+        self._known: dict[Names, SetFit] = {}
+
+    def fit(self, effects: Iterable[str] = (), warm: Sequence[SetFit] = (), iterations: int = ITERATIONS) -> SetFit:
+        """Fit a set, from the best of `warm` rows joined together and the effects' own start values."""
+        names = in_order(effects)
+        if names not in self._known:
+            rows = self._starts(names, warm)
+            if len(rows) > 1:
+                looks = [self._run(names, row, FIRST_LOOK) for row in rows]
+                rows = [min(looks, key=lambda found: found[1])[0]]
+            self._known[names] = self._result(names, *self._run(names, rows[0], iterations))
+        return self._known[names]
+
+    def refine(self, fit: SetFit) -> SetFit:
+        """The same set, fitted until it settles; it takes the place of the hasty fit."""
+        self._known[fit.effects] = self._result(fit.effects, *self._run(fit.effects, fit.row, ITERATIONS))
+        return self._known[fit.effects]
+
+    def _result(self, names: Names, row: np.ndarray, loss: float, hessian: np.ndarray) -> SetFit:
+        heldout, fitted = window_errors(row, self.data.heldout), window_errors(row, self.data.fit)
+        return SetFit(names, row, loss, hessian, self._columns(names)[0], heldout, fitted)
+
+    def _run(self, names: Names, row: np.ndarray, iterations: int) -> tuple[np.ndarray, float, np.ndarray]:
+        free, lower, upper, scale = self._columns(names)
+        output = self.data.fit.signals.target
+        outlier = max(OUTLIER_SIGMAS * self.data.noise, OUTLIER_SHARE * float(np.sqrt(np.mean(output**2))))
+        return fit_windows(
+            row, self.data.fit.signals, free, lower, upper, scale, CHANGES, outlier, iterations, TOLERANCE
+        )
+
+    def _columns(self, names: Names) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Free columns of a set with their bounds and sizes."""
+        free, lower, upper, scale = [], [], [], []
+        size = self.data.size
+        output = size["velocity"] if self.data.mode == "valve" else size["effort"]
+        natural = {
+            "k1": output / size["command"],
+            "k2": size["velocity"] / size["effort"] if self.data.mode == "valve" else 1.0,
+            "k3": output / size["velocity"],
+            "k4": 1.0 / size["command"],
+            "neutral": size["command"],
+        }
+        loaded = self.data.mode == "valve" and bool(self.data.fit.signals.effort.any())
+        for name in BASE_OF_MODE[self.data.mode] + (LEAK,) * loaded:
+            free.append(slot("base", name))
+            lower.append(-np.inf if name in ("neutral", "k1") and self.data.mode == "valve" else 0.0)
+            upper.append(1.0 if name == "k2" and not loaded else np.inf)
+            scale.append(0.1 * natural[name])
+        if self.data.mode == "valve" and ROW_OFFSET not in names:
+            free.append(slots(ROW_OFFSET)[0])
+            lower.append(-self.data.row_dt)
+            upper.append(self.data.row_dt)
+            scale.append(self.data.row_dt)
+        for effect in names:
+            for column, parameter in zip(slots(effect), EFFECTS[effect].parameters, strict=True):
+                unit = 1.0 / size[parameter.scale] if parameter.inverse else size[parameter.scale]
+                free.append(column)
+                lower.append(parameter.lower * unit)
+                upper.append(parameter.upper * unit)
+                scale.append(unit * max(abs(start) for start in (*parameter.starts, 0.01)))
+        dry = {"stribeck_friction", "load_dependent_friction"} & set(names)
+        if dry and "coulomb_friction" not in names:
+            turn = next(p for p in EFFECTS["coulomb_friction"].parameters if p.name == "presliding_rad")
+            free.append(slot("coulomb_friction", turn.name))
+            lower.append(turn.lower * size[turn.scale])
+            upper.append(turn.upper * size[turn.scale])
+            scale.append(turn.starts[0] * size[turn.scale])
+        return (np.array(free), *(np.array(values, dtype=np.float64) for values in (lower, upper, scale)))
+
+    def _starts(self, names: Names, warm: Sequence[SetFit]) -> list[np.ndarray]:
+        """Rows to begin with."""
+        base = self._first_guess() if not names else self.fit().row
+        if not names:
+            return [base]
+        if warm:
+            return [self._joined(names, fit, warm) for fit in warm]
+        options = [
+            [
+                (column, start / size if p.inverse else start * size)
+                for start in p.starts
+                for size in [self.data.size[p.scale]]
+            ]
+            for name in names
+            for column, p in zip(slots(name), EFFECTS[name].parameters, strict=True)
+        ]
+        rows = []
+        for factor in EFFECTS[names[0]].stiffer if len(names) == 1 else (1.0,):
+            for choice in product(*options):
+                row = base.copy()
+                row[[slot("base", "k1"), slot("base", "k3")]] *= factor
+                for column, value in choice:
+                    row[column] = value
+                rows.append(row)
+        return rows
+
+    def _joined(self, names: Names, fit: SetFit, warm: Sequence[SetFit]) -> np.ndarray:
+        """The row of one fit, with the effects that it lacks from the others."""
+        row = fit.row.copy()
+        for name in names:
+            if name not in fit.effects:
+                donor = next((other for other in warm if name in other.effects), None)
+                if donor is None:
+                    donor = self.fit((name,))
+                row[slots(name)] = donor.row[slots(name)]
+        for name in fit.effects:
+            if name not in names:
+                row[slots(name)] = neutral_row()[slots(name)]
+        return row
+
+    def _first_guess(self) -> np.ndarray:
+        """Base gains from differences over a few samples, the better of several spans in the free run."""
+        rows = [self._regressed(span) for span in SPANS if span <= self.data.fit.signals.steps]
+        losses = [np.mean(window_errors(row, self.data.fit)) for row in rows]
+        return rows[int(np.nanargmin(losses))]
+
+    def _regressed(self, span: int) -> np.ndarray:
+        s, mode = self.data.fit.signals, self.data.mode
+        row = self.data.row.copy()
+        at = s.first[None, :] + np.arange(0, s.steps - span + 1, span)[:, None]
+
+        def summed(values: np.ndarray) -> np.ndarray:
+            total = np.concatenate([[0.0], np.cumsum(values)])
+            return (total[at + span] - total[at]).ravel()
+
+        if mode == "valve":
+            x = np.stack([s.command, np.ones_like(s.command)], axis=1)
+            slope, offset = np.linalg.lstsq(x, s.velocity, rcond=None)[0]
+            row[[slot("base", "k1"), slot("base", "neutral")]] = slope, -offset / slope if slope else 0.0
+            return row
+        error = s.command - (s.position if mode == "position" else s.effort)
+        rise = (s.effort[at + span] - s.effort[at]).ravel()
+        columns = [summed(error), -summed(s.effort), -summed(s.velocity)]
+        x = np.stack(columns, axis=1)
+        gains = np.linalg.lstsq(x, rise, rcond=None)[0]
+        for name, gain in zip(("k1", "k2", "k3"), gains, strict=True):
+            row[slot("base", name)] = min(max(gain, 0.0), 0.9 if name == "k2" else np.inf)
+        return row
+
+
+def base_columns(row: np.ndarray) -> dict[str, float]:
+    """The base model's numbers of a row."""
+    return {name: float(row[slot("base", name)]) for name in BASE}

@@ -1,0 +1,139 @@
+"""Effects that act for a part of each trial only: a filter that clogs, a valve that warms, a cable that slips.
+
+Where no set of effects explains a joint over whole trials, each trial is cut into one stretch with large errors and
+the rest. If the base model, fitted to the rest, is nearly right there, the stretch is searched by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hqpipe.gap.causes import JointState, close_gap, pool_groups, search_joints, seek_consensus
+from hqpipe.gap.joint_data import JointData, Split
+from hqpipe.gap.set_fit import JointFitter, SetFit, window_errors
+
+LEAST_INSIDE, LEAST_OUTSIDE = 5, 0.3  # windows, share of a trial's windows; assumption
+QUIET = 0.15  # excess outside over excess inside, above the floor, at which the rest counts as sound
+TROUBLED = 1.15  # squared error over the floor of a joint that is worth the question
+ROUNDS = 3  # of cutting and fitting the rest again
+
+
+@dataclass(frozen=True, eq=False)
+class Spans:
+    """What was found inside the stretches.
+
+    Attributes:
+        states: one per joint that the stretches explain, fitted inside them.
+        outside: joint → base fit outside; its error arrays run over all windows.
+        fit, heldout: (W,) True for the windows inside.
+        stretches: (held-out trial, start s, end s).
+    """
+
+    states: list[JointState]
+    outside: dict[str, SetFit]
+    fit: np.ndarray
+    heldout: np.ndarray
+    stretches: tuple[tuple[int, float, float], ...]
+
+    def errors(self, joint: str, inside: np.ndarray) -> np.ndarray:
+        """(W,) held-out errors of a joint: those given inside, the sound base model's outside."""
+        errors = self.outside[joint].heldout.copy()
+        errors[self.heldout] = inside
+        return errors
+
+
+def search_spans(states: list[JointState], floor: np.ndarray, workers: int = 1) -> Spans | None:
+    """Look for stretches of time in the joints that have a gap and no cause.
+
+    Args:
+        states: one per joint, after `close_gap`. floor: (J,) mean squared error that noise alone leaves.
+    """
+    troubled = [i for i, s in enumerate(states) if not s.chosen.effects and s.base.error > TROUBLED * floor[i]]
+    if not troubled:
+        return None
+    data = [states[i].data for i in troubled]
+    level = floor[troubled]
+    rows = [states[i].base.row for i in troubled]
+    for _ in range(ROUNDS):
+        inside = [_cut(data, rows, level, split) for split in ("fit", "heldout")]
+        if any(mask is None or mask.all() for mask in inside):
+            return None
+        rest = [JointFitter(restrict(d, ~inside[0], ~inside[1])).fit() for d in data]
+        rows = [fit.row for fit in rest]
+    fit, heldout = inside
+    outside = {
+        d.joint: replace(r, heldout=window_errors(r.row, d.heldout), fitted=window_errors(r.row, d.fit))
+        for d, r in zip(data, rest, strict=True)
+    }
+    quiet = [i for i, d in enumerate(data) if _is_quiet(outside[d.joint].heldout, heldout, level[i])]
+    if not quiet:
+        return None
+    found = search_joints([restrict(data[i], fit, heldout) for i in quiet], states[0].search.library, workers)
+    found = close_gap(pool_groups(seek_consensus(found)), level[quiet])
+    found = [state for state in found if state.chosen.effects]
+    return Spans(found, outside, fit, heldout, _stretches(data[0].heldout, heldout, data[0])) if found else None
+
+
+def restrict(data: JointData, fit: np.ndarray, heldout: np.ndarray) -> JointData:
+    """The joint with only the windows that are True in (W,) masks."""
+    return replace(data, fit=_only(data.fit, fit), heldout=_only(data.heldout, heldout))
+
+
+def _only(split: Split, mask: np.ndarray) -> Split:
+    signals = split.signals
+    target = np.ascontiguousarray(signals.target[:, mask])
+    return Split(signals._replace(first=signals.first[mask].copy(), target=target), split.trial[mask])
+
+
+def _cut(data: list[JointData], rows: list[np.ndarray], floor: np.ndarray, name: str) -> np.ndarray | None:
+    """(W,) True inside the stretches of a split; None if a trial shows none."""
+    splits = [getattr(d, name) for d in data]
+    heights = [
+        np.log(np.maximum(window_errors(row, split), 1e-300) / level)
+        for row, split, level in zip(rows, splits, floor, strict=True)
+    ]
+    height, trial = np.mean(heights, axis=0), splits[0].trial
+    inside = np.zeros(len(height), dtype=bool)
+    for index in np.unique(trial):
+        at = np.flatnonzero(trial == index)
+        bounds = _stretch(height[at])
+        if bounds is None:
+            return None
+        inside[at[bounds[0] : bounds[1]]] = True
+    return inside
+
+
+def _stretch(height: np.ndarray) -> tuple[int, int] | None:
+    """First and last window (exclusive) of the stretch that stands out most from the rest of a trial."""
+    count = len(height)
+    most = int((1.0 - LEAST_OUTSIDE) * count)
+    if most < LEAST_INSIDE:
+        return None
+    sums = np.concatenate([[0.0], np.cumsum(height)])
+    first, last = np.meshgrid(np.arange(count), np.arange(1, count + 1), indexing="ij")
+    size = last - first
+    allowed = (size >= LEAST_INSIDE) & (size <= most)
+    total = sums[last] - sums[first]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        contrast = (total / size - (sums[-1] - total) / (count - size)) * np.sqrt(size * (count - size) / count)
+    contrast = np.where(allowed, contrast, -np.inf)
+    best = np.unravel_index(int(np.argmax(contrast)), contrast.shape)
+    return int(first[best]), int(last[best])
+
+
+def _is_quiet(errors: np.ndarray, inside: np.ndarray, floor: float) -> bool:
+    """Whether nearly all of the error above the floor lies inside."""
+    return float(errors[~inside].mean()) - floor <= QUIET * (float(errors[inside].mean()) - floor)
+
+
+def _stretches(split: Split, inside: np.ndarray, data: JointData) -> tuple[tuple[int, float, float], ...]:
+    found, s = [], split.signals
+    for index in np.unique(split.trial):
+        at = np.flatnonzero((split.trial == index) & inside)
+        offset = s.bounds[index]
+        start = (s.first[at[0]] - offset) * data.row_dt
+        end = (s.first[at[-1]] + s.steps - offset) * data.row_dt
+        found.append((int(index), float(start), float(end)))
+    return tuple(found)

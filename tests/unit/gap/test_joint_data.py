@@ -1,0 +1,67 @@
+"""One joint of a log set, cut into windows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from planted_logs import STEPS, data_of, logs_of
+
+from hqpipe.effects import effect as scales
+from hqpipe.effects.layout import slot
+from hqpipe.gap.joint_data import LOGGED, MAX_WINDOWS, MOVED, cut, moved
+
+
+@pytest.fixture(scope="module")
+def logs():
+    return logs_of([{}, {}], seconds=2.0, fit=2)
+
+
+def test_windows_lie_inside_their_trials_and_are_complete(logs):
+    trials = [t.trajectory for t in logs.fit]
+    split = cut(trials, 1, "position", STEPS)
+    s = split.signals
+    assert len(s.first) == 2 * 19 and list(np.unique(split.trial)) == [0, 1]
+    assert list(s.bounds) == [0, 2000, 4000]
+    assert np.all(s.bounds[split.trial] <= s.first) and np.all(s.first + STEPS < s.bounds[split.trial + 1])
+    effort = np.concatenate([t.effort[:, 1] for t in trials])
+    for w, first in enumerate(s.first):
+        np.testing.assert_array_equal(s.target[:, w], effort[first : first + STEPS + 1])
+    np.testing.assert_allclose(s.demand, np.concatenate([np.abs(t.velocity).sum(axis=1) for t in trials]))
+    assert s.time[2000] == 0.0
+
+
+def test_long_logs_are_thinned_evenly(logs):
+    trial = logs.fit[0].trajectory
+    split = cut([trial], 0, "position", 4)
+    assert len(split.signals.first) == MAX_WINDOWS
+    gaps = np.diff(split.signals.first)
+    assert gaps.min() >= 4 and gaps.max() <= 8 and split.signals.first[-1] > 1980
+
+
+def test_speed_of_the_positions_adds_up_to_the_travel(logs):
+    t = logs.fit[0].trajectory
+    coarse = np.round(t.position[:, 0] / 0.01) * 0.01
+    speed = moved(coarse, 1e-3)
+    assert speed[:-1].sum() * 1e-3 == pytest.approx(coarse[-1] - coarse[0])
+    own = cut([t], 0, "position", STEPS, speed=MOVED).signals.velocity
+    np.testing.assert_allclose(own[:-1], t.velocity[:-1, 0], atol=1e-9)
+    late = replace(t, velocity=np.roll(t.velocity, 5, axis=0))
+    np.testing.assert_array_equal(cut([late], 0, "position", STEPS).signals.velocity, own)
+    logged = cut([late], 0, "position", STEPS, speed=LOGGED).signals.velocity
+    np.testing.assert_array_equal(logged, late.velocity[:, 0])
+
+
+def test_sizes_and_settings_come_from_the_fit_trials(logs):
+    data = data_of(logs, 1)
+    position = np.concatenate([t.trajectory.position[:, 1] for t in logs.fit])
+    command = np.concatenate([t.trajectory.position_command[:, 1] for t in logs.fit])
+    assert data.joint == logs.joints[1]
+    assert data.size[scales.COMMAND] == pytest.approx(np.sqrt(np.mean((command - position) ** 2)))
+    assert data.size[scales.DAMPING] == pytest.approx(data.size[scales.EFFORT] / data.size[scales.VELOCITY])
+    assert data.row[slot("setting", "middle")] == pytest.approx(position.mean())
+    assert data.row_dt == pytest.approx(1e-3)
+    assert data.noise == pytest.approx(3.0, rel=0.15)
+    assert data.output == data.size[scales.EFFORT]
+    assert len(data.heldout.signals.first) == 19

@@ -1,0 +1,76 @@
+"""What pressures settle: a scale of the torque sensor, and whose offset it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plant_logs import broken
+from planted_logs import logs_of
+
+from hqpipe.gap.causes import Cause
+from hqpipe.gap.cross_check import CrossCheck
+from hqpipe.gap.second_channel import CERTAIN, measured, scale_causes, settle_offsets
+
+JOINTS = ("LFR", "LFP", "LFK", "RFR", "RFP", "RFK")
+
+
+def scale(joint, value, half=0.01):
+    return CrossCheck("torque_scale", joint, value, "1", value - half, value + half, True, "its kind")
+
+
+def bias(joint):
+    return CrossCheck("torque_bias", joint, 30.0, "N·m", 28.0, 32.0, True, "zero")
+
+
+def cause(effect, joints, *rivals):
+    return Cause(effect, joints, "joint", 0.8, {}, rivals)
+
+
+def test_joints_with_one_scale_are_one_cause():
+    found = scale_causes([scale("LFR", 1.10), scale("LFP", 0.9), scale("LFK", 1.105), bias("LFP")], JOINTS)
+    assert [(c.effect, c.joints, c.scope) for c in found] == [
+        ("torque_scale", ("LFR", "LFK"), "group"),
+        ("torque_scale", ("LFP",), "joint"),
+    ]
+    assert all(c.probability == CERTAIN for c in found)
+    ratio = found[0].parameters["ratio"]
+    assert ratio.value == pytest.approx(1.1025, abs=1e-3) and ratio.low < ratio.value < ratio.high
+    assert ratio.high - ratio.low < 0.02, "two joints know it better than one"
+    assert found[1].parameters["ratio"].low == pytest.approx(0.89)
+    assert scale_causes([], JOINTS) == []
+
+
+def test_confirmed_offset_of_the_sensor_has_no_rival_left():
+    (found,) = settle_offsets([cause("torque_bias", ("LFR",), "position_bias", "gain_drift")], [bias("LFR")], True)
+    assert found.effect == "torque_bias" and found.rivals == ("gain_drift",)
+
+
+def test_sound_sensor_leaves_the_null_shift():
+    (found,) = settle_offsets([cause("position_bias", ("LFR",), "torque_bias")], [], True)
+    assert found.effect == "position_bias" and found.rivals == ()
+    (found,) = settle_offsets([cause("position_bias", ("LFR",), "torque_bias")], [], False)
+    assert found.rivals == ("torque_bias",), "without pressures nothing is settled"
+
+
+def test_other_causes_and_mixed_joints_stay_as_they_are():
+    before = [cause("valve_lag", ("LFR",), "torque_bias"), cause("torque_bias", ("LFR", "LFP"), "position_bias")]
+    assert settle_offsets(before, [bias("LFR")], True) == before
+
+
+def with_pressures(trajectory, gains):
+    """Chambers of 1 cm² at 0.1 m that carry the torque; the sensor of joint j shows `gains[j]` times as much."""
+    half = trajectory.effort / (2.0 * 1e-5)
+    return replace(trajectory, effort=trajectory.effort * gains, pressure_a=8e6 + half, pressure_b=8e6 - half)
+
+
+def test_only_certain_findings_of_the_library_count():
+    logs = broken(logs_of([{}] * 3, seconds=6.0, joints=("a_knee", "b_knee", "c_knee")), lambda t: t)
+    assert measured(logs) == [], "no pressures, no comparison"
+    sound = broken(logs, lambda t: with_pressures(t, np.ones(3)))
+    assert measured(sound) == []
+    scaled = broken(logs, lambda t: with_pressures(t, np.array([1.0, 1.0, 1.1])))
+    assert [(c.effect, c.joint) for c in measured(scaled)] == [("torque_scale", "c_knee")]
+    assert measured(scaled)[0].value == pytest.approx(1.1, abs=0.01)
+    assert measured(scaled, ["torque_scale"]) == []
