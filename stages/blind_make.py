@@ -1,0 +1,140 @@
+"""Withheld-effect cases: log sets to diagnose, and apart from them the answers."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+from hqpipe.errors import UsageError
+
+ROBOT = "hydraulic_quadruped"  # the cases are overrides of this machine
+FORMAT, ANSWERS = "hqpipe-blind/1", "answers.json"
+TRUTH, HALF_MADE = "truth", ".half"
+Progress = Callable[[float, float, str], None]
+
+
+def make(count: int, seed: int, out: Path, workers: int, progress: Progress) -> int:
+    """Write `out/case_NNN`, `out/truth/case_NNN` and `out/answers.json`; complete cases are kept.
+
+    Args:
+        count: how many cases. seed: of everything. out: folder. workers: processes; the result does not depend on them.
+
+    Returns:
+        How many cases had to be made.
+
+    Raises:
+        UsageError: the folder holds other cases.
+    """
+    from hqpipe.plant.cases import cases
+
+    out.mkdir(parents=True, exist_ok=True)
+    planned = cases(count, seed)
+    _write_answers(out, count, seed, planned)
+    shutil.rmtree(out / HALF_MADE, ignore_errors=True)
+    missing = [case for case in planned if not (out / case.name).is_dir()]
+    progress(count - len(missing), count, "")
+    if missing:
+        _run(missing, out, workers, lambda done, name: progress(count - len(missing) + done, count, name))
+    shutil.rmtree(out / HALF_MADE, ignore_errors=True)
+    return len(missing)
+
+
+def make_case(case: Any, out: Path) -> None:
+    """Simulate one case and its machines without effects; nothing half-made is left under its name."""
+    from hqpipe.robots import load_robot
+    from hqpipe.stages.blind_machine import simulate
+
+    robot, half = load_robot(ROBOT).folder, out / HALF_MADE / case.name
+    gait = simulate(case, robot, half / "logs")
+    for name, left_out in truth_sets(case).items():
+        simulate(case, robot, half / TRUTH / name, left_out, gait)
+    truth = out / TRUTH / case.name
+    shutil.rmtree(truth, ignore_errors=True)
+    if (half / TRUTH).is_dir():
+        truth.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(half / TRUTH, truth)
+    os.replace(half / "logs", out / case.name)  # last, because a case that has its name is complete
+
+
+def truth_sets(case: Any) -> dict[str, tuple[str, ...]]:
+    """Folder name → effects left out: all of them; for mixtures each one, and all but each one."""
+    names = tuple(planted.effect for planted in case.planted)
+    if not names:
+        return {}
+    sets = {"all": names}
+    if len(names) > 1:
+        sets |= {f"without_{name}": (name,) for name in names}
+    if len(names) > 2:  # of two, all but one is the other one left out
+        sets |= {f"only_{name}": tuple(other for other in names if other != name) for name in names}
+    return sets
+
+
+def _truth_folders(case: Any) -> dict[str, Any]:
+    """What answers.json says of `truth_sets`: folders with all, one or all but one of the effects left out."""
+    base, names = f"{TRUTH}/{case.name}", [planted.effect for planted in case.planted]
+    if len(names) < 2:
+        return {"all": f"{base}/all" if names else None, "without": {}, "only": {}}
+    without = {name: f"{base}/without_{name}" for name in names}
+    only = {name: f"{base}/only_{name}" for name in names}
+    if len(names) == 2:
+        only = {names[0]: without[names[1]], names[1]: without[names[0]]}
+    return {"all": f"{base}/all", "without": without, "only": only}
+
+
+def answer(case: Any) -> dict[str, Any]:
+    """What is wrong in a case, JSON-able."""
+    return {
+        "case": case.name,
+        "kind": case.kind,
+        "excitation": case.excitation,
+        "effort_source": case.effort_source,
+        "pressures": case.pressures,
+        "seed": case.seed,
+        "effects": [
+            {
+                "effect": p.effect,
+                "layer": p.layer,
+                "outside": p.outside,
+                "joints": list(p.joints),
+                "scope": p.scope,
+                "size": p.size,
+                "span": list(p.span) if p.span else None,
+                "parameters": p.parameters,
+            }
+            for p in case.planted
+        ],
+        "truth": _truth_folders(case),
+    }
+
+
+def _write_answers(out: Path, count: int, seed: int, planned: Sequence[Any]) -> None:
+    content = {"format": FORMAT, "cases": count, "seed": seed, "answers": [answer(case) for case in planned]}
+    text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+    path = out / ANSWERS
+    if path.is_file() and path.read_text(encoding="utf-8") != text:
+        raise UsageError(
+            f"{path} belongs to other cases than --cases {count} --seed {seed} of this version: give another --out, or "
+            "remove the folder"
+        )
+    half = path.with_suffix(".half")
+    half.write_text(text, encoding="utf-8")
+    os.replace(half, path)
+
+
+def _run(missing: Sequence[Any], out: Path, workers: int, told: Callable[[int, str], None]) -> None:
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(workers, len(missing)), mp_context=context) as pool:
+        futures = {pool.submit(make_case, case, out): case.name for case in missing}
+        try:
+            for done, future in enumerate(as_completed(futures), start=1):
+                future.result()
+                told(done, futures[future])
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise

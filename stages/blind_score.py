@@ -1,0 +1,160 @@
+"""Diagnose withheld-effect cases, then open the answers and score."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+from hqpipe.errors import UsageError, near_match
+
+DIAGNOSIS, FAILED, CONTENT = "diagnosis", "failed.json", "diagnosis.json"
+GAPS = "gaps.json"
+SCORE, PAGE = "score.json", "score.html"
+Progress = Callable[[float, float, str], None]
+
+
+def score_folder(folder: Path, without: Sequence[str], workers: int, progress: Progress) -> dict[str, Any]:
+    """Diagnose the cases that lack a diagnosis, score all, write score.json and score.html.
+
+    Args:
+        folder: of `hqpipe blind make`. without: effects left out of the library; only the cases that have one of them
+            are diagnosed and scored. workers: processes.
+
+    Raises:
+        LogError, UsageError: not such a folder, or no case has the effects.
+    """
+    from hqpipe.gap.blind import score
+    from hqpipe.gap.blind_truth import read_answers
+    from hqpipe.report.blind_page import write_page
+
+    answers = read_answers(folder)
+    if without:
+        _check_names(without, answers)
+        answers = [answer for answer in answers if answer.names & set(without)]
+    if incomplete := [a.case for a in answers if not (folder / a.case).is_dir()]:
+        raise UsageError(
+            f"{folder}: {len(incomplete)} cases are not made, the first is {incomplete[0]}: run the same "
+            "hqpipe blind make again, it goes on from there"
+        )
+    results = folder / "_".join([DIAGNOSIS, *(["without", *sorted(without)] if without else [])])
+    diagnose_all([folder / a.case for a in answers], results, tuple(without), workers, progress)
+    gaps = _gaps(folder, answers, workers, progress)
+    result = score([_judged(answer, results, gaps.get(answer.case), tuple(without)) for answer in answers])
+    result |= {"without": sorted(without), "folder": folder.name}
+    suffix = "".join(f"_without_{name}" for name in sorted(without))
+    _write(folder / SCORE.replace(".json", f"{suffix}.json"), result)
+    write_page(folder / PAGE.replace(".html", f"{suffix}.html"), result)
+    return result
+
+
+def diagnose_all(
+    cases: Sequence[Path], results: Path, without: tuple[str, ...], workers: int, progress: Progress
+) -> None:
+    """Diagnose every case that has no diagnosis in `results` yet; an error is kept as failed.json and tried again."""
+    missing = [case for case in cases if not (results / case.name / CONTENT).is_file()]
+    jobs = [(case, results / case.name, without) for case in missing]
+    started = len(cases) - len(missing)
+    _parallel(diagnose_case, jobs, workers, lambda done: progress(started + done, len(cases), "diagnosed"))
+
+
+def diagnose_case(case: Path, output: Path, without: tuple[str, ...]) -> None:
+    """One diagnosis, from the case's own folder alone."""
+    from hqpipe.gap.diagnosis import diagnose, write_diagnosis
+    from hqpipe.logs.log_set import read_log_set
+
+    half = output.with_name(output.name + ".half")
+    shutil.rmtree(half, ignore_errors=True)
+    shutil.rmtree(output, ignore_errors=True)
+    half.mkdir(parents=True)
+    try:
+        write_diagnosis(diagnose(read_log_set(case), without=without), half)
+    except Exception as error:  # one case that cannot be diagnosed is a miss of the score, not its end
+        _write(half / FAILED, {"error": f"{type(error).__name__}: {error}"})
+    os.replace(half, output)
+
+
+def truth_gaps(folder: Path, case: str, sets: dict[str, str]) -> dict[str, dict[str, float]]:
+    """Base gaps of a case ("with") and of its machines without effects, kept in truth/<case>/gaps.json; N·m.
+
+    Args:
+        folder: of the cases. case: name. sets: name of a set as in `hqpipe.gap.blind_truth.Gaps` → its log set.
+    """
+    from hqpipe.gap.blind_truth import base_gap
+
+    path = folder / "truth" / case / GAPS
+    if path.is_file():
+        return json.loads(path.read_text(encoding="utf-8"))
+    gaps = {name: base_gap(folder / place) for name, place in {"with": case, **sets}.items()}
+    _write(path, gaps)
+    return gaps
+
+
+def gap_sets(truth: dict[str, Any]) -> dict[str, str]:
+    """Set name → folder, from the field `truth` of an answer."""
+    from hqpipe.gap.blind_truth import alone, lacking
+
+    return (
+        {"all": truth["all"]}
+        | {lacking(name): path for name, path in truth["without"].items()}
+        | {alone(name): path for name, path in truth["only"].items()}
+    )
+
+
+def _gaps(folder: Path, answers: Sequence[Any], workers: int, progress: Progress) -> dict[str, Any]:
+    jobs = [(folder, answer.case, gap_sets(answer.truth)) for answer in answers if answer.truth["all"]]
+    found = _parallel(truth_gaps, jobs, workers, lambda done: progress(done, len(jobs), "true gaps"))
+    return {job[1]: gaps for job, gaps in zip(jobs, found, strict=True)}
+
+
+def _judged(answer: Any, results: Path, gaps: Any, without: tuple[str, ...]) -> Any:
+    from hqpipe.gap.blind_case import Judged
+
+    place = results / answer.case
+    if not (place / CONTENT).is_file():
+        error = json.loads((place / FAILED).read_text(encoding="utf-8"))["error"]
+        return Judged(answer, None, error, gaps, without)
+    return Judged(answer, json.loads((place / CONTENT).read_text(encoding="utf-8")), "", gaps, without)
+
+
+def _check_names(without: Sequence[str], answers: Sequence[Any]) -> None:
+    known = sorted({e.effect for answer in answers for e in answer.effects if not e.outside})
+    for name in without:
+        if name not in known:
+            raise UsageError(
+                f"--without {name}{near_match(name, known)}: no case has this effect (they have: {', '.join(known)})"
+            )
+
+
+def _parallel(work: Callable[..., Any], jobs: Sequence[tuple], workers: int, told: Callable[[int], None]) -> list[Any]:
+    """Results in the order of the jobs."""
+    if not jobs:
+        return []
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context) as pool:
+        futures = [pool.submit(work, *job) for job in jobs]
+        try:
+            for done, future in enumerate(as_completed(futures), start=1):
+                future.result()
+                told(done)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return [future.result() for future in futures]
+
+
+def _write(path: Path, content: Any) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    half = path.with_name(path.name + ".half")
+    half.write_text(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+    os.replace(half, path)
+
+
+def missed_aims(result: dict[str, Any]) -> list[str]:
+    """The aims that were not reached, as text."""
+    return [f"{row['measure']}: {row['share']:.1%}, aim {row['aim']}" for row in result["aims"] if row["met"] is False]
