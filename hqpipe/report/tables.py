@@ -1,4 +1,4 @@
-"""Tables and summaries for the terminal; rich is imported when a table is made."""
+"""Tables for the terminal; rich is imported when a table is made."""
 
 from __future__ import annotations
 
@@ -7,15 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.table import Table
-
-MAX_WHERE = 10
-_VERDICTS = {
-    "explained": "the gap is explained",
-    "partly_explained": "part of the gap is explained",
-    "unknown": "there is a gap, and its cause is not known",
-    "no_gap": "no gap: what is left is noise",
-    "not_identifiable": "these logs cannot tell",
-}
 
 
 def coefficient_table(fit: Mapping[str, Any]) -> Table:
@@ -69,46 +60,6 @@ def comparison_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     if pooled:
         table.caption = f"noise floor of the torque {_number(pooled[0]['noise_floor'])} N·m"
     return table
-
-
-def where_table(diagnosis: Mapping[str, Any]) -> Table:
-    """The most telling places in ten lines at most, with a bar for each share."""
-    table = _table("where the gap is")
-    table.caption = "share of the whole gap; regimes overlap; the most telling place first"
-    table.add_column("joint")
-    table.add_column("regime")
-    table.add_column("share", justify="right")
-    table.add_column("")
-    for place in diagnosis["where"][:MAX_WHERE]:
-        bar = "█" * max(1, round(20 * place["share"]))
-        table.add_row(place["joint"], place["regime"].replace("_", " "), f"{place['share']:.0%}", bar)
-    return table
-
-
-def summary_lines(diagnosis: Mapping[str, Any]) -> list[str]:
-    """A diagnosis.json in plain sentences: verdict, gap, place, causes, what it depends on, warnings."""
-    lines = [_VERDICTS[diagnosis["verdict"]]]
-    if gap := diagnosis["gap"]:
-        unit = gap["unit"]
-        lines.append(
-            f"free-running error over {1e3 * gap['window_s']:.0f} ms: {_number(gap['before'])} {unit} "
-            f"held out; noise floor {_number(gap['noise_floor'])}, persistence {_number(gap['persistence'])}"
-        )
-    if diagnosis["where"]:
-        places = (f"{p['joint']} {p['regime'].replace('_', ' ')} {p['share']:.0%}" for p in diagnosis["where"][:3])
-        lines.append(f"where: {', '.join(places)}")
-    for cause in diagnosis["causes"]:
-        lines.append(
-            f"cause: {cause['effect']} in {', '.join(cause['joints'])}, closes {cause['shrink']:.0%} "
-            f"(probability {cause['probability']:.0%})"
-        )
-    depends = diagnosis["unexplained"]["depends_on"][:3]
-    if depends:
-        text = ", ".join(f"{d['signal'].replace('_', ' ')} {d['share']:.0%}" for d in depends)
-        lines.append(f"what is unexplained depends on: {text}")
-    if diagnosis["next_experiment"]:
-        lines.append(f"next: {diagnosis['next_experiment']}")
-    return lines + [f"warning: {text}" for text in diagnosis["warnings"]]
 
 
 def _table(title: str) -> Table:

@@ -13,7 +13,6 @@ import pytest
 from hqpipe.errors import UsageError
 from hqpipe.logs.trajectory import Trajectory
 from hqpipe.report.fit_figures import actuator_fit, typical_and_worst
-from hqpipe.report.gap_figures import error_spectrum, gap_heat_map, joint_order, worst_stretch, worst_windows
 from hqpipe.report.training_figures import read_metrics, training_curves
 from hqpipe.report.walk_figures import forward_speed, walk_summary
 
@@ -21,11 +20,6 @@ TIME = np.arange(3000) * 1e-3
 JOINTS = ("LFR", "LFP", "LFK")
 MEASURED = 100.0 * np.sin(2 * np.pi * TIME[:, None] * [1.0, 1.5, 2.0])
 PREDICTED = 0.95 * MEASURED
-ROWS = [
-    {"trial": "all", "joint": joint, "family": family, "regime": regime, "n": 100, "share": "0.25"}
-    for joint in ("LFK", "LFR")
-    for family, regime in (("all", "all"), ("direction", "extending"), ("direction", "retracting"))
-]
 
 
 def metrics_csv(folder: Path) -> Path:
@@ -44,9 +38,6 @@ def walk() -> Trajectory:
 
 
 DRAWINGS = {
-    "heat": lambda path: gap_heat_map(ROWS, path),
-    "worst": lambda path: worst_windows(TIME, MEASURED, PREDICTED, JOINTS, path),
-    "spectrum": lambda path: error_spectrum(MEASURED - PREDICTED, MEASURED, 1e-3, JOINTS, path, noise_floor=1.0),
     "fit": lambda path: actuator_fit(TIME, MEASURED, MEASURED, PREDICTED, JOINTS, path),
     "training": lambda path: training_curves({"run": metrics_csv(path.parent)}, path),
     "walk": lambda path: walk_summary(walk(), path, effort_limit=np.full(3, 150.0)),
@@ -68,28 +59,15 @@ def test_the_same_data_gives_the_same_bytes(name, suffix, tmp_path):
 
 def test_drawing_leaves_pyplot_and_the_users_style_alone(tmp_path):
     before = dict(matplotlib.rcParams)
-    DRAWINGS["worst"](tmp_path / "a.png")
+    DRAWINGS["fit"](tmp_path / "a.png")
     assert dict(matplotlib.rcParams) == before
-    code = "import hqpipe.report.gap_figures, sys; sys.exit('matplotlib.pyplot' in sys.modules)"
+    code = "import hqpipe.report.fit_figures, sys; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-def test_worst_stretch_holds_the_largest_error():
-    residual = np.zeros(3000)
-    residual[2000:2100] = 5.0
-    start, stop = worst_stretch(TIME, residual, 1.0)
-    assert stop - start == 1000 and start <= 2000 and stop >= 2100
-    assert worst_stretch(TIME[:300], residual[:300], 1.0) == (0, 300)
 
 
 def test_typical_and_worst_windows():
     residual = np.concatenate([[0.0], np.repeat([1.0, 9.0, 2.0, 3.0, 4.0], 100)])
     assert typical_and_worst(residual, 100) == {"median": 3, "worst": 1}
-
-
-def test_joints_are_drawn_leg_by_leg():
-    rows = [{"joint": name} for name in ("RHK", "LFK", "arm", "LFR")]
-    assert joint_order(rows) == ["LFR", "LFK", "RHK", "arm"]
 
 
 def test_forward_speed_follows_the_heading():

@@ -7,44 +7,13 @@ import io
 import pytest
 from rich.console import Console
 
-from hqpipe.report.tables import coefficient_table, comparison_table, summary_lines, where_table
-
-DIAGNOSIS = {
-    "verdict": "unknown",
-    "gap": {"unit": "N·m", "window_s": 0.1, "before": 67.4, "noise_floor": 2.1, "persistence": 91.0},
-    "where": [{"layer": "actuator", "joint": f"J{i}", "regime": "high_speed", "share": 0.05} for i in range(14)],
-    "causes": [],
-    "unexplained": {"depends_on": [{"signal": "past_command", "joints": ["J1"], "share": 0.8}]},
-    "next_experiment": None,
-    "warnings": ["no candidate effect was tried"],
-}
+from hqpipe.report.tables import coefficient_table, comparison_table
 
 
 def text_of(table) -> str:
     console = Console(file=io.StringIO(), width=140)
     console.print(table)
     return console.file.getvalue()
-
-
-def test_where_is_ten_lines():
-    text = text_of(where_table(DIAGNOSIS))
-    assert "J9" in text and "J10" not in text and "high speed" in text
-
-
-def test_summary_states_verdict_numbers_place_and_warnings():
-    lines = summary_lines(DIAGNOSIS)
-    assert lines[0] == "there is a gap, and its cause is not known"
-    assert "67.4 N·m" in lines[1] and "noise floor 2.1" in lines[1] and "persistence 91" in lines[1]
-    assert lines[2] == "where: J0 high speed 5%, J1 high speed 5%, J2 high speed 5%"
-    assert "past command 80%" in lines[3]
-    assert lines[-1] == "warning: no candidate effect was tried"
-
-
-def test_summary_of_logs_that_cannot_tell():
-    lines = summary_lines(
-        DIAGNOSIS | {"verdict": "not_identifiable", "gap": None, "where": [], "next_experiment": "record more"}
-    )
-    assert lines[0] == "these logs cannot tell" and "next: record more" in lines
 
 
 def test_comparison_is_sorted_and_marks_what_persistence_beats():

@@ -1,0 +1,146 @@
+"""A diagnosis in the terminal: ten lines at most on 80 columns; rich is imported when they are made."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from hqpipe.report.diagnosis_words import (
+    MARKS,
+    VERDICTS,
+    confusions,
+    joints_text,
+    listed,
+    number,
+    parameter_name,
+    parameter_text,
+    percent,
+    words,
+)
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+    from rich.text import Text
+
+MAX_LINES = 10
+_MAX_CAUSES = 5
+_MAX_REASONS = 5  # warnings shown where they are the reason why nothing can be told
+_LABEL = 8  # columns of the labels
+_BAR = 12  # cells of a full bar
+_EIGHTHS = " ▏▎▍▌▋▊▉"
+# beside the word and the mark, so that nobody needs the colour
+_COLORS = {"explained": "blue", "partly_explained": "cyan", "unknown": "yellow"}
+
+Content = Mapping[str, Any]
+
+
+def diagnosis_table(content: Content) -> RenderableType:
+    """Verdict, gap, causes with a bar for each share, what remains, the next experiment and the warnings.
+
+    The next experiment may take the lines that the others leave; every other line is cut at the terminal's width.
+    diagnosis.json and diagnosis.html hold everything.
+
+    Args:
+        content: of diagnosis.json.
+    """
+    from rich.console import Group
+
+    lines: list[RenderableType] = [_head(content)]
+    if content["gap"] is not None:
+        lines.append(_gap(content["gap"], bool(content["causes"])))
+        lines += _causes(content["causes"], content["logs"]["joints"])
+        lines += _rest(content)
+    tail = _warnings(content["warnings"], 1 if content["gap"] is not None else _MAX_REASONS)
+    if experiment := content["next_experiment"]:
+        lines.append(_Line("next", experiment.replace("`", ""), MAX_LINES - len(lines) - len(tail)))
+    return Group(*lines, *tail)
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A label and a text beside it, on so many lines at most; an ellipsis says that it goes on."""
+
+    label: str
+    text: str
+    lines: int = 1
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        from rich.text import Text
+
+        width = max(1, options.max_width - _LABEL)
+        wrapped = Text(self.text).wrap(console, width)
+        shown = wrapped[: self.lines]
+        if len(wrapped) > self.lines:
+            shown[-1].truncate(width - 1)
+            shown[-1].append("…")
+        for index, part in enumerate(shown):
+            yield Text.assemble((f"{'' if index else self.label:<{_LABEL}}", "dim"), part)
+
+
+def _head(content: Content) -> Text:
+    from rich.text import Text
+
+    verdict, gap = content["verdict"], content["gap"]
+    head = Text.assemble((f"{MARKS[verdict]} {VERDICTS[verdict]}", f"bold {_COLORS.get(verdict, 'default')}"))
+    if gap is not None:
+        head.append(f"   {words(gap['layer'])}, held out, free-running over {1e3 * gap['window_s']:.0f} ms", "dim")
+    return head
+
+
+def _gap(gap: Content, changed: bool) -> _Line:
+    size = f"{number(gap['before'])} {gap['unit']}"
+    if changed:
+        size = f"{number(gap['before'])} → {number(gap['after'])} {gap['unit']}, {percent(gap['shrink'])} smaller"
+    return _Line("gap", f"{size}   noise floor {number(gap['noise_floor'])}   persistence {number(gap['persistence'])}")
+
+
+def _causes(causes: Sequence[Content], machine: Sequence[str]) -> list[_Line]:
+    """One line per cause: bar, share, effect, joints, first parameter, what it could be confused with."""
+    room = len(causes) if len(causes) <= _MAX_CAUSES else _MAX_CAUSES - 1
+    lines = []
+    for cause in causes[:room]:
+        text = f"{bar(cause['shrink'])} {percent(cause['shrink']):>4}  {words(cause['effect'])}"
+        text += f" · {joints_text(cause['joints'], machine)}"
+        for name, parameter in list(cause["parameters"].items())[:1]:
+            text += f" · {parameter_name(name)} {parameter_text(parameter)[0]}"
+        if other := confusions(cause):
+            text += f" · or {listed(other, 'or')}"
+        lines.append(_Line("cause" if not lines else "", text))
+    if len(causes) > room:
+        rest = sum(cause["shrink"] for cause in causes[room:])
+        lines.append(_Line("", f"{bar(rest)} {percent(rest):>4}  {len(causes) - room} more causes"))
+    return lines
+
+
+def bar(share: float) -> str:
+    """A bar of block characters, exact to an eighth of a cell; what is above zero is never empty.
+
+    Args:
+        share: 0…1; what lies outside is cut.
+    """
+    eighths = round(8 * _BAR * min(1.0, max(0.0, share)))
+    if share > 0:
+        eighths = max(1, eighths)
+    full, part = divmod(eighths, 8)
+    return ("█" * full + (_EIGHTHS[part] if part else "")).ljust(_BAR)
+
+
+def _rest(content: Content) -> list[_Line]:
+    """What is unexplained: where most of it is and what it depends on."""
+    rest = content["unexplained"]
+    if not rest["above_noise"] or rest["share_of_gap"] is None:
+        return []
+    text = f"{percent(rest['share_of_gap'])} of the gap"
+    if rest["where"]:
+        place = rest["where"][0]
+        regime = "" if place["regime"] == "all" else f" {words(place['regime'])}"
+        text += f", most at {place['joint']}{regime}"
+    if rest["depends_on"]:
+        text += f", depends on {listed([words(item['signal']) for item in rest['depends_on'][:3]])}"
+    return [_Line("unknown", text)]
+
+
+def _warnings(warnings: Sequence[str], most: int) -> list[_Line]:
+    more = f"({len(warnings)} in all) " if len(warnings) > most else ""
+    return [_Line("" if i else "warning", ("" if i else more) + text) for i, text in enumerate(warnings[:most])]

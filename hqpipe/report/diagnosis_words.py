@@ -1,0 +1,109 @@
+"""A diagnosis in words: the verdict as a sentence, names and numbers as a person writes them."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+VERDICTS = {
+    "explained": "explained",
+    "partly_explained": "partly explained",
+    "unknown": "cause unknown",
+    "no_gap": "no gap",
+    "not_identifiable": "cannot tell",
+}
+MARKS = {"explained": "✓", "partly_explained": "◐", "unknown": "?", "no_gap": "=", "not_identifiable": "–"}
+# unit → what is compared; the first two are the output of a rotary and of a linear drive
+_QUANTITIES = {"N·m": "torque", "N": "force", "rad/s": "speed", "m/s": "speed"}
+_MILLI = {"s": "ms", "rad": "mrad", "m": "mm"}
+_MILLI_BELOW = 0.1  # of the unit: below it thousandths are easier to read
+_UNIT_SUFFIX = re.compile(r"(?:^|_)(?:nm_s_per_rad|nm_per_rad|n_per_m|per_rad|per_s|per_m|rad_s|kg_m2|nm|rad|kg|s|m)$")
+
+
+def verdict_sentence(content: Mapping[str, Any]) -> str:
+    """The verdict in one plain sentence with the numbers that carry it."""
+    gap, verdict = content["gap"], content["verdict"]
+    if gap is None:
+        return "These logs cannot tell how far the simulator is from the machine."
+    unit, quantity = gap["unit"], _QUANTITIES.get(gap["unit"], "output")
+    before, after, floor = (number(gap[key]) for key in ("before", "after", "noise_floor"))
+    if verdict == "no_gap":
+        return f"No gap: a {quantity} error of {before} {unit} is no more than noise would leave ({floor} {unit})."
+    if verdict == "unknown":
+        tried = len({item["effect"] for item in content["effects_considered"]})
+        blame = f"none of the {tried} effects tried accounts for it" if tried > 1 else "no cause was found"
+        return f"The simulator misses the machine's {quantity} by {before} {unit} (noise: {floor}), and {blame}."
+    names = listed([words(cause["effect"]) for cause in content["causes"]])
+    verb = "bring" if len(content["causes"]) > 1 else "brings"
+    fall = f"from {before} down to {after} {unit} (noise: {floor})"
+    if verdict == "explained":
+        return f"The {quantity} error is explained: {names} {verb} it {fall}."
+    if verdict == "partly_explained":
+        return f"Part of the {quantity} error is explained: {names} {verb} it {fall}; something else is left."
+    return f"The {quantity} error is {before} {unit} (noise: {floor}), but these logs cannot tell its cause."
+
+
+def words(name: str) -> str:
+    """A name of the file format as a person writes it: ``5-20_hz`` → ``5–20 Hz``."""
+    return re.sub(r"(?<=\d)-(?=\d)", "–", name.replace("_hz", " Hz")).replace("_", " ")
+
+
+def listed(items: Sequence[str], last: str = "and") -> str:
+    """``a``, ``a and b``, ``a, b and c``; a name that comes twice is counted."""
+    counted = [item if (n := items.count(item)) == 1 else f"{item} ({n} times)" for item in dict.fromkeys(items)]
+    return counted[0] if len(counted) == 1 else f"{', '.join(counted[:-1])} {last} {counted[-1]}" if counted else ""
+
+
+def joints_text(joints: Sequence[str], machine: Sequence[str], most: int = 3) -> str:
+    """Joints in few words: all of them, up to `most` names, or some and how many more."""
+    if len(joints) > 1 and set(joints) == set(machine):
+        return f"all {len(joints)} joints"
+    if len(joints) <= most:
+        return ", ".join(joints)
+    return f"{', '.join(joints[: most - 1])} and {len(joints) - most + 1} more"
+
+
+def confusions(cause: Mapping[str, Any]) -> list[str]:
+    """What else would explain the same error; a set of effects is one entry."""
+    return [
+        words(item) if isinstance(item, str) else " with ".join(words(name) for name in item)
+        for item in cause["confused_with"]
+    ]
+
+
+def number(value: float | None) -> str:
+    """Three significant digits, or a dash."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    return (f"{value:.3g}" if abs(value) < 1000 else f"{value:,.0f}").replace("-", "−")
+
+
+def percent(value: float) -> str:
+    """Whole per cent; what is above zero never reads as zero."""
+    if 0 < abs(value) < 0.005:
+        return "<1%"
+    return f"{100 * value:.0f}%".replace("-0%", "0%").replace("-", "−")
+
+
+def parameter_name(name: str) -> str:
+    """A parameter's name without the unit at its end, which stands beside the value: ``delay_s`` → ``delay``."""
+    return words(_UNIT_SUFFIX.sub("", name)) or "value"
+
+
+def parameter_text(parameter: Mapping[str, Any]) -> tuple[str, str]:
+    """A parameter and its 95 % interval with as many digits as the interval carries.
+
+    Returns:
+        ``("6.20 mrad", "6.00 … 6.50 mrad")``; seconds, radians and metres below 0.1 are given in thousandths.
+    """
+    value, unit, (low, high) = parameter["value"], parameter["unit"], parameter["ci95"]
+    if unit in _MILLI and max(abs(value), abs(low), abs(high)) < _MILLI_BELOW:
+        value, low, high, unit = 1e3 * value, 1e3 * low, 1e3 * high, _MILLI[unit]
+    unit = "command units" if unit == "command" else unit
+    tail = f" {unit}" if unit not in ("", "1", "-", "–") else ""
+    width = max(high - low, 1e-4 * max(abs(low), abs(high), 1e-9))
+    places = min(9, max(0, 1 - math.floor(math.log10(width))))
+    text = [f"{x:.{places}f}".replace("-", "−") for x in (value, low, high)]
+    return f"{text[0]}{tail}", f"{text[1]} … {text[2]}{tail}"
