@@ -10,6 +10,7 @@ from pathlib import Path
 from hqpipe.pipeline.stage import Input, Stage, StageTable
 
 BOOTSTRAP = Input("policy", "bootstrap", "--policy")
+WALKER = Input("policy", "bootstrap", "--policy", optional=True)
 LOGS = Input("logs", "rollouts", "--logs")
 ACTUATOR = Input("actuator", "actuator", "--actuator")
 POLICY = Input("policy", "policy", "--policy")
@@ -26,7 +27,8 @@ STAGES = StageTable(
         Stage("fit-actuator", "actuator", "hqpipe.stages.fit_actuator",
               "Fit the actuator model to the logs.", version=1, inputs=(LOGS,)),
         Stage("diagnose", "diagnosis", "hqpipe.stages.diagnose",
-              "Find where the gap lies: by joint and regime, above the noise.", version=1, inputs=(LOGS, ACTUATOR)),
+              "Find where the gap lies, what causes it and how far it shrinks.", version=2,
+              inputs=(LOGS, WALKER)),
         Stage("retrain", "policy", "hqpipe.stages.retrain",
               "Train the policy with the actuator model.", version=1, inputs=(ACTUATOR,)),
         Stage("export", "onnx", "hqpipe.stages.export",

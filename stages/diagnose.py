@@ -1,8 +1,7 @@
-"""diagnose: where the model misses the machine on held-out trials."""
+"""diagnose: where the gap lies on held-out trials, which effects cause it and how far it shrinks with them."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from pydantic import PositiveFloat
@@ -14,44 +13,54 @@ class Params(StageParams):
     """Attributes:
     window_s: length of the free-running windows, s.
     resample: interpolate trials whose clock jitters onto a uniform one.
+    without: effects left out of the library.
     """
 
     window_s: PositiveFloat = 0.1
     resample: bool = False
+    without: list[str] = []
 
 
 def run(context: Any) -> dict[str, Any]:
     from hqpipe.gap.diagnosis import diagnose, write_diagnosis
-    from hqpipe.report.tables import summary_lines, where_table
-    from hqpipe.stages.figures import draw_gap
-    from hqpipe.stages.logs import foreign_fit, model_for, read_logs
+    from hqpipe.report.diagnosis_page import write_page
+    from hqpipe.report.diagnosis_table import diagnosis_table
+    from hqpipe.stages.closed_loop import close_loop, closed_loop_lines
+    from hqpipe.stages.logs import read_logs
     from hqpipe.stages.terminal import show
 
     log_set = read_logs(context)
-    told = {f"warning: {text}" for text in log_set.warnings}
-    log_set = replace(log_set, warnings=(*log_set.warnings, *foreign_fit(context, log_set)))
-    model = model_for(context, log_set.joints)
-    diagnosis = diagnose(log_set, model, window_s=context.params.window_s)
+    diagnosis = diagnose(
+        log_set,
+        window_s=context.params.window_s,
+        without=context.params.without,
+        workers=context.workers,
+        progress=context.progress,
+    )
     write_diagnosis(diagnosis, context.output)
-    if gap := diagnosis.content["gap"]:
-        draw_gap(context.output, log_set, model, context.params.window_s, gap["noise_floor"])
-    show(*(line for line in summary_lines(diagnosis.content) if line not in told))
-    if diagnosis.content["where"]:
-        show(where_table(diagnosis.content))
-    return _metrics(diagnosis)
+    loop = close_loop(context, log_set, diagnosis)
+    write_page(context.output, provenance={"command": f"hqpipe diagnose --logs {log_set.path}"})
+    show(diagnosis_table(diagnosis.content))
+    if loop is not None:
+        show(*closed_loop_lines(loop))
+    return _metrics(diagnosis, loop)
 
 
-def _metrics(diagnosis: Any) -> dict[str, Any]:
-    gap, where = diagnosis.content["gap"], diagnosis.content["where"]
+def _metrics(diagnosis: Any, loop: Any) -> dict[str, Any]:
+    gap, where, causes = (diagnosis.content[key] for key in ("gap", "where", "causes"))
     headline = diagnosis.verdict.replace("_", " ")
     if gap is not None:
-        headline += f", gap {gap['before']:.3g} N·m over a floor of {gap['noise_floor']:.2g}"
-    if where:
-        headline += f", most at {where[0]['joint']} {where[0]['regime']}"
+        headline += (
+            f", gap {gap['before']:.3g} → {gap['after']:.3g} {gap['unit']} over a floor of {gap['noise_floor']:.2g}"
+        )
+    if causes:
+        headline += f": {', '.join(dict.fromkeys(cause['effect'] for cause in causes))}"
     return {
         "headline": headline,
         "verdict": diagnosis.verdict,
         "gap": gap,
         "where": where[:10],
+        "causes": causes,
         "warnings": diagnosis.content["warnings"],
+        "closed_loop": {name: loop.pooled(name) for name in loop.models} if loop is not None else None,
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -51,21 +50,3 @@ def draw_fit(folder: Path, log_set: Any, model: Any, window_s: float) -> None:
         window_s=window_s,
         shown=shown,
     )
-
-
-def draw_gap(folder: Path, log_set: Any, model: Any, window_s: float, floor: float) -> None:
-    """where.png, worst.png, spectrum.png, from residuals.csv and the held-out trial with the largest error."""
-    import numpy as np
-
-    from hqpipe.report.gap_figures import error_spectrum, gap_heat_map, worst_windows
-    from hqpipe.sysid.free_run import free_run
-
-    with (folder / "residuals.csv").open(newline="", encoding="utf-8") as stream:
-        gap_heat_map(list(csv.DictReader(stream)), folder / "where.png")
-    trials = [trial.trajectory for trial in log_set.heldout]
-    predicted = [free_run(t, model, window_s) for t in trials]
-    worst = int(np.argmax([np.mean((p - t.effort) ** 2) for p, t in zip(predicted, trials, strict=True)]))
-    trial, model_torque = trials[worst], predicted[worst]
-    worst_windows(trial.time, trial.effort, model_torque, trial.joints, folder / "worst.png")
-    residual = model_torque - trial.effort
-    error_spectrum(residual, trial.effort, trial.dt, trial.joints, folder / "spectrum.png", noise_floor=floor)

@@ -79,7 +79,7 @@ class Executor:
         """
         self._store.remove_leftovers()
         for stage in stages:
-            sources = {needed.name: self.planner.source(stage, needed) for needed in stage.inputs}
+            sources = {needed.name: self.planner.source(stage, needed) for needed in self.planner.reads(stage)}
             decision = self.planner.decide(stage, sources)
             self._on_decision(decision)
             outcome = self._carry_out(decision)

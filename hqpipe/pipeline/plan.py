@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -119,17 +119,32 @@ class Planner:
             f"run `{self._command(maker)}` or give a folder with {needed.option}"
         )
 
-    def decide(self, stage: Stage, sources: Mapping[str, Source]) -> Decision:
+    def reads(self, stage: Stage, made: Collection[str] = ()) -> list[Input]:
+        """The inputs of a stage, less the optional ones that it does without.
+
+        Args:
+            made: artifacts that will be made before.
+        """
+
+        def wanted(needed: Input) -> bool:
+            if not needed.optional or needed.name in self.explicit:
+                return True
+            there = needed.artifact in made or self.project.store.current(needed.artifact) is not None
+            return there and not self.explicit
+
+        return [needed for needed in stage.inputs if wanted(needed)]
+
+    def decide(self, stage: Stage, sources: Mapping[str, Source], made: Collection[str] = ()) -> Decision:
         """What to do about `stage` when it reads `sources`.
 
-        An input that is absent from `sources` is taken as still to be made. A result that would be kept or
-        restored is verified byte by byte.
+        An input that is absent from `sources` is taken as still to be made (`made` names artifacts that will be). A
+        result that would be kept or restored is verified byte by byte.
 
         Raises:
             IntegrityError: that result was changed; `force` runs the stage instead.
             UsageError: something that is no artifact stands in the artifact's place.
         """
-        pending = [needed.name for needed in stage.inputs if needed.name not in sources]
+        pending = [needed.name for needed in self.reads(stage, made) if needed.name not in sources]
         recipe = self.recipe(stage, sources)
         if self.force:
             self.project.store.check_link(stage.artifact)
@@ -191,7 +206,7 @@ class Planner:
         decisions: dict[str, Decision] = {}
         for stage in stages:
             try:
-                decisions[stage.artifact] = self.decide(stage, self._previewed_sources(stage, decisions))
+                decisions[stage.artifact] = self.decide(stage, self._previewed_sources(stage, decisions), decisions)
             except IntegrityError as error:
                 if not report_damage:
                     raise
@@ -202,7 +217,7 @@ class Planner:
     def _previewed_sources(self, stage: Stage, decisions: Mapping[str, Decision]) -> dict[str, Source]:
         """The sources of `stage` that exist once `decisions` are carried out, except what has yet to run."""
         sources = {}
-        for needed in stage.inputs:
+        for needed in self.reads(stage, decisions):
             upstream = decisions.get(needed.artifact)
             if upstream is None or needed.name in self.explicit:
                 sources[needed.name] = self.source(stage, needed)

@@ -18,11 +18,14 @@ class Input:
         name: key in ``context.inputs``.
         artifact: the artifact that is read when no folder is given.
         option: command-line option that names a folder instead, e.g. ``"--logs"``.
+        optional: the stage does without it where it has not been made, and where the user names other inputs but
+            not this one.
     """
 
     name: str
     artifact: str
     option: str
+    optional: bool = False
 
 
 @dataclass(frozen=True)
