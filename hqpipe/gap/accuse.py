@@ -90,33 +90,14 @@ def accuse(
         workers: joints searched at a time. progress: called after each joint.
     """
     mode, joints = log_set.control_mode, log_set.joints
-    fit_trials = [t.trajectory for t in log_set.fit]
-    held_trials = [t.trajectory for t in log_set.heldout]
-    names = library(mode, log_set.effort_source, len(joints), without, fit_trials[0].effort is not None)
-    options = []
-    late = row_lag([*fit_trials, *held_trials]) if mode == "valve" else 0.0
-    for speed in SPEEDS if late <= FILTERED_ROWS else (MOVED,):
-        data = []
-        for j in range(len(joints)):
-            noise = output_noise(held_trials or fit_trials, j, mode, speed)
-            limit = np.inf if effort_limit is None else float(effort_limit[j])
-            one = joint_data(fit_trials, held_trials, j, mode, steps, noise, limit, speed)
-            data.append(replace(one, barred=BLURRED) if signed and joints[j] in signed.joints else one)
-        known = (ROW_OFFSET,) if mode == "valve" else ()  # a delay must not choose the speed that hides a part of it
-        options.append((sum(np.log(JointFitter(d).fit(known).loss + 1e-300) for d in data), speed, data))
-    _, speed, data = min(options, key=lambda option: option[0])
+    names = library(mode, log_set.effort_source, len(joints), without, log_set.trials[0].trajectory.effort is not None)
+    data, speed, late = prepare(log_set, steps, signed, effort_limit)
     states = search_joints(data, names, workers, progress)
     before = _machine(states, mode, speed, chosen=False)
     fit, heldout = replay_all(before, log_set.fit, steps), replay_all(before, log_set.heldout, steps)
-    noises = np.array([d.noise for d in data])
     states = pool_groups(seek_consensus(states))
-    after = _machine(states, mode, speed, chosen=True)
-    floor = free_run_floor(replay_all(after, log_set.heldout, steps), noises**2, kept(after, steps))
-    floor = np.minimum(floor, [state.chosen.error for state in states])
-    states = close_gap(states, floor)
-    causes = assemble(states, floor)
-    shares = _shrink(states, causes, len(causes), None)
-    states = close_gap(drop_trifles(states, causes, shares.each, shares.each_ci95[:, 0]), floor)
+    floor = _floor(_machine(states, mode, speed, chosen=True), states, log_set, steps)
+    states = _tidy(states, floor)
     spans = search_spans(states, floor, workers)
     after = _with_spans(_machine(states, mode, speed, chosen=True), spans, states, log_set)
     after_fit, after_heldout = replay_all(after, log_set.fit, steps), replay_all(after, log_set.heldout, steps)
@@ -147,6 +128,46 @@ def accuse(
         _raw_error(signed, states, data, steps, mode, speed) if signed and signed.findings else None,
         _final_error(states, spans),
     )
+
+
+def prepare(
+    log_set: LogSet, steps: int, signed: SignedLogs | None, effort_limit: np.ndarray | None
+) -> tuple[list[JointData], str, float]:
+    """Windows of every joint with the speed that the base model fits better, that speed, and how late the logged one is.
+
+    Returns:
+        (J,) data, one of `SPEEDS`, and rows by which the logged speed lags (valve mode; else 0).
+    """
+    mode, joints = log_set.control_mode, log_set.joints
+    fit, heldout = ([t.trajectory for t in split] for split in (log_set.fit, log_set.heldout))
+    late = row_lag([*fit, *heldout]) if mode == "valve" else 0.0
+    options = []
+    for speed in SPEEDS if late <= FILTERED_ROWS else (MOVED,):
+        data = []
+        for j, joint in enumerate(joints):
+            noise = output_noise(heldout or fit, j, mode, speed)
+            limit = np.inf if effort_limit is None else float(effort_limit[j])
+            one = joint_data(fit, heldout, j, mode, steps, noise, limit, speed)
+            data.append(replace(one, barred=BLURRED) if signed and joint in signed.joints else one)
+        known = (ROW_OFFSET,) if mode == "valve" else ()  # a delay must not choose the speed that hides a part of it
+        options.append((sum(np.log(JointFitter(d).fit(known).loss + 1e-300) for d in data), speed, data))
+    _, speed, data = min(options, key=lambda option: option[0])
+    return data, speed, late
+
+
+def _floor(machine: RowModel, states: list[JointState], log_set: LogSet, steps: int) -> np.ndarray:
+    """(J,) mean squared error that noise alone leaves; no more than what the best model leaves."""
+    sensor = np.array([state.data.noise for state in states]) ** 2
+    floor = free_run_floor(replay_all(machine, log_set.heldout, steps), sensor, kept(machine, steps))
+    return np.minimum(floor, [state.chosen.error for state in states])
+
+
+def _tidy(states: list[JointState], floor: np.ndarray) -> list[JointState]:
+    """Without the names that close too little of a joint's gap, or shrink the machine's by next to nothing."""
+    states = close_gap(states, floor)
+    causes = assemble(states, floor)
+    shares = _shrink(states, causes, len(causes), None)
+    return close_gap(drop_trifles(states, causes, shares.each, shares.each_ci95[:, 0]), floor)
 
 
 def _final_error(states: list[JointState], spans: Spans | None) -> np.ndarray:

@@ -21,16 +21,17 @@ from hqpipe.gap.answer import answer, not_identifiable
 from hqpipe.gap.confirm import confirmed
 from hqpipe.gap.joint_data import COMMAND_CHANNEL
 from hqpipe.gap.locate import Place, locate
-from hqpipe.gap.reference import explain
+from hqpipe.gap.reference import Explained, explain
+from hqpipe.gap.replay import Replay
 from hqpipe.gap.row_model import RowModel
 from hqpipe.gap.sanity import check_logs
 from hqpipe.gap.schema import validate_diagnosis
 from hqpipe.gap.second_channel import measured, scale_causes, settle_offsets
 from hqpipe.gap.sensing import channel_warnings
 from hqpipe.gap.signs import SignedLogs, restore_efforts
-from hqpipe.gap.tally import tally
+from hqpipe.gap.tally import Tally, tally
 from hqpipe.gap.traces import worst_windows
-from hqpipe.gap.verdict import shortage, weigh
+from hqpipe.gap.verdict import Evidence, shortage, weigh
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.trajectory import LogSet
 from hqpipe.sysid.free_run import WINDOW_S, window_samples
@@ -144,14 +145,9 @@ def _actuator(
         advice = "record longer trials in which every joint moves, one of them held out"
         return Diagnosis(not_identifiable(log_set, [*warnings, *reasons], advice))
     joints = log_set.joints
-    memory_before, memory_after = found.before.memory, found.after.memory
-    explained = [explain(found.fit, found.heldout, j, memory_before[j]) for j in range(len(joints))]
-    left = [explain(found.after_fit, found.after_heldout, j, memory_after[j]) for j in range(len(joints))]
-    sums, sums_after = tally(found.heldout), tally(found.after_heldout)
-    evidence = weigh(sums, found.floor, explained)
-    evidence_after = weigh(sums_after, np.minimum(found.floor, evidence.floor), left)
-    places = locate(sums, evidence.floor, joints)
-    places_after = locate(sums_after, evidence_after.floor, joints)
+    before = _look(found.fit, found.heldout, found.before.memory, found.floor)
+    floor = np.minimum(found.floor, before.evidence.floor)
+    after = _look(found.after_fit, found.after_heldout, found.after.memory, floor)
     still = [joint for joint, moved in zip(joints, excited, strict=True) if not moved]
     if still:
         warnings.append(f"too little excitation to judge {', '.join(still)}")
@@ -161,22 +157,40 @@ def _actuator(
         window_s,
         found,
         scale_causes(checked, joints),
-        (evidence, evidence_after),
-        (explained, left),
-        (places, places_after),
+        (before.evidence, after.evidence),
+        (before.explained, after.explained),
+        (before.places, after.places),
         warnings,
     )
-    table = _table(sums, sums_after, evidence, evidence_after, found, joints, places, places_after)
+    table = _table(before, after, found.heldout)
     traces = worst_windows(found.heldout, found.after_heldout, log_set, content["gap"]["unit"])
     return Diagnosis(content, tuple(table), traces, _actuator_model(found.before), _actuator_model(found.after))
 
 
-def _table(sums, sums_after, evidence, evidence_after, found, joints, places, places_after) -> list[Row]:
-    table = _paired("all", places, places_after)
-    for index, item in enumerate(found.heldout):
-        first = locate(sums.of_trial(index), evidence.floor, joints)
-        second = locate(sums_after.of_trial(index), evidence_after.floor, joints)
-        table += _paired(item.file, first, second)
+@dataclass(frozen=True, eq=False)
+class Look:
+    """The machine without or with the causes: its errors by regime, what explains them, what may be said, where."""
+
+    sums: Tally
+    explained: list[Explained]
+    evidence: Evidence
+    places: list[Place]
+
+
+def _look(fit: list[Replay], heldout: list[Replay], memory: np.ndarray, floor: np.ndarray) -> Look:
+    joints = heldout[0].trajectory.joints
+    explained = [explain(fit, heldout, j, memory[j]) for j in range(len(joints))]
+    sums = tally(heldout)
+    evidence = weigh(sums, floor, explained)
+    return Look(sums, explained, evidence, locate(sums, evidence.floor, joints))
+
+
+def _table(before: Look, after: Look, heldout: list[Replay]) -> list[Row]:
+    """Rows of all trials together, then trial by trial."""
+    table = _paired("all", before.places, after.places)
+    for index, item in enumerate(heldout):
+        places = [locate(x.sums.of_trial(index), x.evidence.floor, item.trajectory.joints) for x in (before, after)]
+        table += _paired(item.file, *places)
     return table
 
 
