@@ -52,7 +52,8 @@ def _walks(log_set: Any, robot: Any) -> list[Any]:
         )
         walk = Walk(1.0 / t.dt, t.position_command, t.position, t.velocity, t.effort, velocity)
         command = dict(trial.command)
-        found.append(LoggedWalk(trial.file, walk, command.get("vx", 0.0), command.get("vy", 0.0), None, False))
+        turn = command.get("wz", 0.0) or None  # a walk that is not told to turn holds its heading
+        found.append(LoggedWalk(trial.file, walk, command.get("vx", 0.0), command.get("vy", 0.0), turn, False))
     return found
 
 

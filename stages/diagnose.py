@@ -39,7 +39,8 @@ def run(context: Any) -> dict[str, Any]:
     )
     write_diagnosis(diagnosis, context.output)
     loop = close_loop(context, log_set, diagnosis)
-    write_page(context.output, provenance={"command": f"hqpipe diagnose --logs {log_set.path}"})
+    left_out = f" --set 'without=[{', '.join(context.params.without)}]'" if context.params.without else ""
+    write_page(context.output, provenance={"command": f"hqpipe diagnose --logs {log_set.path}{left_out}"})
     show(diagnosis_table(diagnosis.content))
     if loop is not None:
         show(*closed_loop_lines(loop))

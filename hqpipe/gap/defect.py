@@ -14,7 +14,6 @@ KINDS = (
     "velocity_mismatch",
     "swapped",
     "sign_flipped",
-    "unrelated",
     "unsigned",
 )
 _SHOWN = 6

@@ -19,6 +19,7 @@ from hqpipe.errors import IdentificationError
 from hqpipe.gap.accuse import accuse
 from hqpipe.gap.answer import answer, not_identifiable
 from hqpipe.gap.confirm import confirmed
+from hqpipe.gap.defect import Defect
 from hqpipe.gap.joint_data import COMMAND_CHANNEL
 from hqpipe.gap.locate import Place, locate
 from hqpipe.gap.reference import Explained, explain
@@ -36,6 +37,7 @@ from hqpipe.logs.columns import joint_column
 from hqpipe.logs.trajectory import LogSet
 from hqpipe.sysid.free_run import WINDOW_S, window_samples
 
+LONGER = "record longer trials in which every joint moves, one of them held out"
 NOT_USED = ("velocity_mismatch",)  # defects of the velocity channel: the models run on the change of position
 FILE, TABLE, TRACES = "diagnosis.json", "residuals.csv", "traces.json"
 Progress = Callable[[float, float, str], None]
@@ -111,11 +113,18 @@ def diagnose(
     log_set = signed.log_set
     defects = check_logs(log_set, window_s=window_s)
     steps = window_samples(float(np.median([t.dt for t in trials])), window_s)
-    fatal = [d.message for d in defects if d.fatal and d.kind not in NOT_USED and confirmed(d, log_set, steps)]
-    warnings += [d.message for d in defects if d.message not in fatal]
+    fatal = [d.message for d in defects if _stops(d) and confirmed(d, log_set, steps)]
+    warnings += [d.message for d in defects if not _stops(d)]
     if fatal:
-        return Diagnosis(not_identifiable(log_set, [*fatal, *warnings], "mend the logs, then diagnose them again"))
+        short = any(d.kind == "too_short" for d in defects)
+        advice = LONGER if short else "mend the logs, then diagnose them again"
+        return Diagnosis(not_identifiable(log_set, [*fatal, *warnings], advice))
     return _actuator(log_set, signed, window_s, without, effort_limit, workers, progress, warnings)
+
+
+def _stops(defect: Defect) -> bool:
+    """Whether nothing can be said of logs with this defect, if it is confirmed."""
+    return defect.fatal and defect.kind not in NOT_USED
 
 
 def _actuator(
@@ -133,8 +142,7 @@ def _actuator(
     log_set = replace(log_set, trials=tuple(t for t in log_set.trials if t.file not in short))
     warnings = [*warnings, *(f"{name}: shorter than one window, left out" for name in short)]
     if not log_set.fit or not log_set.heldout:
-        advice = "record longer trials in which every joint moves, one of them held out"
-        return Diagnosis(not_identifiable(log_set, [*warnings, "no fit or no held-out trial holds a window"], advice))
+        return Diagnosis(not_identifiable(log_set, [*warnings, "no fit or no held-out trial holds a window"], LONGER))
     found = accuse(log_set, steps, without, signed, effort_limit, workers, progress)
     checked = measured(log_set, without)
     compared = log_set.trials[0].trajectory.pressure_a is not None
@@ -142,8 +150,7 @@ def _actuator(
     sensor = np.array([state.data.noise for state in found.states]) ** 2
     reasons, excited = shortage(found.fit, found.heldout, sensor)
     if reasons:
-        advice = "record longer trials in which every joint moves, one of them held out"
-        return Diagnosis(not_identifiable(log_set, [*warnings, *reasons], advice))
+        return Diagnosis(not_identifiable(log_set, [*warnings, *reasons], LONGER))
     joints = log_set.joints
     before = _look(found.fit, found.heldout, found.before.memory, found.floor)
     floor = np.minimum(found.floor, before.evidence.floor)

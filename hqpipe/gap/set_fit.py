@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from hqpipe.effects import EFFECTS
-from hqpipe.effects.layout import BASE, neutral_row, slot, slots
+from hqpipe.effects.layout import neutral_row, slot, slots
 from hqpipe.gap.joint_data import JointData, Split
 from hqpipe.kernels.augmented_fit import CHANGES, fit_windows, residual_windows
 
@@ -212,8 +212,3 @@ class JointFitter:
         for name, gain in zip(("k1", "k2", "k3"), gains, strict=True):
             row[slot("base", name)] = min(max(gain, 0.0), 0.9 if name == "k2" else np.inf)
         return row
-
-
-def base_columns(row: np.ndarray) -> dict[str, float]:
-    """The base model's numbers of a row."""
-    return {name: float(row[slot("base", name)]) for name in BASE}

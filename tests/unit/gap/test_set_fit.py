@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from planted_logs import data_of, logs_of, size
 
-from hqpipe.effects.layout import neutral_row, slot, slots
-from hqpipe.gap.set_fit import JointFitter, base_columns, in_order, window_errors
+from hqpipe.effects.layout import BASE, neutral_row, slot, slots
+from hqpipe.gap.set_fit import JointFitter, in_order, window_errors
 
 LIMIT = 0.12  # rad: a fit that begins with the tightest limit ends in a false minimum
 
@@ -28,7 +28,7 @@ def test_sets_are_in_the_order_of_the_chain():
 
 def test_base_fit_recovers_the_gains(logs):
     fit = JointFitter(data_of(logs, 0)).fit()
-    gains = base_columns(fit.row)
+    gains = {name: fit.row[slot("base", name)] for name in BASE}
     assert gains["k1"] == pytest.approx(540.0, rel=0.02)
     assert gains["k2"] == pytest.approx(0.05, rel=0.05)
     assert gains["k3"] == pytest.approx(21.6, rel=0.02)
