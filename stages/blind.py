@@ -30,9 +30,17 @@ def blind() -> None:
 @blind.command()
 @click.option("--cases", "count", type=click.IntRange(1, 1000), default=300, show_default=True, help="How many.")
 @click.option("--seed", type=click.IntRange(0, MAX_SEED), default=1, show_default=True, help="Seed of everything.")
+@click.option(
+    "--kind",
+    "kinds",
+    multiple=True,
+    metavar="KIND",
+    help="Make only this kind: none, single, mixture, place, outside, or faint (for the limit of detection); "
+    "repeatable.  [default: all but faint]",
+)
 @click.option("--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder for the cases.")
 @_WORKERS
-def make(count: int, seed: int, out: Path, workers: int, as_json: bool) -> None:
+def make(count: int, seed: int, kinds: tuple[str, ...], out: Path, workers: int, as_json: bool) -> None:
     """Simulate machines with and without effects; the answers lie apart from their logs.
 
     Complete cases are kept, so that the same command goes on where it was interrupted.
@@ -41,7 +49,7 @@ def make(count: int, seed: int, out: Path, workers: int, as_json: bool) -> None:
     from hqpipe.stages.terminal import show
 
     with stage_progress("blind make") as progress, stdout_to_stderr():
-        made = make_cases(count, seed, out, workers, progress)
+        made = make_cases(count, seed, out, workers, progress, kinds)
     if as_json:
         print_json({"folder": str(out), "cases": count, "made": made})
     show(f"{count} cases in {out}, {made} of them made now; next: hqpipe blind score {out}")

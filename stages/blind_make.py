@@ -19,23 +19,24 @@ TRUTH, HALF_MADE = "truth", ".half"
 Progress = Callable[[float, float, str], None]
 
 
-def make(count: int, seed: int, out: Path, workers: int, progress: Progress) -> int:
+def make(count: int, seed: int, out: Path, workers: int, progress: Progress, kinds: Sequence[str] = ()) -> int:
     """Write `out/case_NNN`, `out/truth/case_NNN` and `out/answers.json`; complete cases are kept.
 
     Args:
         count: how many cases. seed: of everything. out: folder. workers: processes; the result does not depend on them.
+        kinds: of `hqpipe.plant.cases`; none for the usual mixture.
 
     Returns:
         How many cases had to be made.
 
     Raises:
-        UsageError: the folder holds other cases.
+        UsageError: the folder holds other cases, or a kind does not exist.
     """
     from hqpipe.plant.cases import cases
 
+    planned = cases(count, seed, kinds)
     out.mkdir(parents=True, exist_ok=True)
-    planned = cases(count, seed)
-    _write_answers(out, count, seed, planned)
+    _write_answers(out, count, seed, kinds, planned)
     shutil.rmtree(out / HALF_MADE, ignore_errors=True)
     missing = [case for case in planned if not (out / case.name).is_dir()]
     progress(count - len(missing), count, "")
@@ -106,6 +107,7 @@ def answer(case: Any) -> dict[str, Any]:
                 "size": p.size,
                 "span": list(p.span) if p.span else None,
                 "parameters": p.parameters,
+                **({} if p.factor is None else {"factor": p.factor}),
             }
             for p in case.planted
         ],
@@ -113,13 +115,15 @@ def answer(case: Any) -> dict[str, Any]:
     }
 
 
-def _write_answers(out: Path, count: int, seed: int, planned: Sequence[Any]) -> None:
-    content = {"format": FORMAT, "cases": count, "seed": seed, "answers": [answer(case) for case in planned]}
+def _write_answers(out: Path, count: int, seed: int, kinds: Sequence[str], planned: Sequence[Any]) -> None:
+    asked = {"kinds": sorted(set(kinds))} if kinds else {}
+    content = {"format": FORMAT, "cases": count, "seed": seed, **asked, "answers": [answer(case) for case in planned]}
     text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
     path = out / ANSWERS
     if path.is_file() and path.read_text(encoding="utf-8") != text:
         raise UsageError(
-            f"{path} belongs to other cases than --cases {count} --seed {seed} of this version: give another --out, or "
+            f"{path} belongs to other cases than --cases {count} --seed {seed}"
+            f"{''.join(f' --kind {kind}' for kind in sorted(set(kinds)))} of this version: give another --out, or "
             "remove the folder"
         )
     half = path.with_suffix(".half")

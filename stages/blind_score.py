@@ -13,7 +13,7 @@ from typing import Any
 
 from hqpipe.errors import UsageError, near_match
 
-DIAGNOSIS, FAILED, CONTENT = "diagnosis", "failed.json", "diagnosis.json"
+DIAGNOSIS, ORACLE, FAILED, CONTENT = "diagnosis", "oracle", "failed.json", "diagnosis.json"
 GAPS = "gaps.json"
 SCORE, PAGE = "score.json", "score.html"
 Progress = Callable[[float, float, str], None]
@@ -24,28 +24,35 @@ def score_folder(folder: Path, without: Sequence[str], workers: int, progress: P
 
     Args:
         folder: of `hqpipe blind make`. without: effects left out of the library; only the cases that have one of them
-            are diagnosed and scored. workers: processes.
+            are diagnosed and scored, and no faint ones. workers: processes.
 
     Raises:
         LogError, UsageError: not such a folder, or no case has the effects.
     """
     from hqpipe.gap.blind import score
+    from hqpipe.gap.blind_limit import KIND as FAINT
     from hqpipe.gap.blind_truth import read_answers
     from hqpipe.report.blind_page import write_page
 
     answers = read_answers(folder)
     if without:
         _check_names(without, answers)
-        answers = [answer for answer in answers if answer.names & set(without)]
+        answers = [answer for answer in answers if answer.names & set(without) and answer.kind != FAINT]
     if incomplete := [a.case for a in answers if not (folder / a.case).is_dir()]:
         raise UsageError(
             f"{folder}: {len(incomplete)} cases are not made, the first is {incomplete[0]}: run the same "
             "hqpipe blind make again, it goes on from there"
         )
     results = folder / "_".join([DIAGNOSIS, *(["without", *sorted(without)] if without else [])])
-    diagnose_all([folder / a.case for a in answers], results, tuple(without), workers, progress)
+    diagnose_all([(folder / a.case, results / a.case, tuple(without)) for a in answers], workers, progress)
+    faint = {a.case: all_but(a.effects[0].effect) for a in answers if a.kind == FAINT}
+    asked = [(folder / case, folder / ORACLE / case, others) for case, others in faint.items()]
+    diagnose_all(asked, workers, progress, "diagnosed by the oracle")
     gaps = _gaps(folder, answers, workers, progress)
-    result = score([_judged(answer, results, gaps.get(answer.case), tuple(without)) for answer in answers])
+    result = score(
+        [_judged(answer, results, gaps.get(answer.case), tuple(without)) for answer in answers],
+        [_judged(a, folder / ORACLE, gaps.get(a.case), faint[a.case]) for a in answers if a.case in faint],
+    )
     result |= {"without": sorted(without), "folder": folder.name}
     suffix = "".join(f"_without_{name}" for name in sorted(without))
     _write(folder / SCORE.replace(".json", f"{suffix}.json"), result)
@@ -54,13 +61,23 @@ def score_folder(folder: Path, without: Sequence[str], workers: int, progress: P
 
 
 def diagnose_all(
-    cases: Sequence[Path], results: Path, without: tuple[str, ...], workers: int, progress: Progress
+    jobs: Sequence[tuple[Path, Path, tuple[str, ...]]], workers: int, progress: Progress, text: str = "diagnosed"
 ) -> None:
-    """Diagnose every case that has no diagnosis in `results` yet; an error is kept as failed.json and tried again."""
-    missing = [case for case in cases if not (results / case.name / CONTENT).is_file()]
-    jobs = [(case, results / case.name, without) for case in missing]
-    started = len(cases) - len(missing)
-    _parallel(diagnose_case, jobs, workers, lambda done: progress(started + done, len(cases), "diagnosed"))
+    """Diagnose every case that has no diagnosis yet; an error is kept as failed.json and tried again.
+
+    Args:
+        jobs: arguments of `diagnose_case`. workers: processes. text: what is reported after each.
+    """
+    missing = [job for job in jobs if not (job[1] / CONTENT).is_file()]
+    started = len(jobs) - len(missing)
+    _parallel(diagnose_case, missing, workers, lambda done: progress(started + done, len(jobs), text))
+
+
+def all_but(effect: str) -> tuple[str, ...]:
+    """The library without all effects but one: what the oracle of a faint case does not ask for."""
+    from hqpipe.effects import EFFECTS
+
+    return tuple(name for name in EFFECTS if name != effect)
 
 
 def diagnose_case(case: Path, output: Path, without: tuple[str, ...]) -> None:
@@ -123,11 +140,14 @@ def _judged(answer: Any, results: Path, gaps: Any, without: tuple[str, ...]) -> 
 
 
 def _check_names(without: Sequence[str], answers: Sequence[Any]) -> None:
-    known = sorted({e.effect for answer in answers for e in answer.effects if not e.outside})
+    from hqpipe.gap.blind_limit import KIND as FAINT
+
+    known = sorted({e.effect for a in answers if a.kind != FAINT for e in a.effects if not e.outside})
     for name in without:
         if name not in known:
             raise UsageError(
-                f"--without {name}{near_match(name, known)}: no case has this effect (they have: {', '.join(known)})"
+                f"--without {name}{near_match(name, known)}: no case has this effect "
+                f"(they have: {', '.join(known) or 'none'})"
             )
 
 
@@ -157,4 +177,6 @@ def _write(path: Path, content: Any) -> None:
 
 def missed_aims(result: dict[str, Any]) -> list[str]:
     """The aims that were not reached, as text."""
-    return [f"{row['measure']}: {row['share']:.1%}, aim {row['aim']}" for row in result["aims"] if row["met"] is False]
+    from hqpipe.report.blind_table import reached_text
+
+    return [f"{row['measure']}: {reached_text(row)}, aim {row['aim']}" for row in result["aims"] if row["met"] is False]

@@ -22,14 +22,14 @@ class Params(StageParams):
 
 
 def run(context: Any) -> dict[str, Any]:
-    from hqpipe.gap.diagnosis import diagnose, write_diagnosis
+    from hqpipe.gap.diagnosis import LARGEST, diagnose, write_diagnosis
     from hqpipe.report.diagnosis_page import write_page
     from hqpipe.report.diagnosis_table import diagnosis_table
     from hqpipe.stages.closed_loop import close_loop, closed_loop_lines
     from hqpipe.stages.logs import read_logs
     from hqpipe.stages.terminal import show
 
-    log_set = read_logs(context)
+    log_set = read_logs(context, most=LARGEST)
     diagnosis = diagnose(
         log_set,
         window_s=context.params.window_s,

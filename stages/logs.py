@@ -12,8 +12,8 @@ from hqpipe.errors import UsageError
 FIT = "fit.json"
 
 
-def read_logs(context: Any) -> Any:
-    """The `LogSet` of the input `logs`; its warnings are told at once.
+def read_logs(context: Any, most: int | None = None) -> Any:
+    """The `LogSet` of the input `logs`, or sections of it with at most about `most` samples × joints; it tells its warnings.
 
     Its path is made relative to the project, or is the folder's bare name outside of it, so that what a stage writes does
     not depend on where the project lies.
@@ -21,7 +21,7 @@ def read_logs(context: Any) -> Any:
     from hqpipe.logs.log_set import read_log_set
     from hqpipe.stages.terminal import show
 
-    log_set = read_log_set(context.inputs["logs"], resample=context.params.resample)
+    log_set = read_log_set(context.inputs["logs"], resample=context.params.resample, most=most)
     show(*(f"warning: {text}" for text in log_set.warnings))
     project = context.output.resolve().parents[2]  # <project>/artifacts/store/<output>
     path = log_set.path.resolve()

@@ -13,7 +13,14 @@ from hqpipe.kernels.actuator_step import AUGMENTED
 from hqpipe.kernels.augmented_step import MEMORY
 
 _UNITS = {"k1": "N·m/rad", "k2": "1", "k3": "N·m·s/rad", "k4": "1/rad", "neutral": "rad"}
-_SETTINGS = {"sample_time": "s", "middle": "rad", "clear": "N·m", "effort_limit": "N·m"}
+_SETTINGS = {
+    "sample_time": "s",
+    "middle": "rad",
+    "clear": "N·m",
+    "effort_limit": "N·m",
+    "flow_per_speed": "1",
+    "flow_per_opening": "1/s",
+}
 _ANY = 1e12  # bound of numbers that may have either sign
 SENSING = tuple(name for name, effect in EFFECTS.items() if effect.layer == "sensing" and name != "position_bias")
 

@@ -31,8 +31,8 @@ class Parameter:
             command.
         scale: what `lower`, `upper` and `starts` are multiples of: second, command (RMS of the position error,
             torque command or valve command), effort and velocity (RMS), slowness (one over the RMS of the
-            machine's total speed), damping (effort over velocity),
-            stiffness (effort over travel), angle (standard deviation of the position) or none.
+            machine's total speed), damping (effort over velocity), stiffness (effort over travel), angle
+            (standard deviation of the position) or none.
         lower, upper: bounds of the search.
         starts: where fits begin; several where an effect can be inactive over all data and then has no gradient.
         inverse: the fit works on one over the value, so that "absent" is 0 instead of infinity; bounds and

@@ -11,11 +11,12 @@ import numpy as np
 from hqpipe.effects import EFFECTS
 
 BASE = ("k1", "k2", "k3", "k4", "neutral")  # joint-space gains; neutral point of a valve command
-SETTING = ("sample_time", "middle", "clear", "effort_limit")
+SETTING = ("sample_time", "middle", "clear", "effort_limit", "flow_per_speed", "flow_per_opening")
 NOT_IN_THE_LOOP = ("torque_scale", "unsigned_sensor")  # read off other channels, see hqpipe.gap
 _SHAPES = {
     ("supply_droop", "recovery_s"): 0.1,
     ("stribeck_friction", "velocity_rad_s"): 1.0,
+    ("stribeck_friction", "exponent"): 1.0,
     ("coulomb_friction", "presliding_rad"): 1e-3,
 }
 
@@ -45,4 +46,5 @@ def neutral_row() -> np.ndarray:
     row[slot("setting", "sample_time")] = 1e-3
     row[slot("setting", "clear")] = 1.0
     row[slot("setting", "effort_limit")] = np.inf
+    row[slot("setting", "flow_per_speed")] = 1.0
     return row

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.effects.effect import EFFORT, POSITION, TORQUE, VELOCITY, Effect, Parameter
+from hqpipe.effects.effect import EFFORT, NONE, POSITION, TORQUE, VELOCITY, Effect, Parameter
 
 EFFECT = Effect(
     name="stribeck_friction",
@@ -14,9 +14,10 @@ EFFECT = Effect(
     parameters=(
         Parameter("static_nm", "N·m", EFFORT, 0.0, 2.0, (0.1,)),
         Parameter("velocity_rad_s", "rad/s", VELOCITY, 0.02, 1.0, (0.1, 0.4), counts=False),
+        Parameter("exponent", "1", NONE, 0.3, 2.0, (1.0,), counts=False),
     ),
     meaning="extra friction near zero speed",
-    source="Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30, 1994: Gaussian Stribeck curve",
+    source="Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30, 1994: exponential Stribeck curves, exponents 0.5 to 2",
     experiment="very slow motion with many reversals",
     modes=(POSITION, TORQUE),
     effort_sources=("load_cell",),
@@ -24,7 +25,6 @@ EFFECT = Effect(
 
 
 @njit(cache=True, nogil=True, inline="always")
-def stribeck(turned: float, speed: float, static: float, velocity: float) -> float:
+def stribeck(turned: float, speed: float, static: float, velocity: float, exponent: float) -> float:
     """Extra friction torque at a direction of the friction and a joint speed."""
-    ratio = speed / velocity
-    return static * turned * np.exp(-ratio * ratio)
+    return static * turned * np.exp(-((abs(speed) / velocity) ** exponent))

@@ -14,7 +14,7 @@ EFFECT = Effect(
         Parameter("droop", "s/rad", SLOWNESS, 0.0, 1.0, (0.05, 0.15)),
         Parameter("recovery_s", "s", SECOND, 0.003, 5.0, (0.03, 0.3), counts=False),
     ),
-    meaning="pump pressure sags with the total speed of all joints; relative loss per rad/s",
+    meaning="pump pressure sags with the flow of all joints; relative loss per rad/s of total speed",
     source="Merritt, Hydraulic Control Systems, 1967: supply with accumulator, first order",
     experiment="all joints fast at the same time, then one joint alone",
     machine=True,
@@ -24,5 +24,5 @@ EFFECT = Effect(
 
 @njit(cache=True, nogil=True, inline="always")
 def sag(loss: float, demand: float, droop: float, share: float) -> float:
-    """Relative pressure loss after one sample under a total joint speed `demand`."""
+    """Relative pressure loss after one sample under the flow `demand`, counted as a total joint speed, rad/s."""
     return loss + share * (droop * demand - loss)

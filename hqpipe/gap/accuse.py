@@ -19,7 +19,17 @@ from hqpipe.gap.causes import (
     search_joints,
     seek_consensus,
 )
-from hqpipe.gap.joint_data import LOGGED, MOVED, SPEEDS, JointData, joint_data, output_of, row_lag
+from hqpipe.gap.joint_data import (
+    BY_SPEED,
+    LOGGED,
+    MOVED,
+    Flow,
+    JointData,
+    by_opening,
+    joint_data,
+    output_of,
+    row_lag,
+)
 from hqpipe.gap.noise import free_run_floor
 from hqpipe.gap.replay import Replay
 from hqpipe.gap.row_model import RowModel, SpanRow, kept, replay_all
@@ -27,11 +37,12 @@ from hqpipe.gap.set_fit import ROW_OFFSET, JointFitter
 from hqpipe.gap.shapley import Shrink, shapley
 from hqpipe.gap.signs import SignedLogs
 from hqpipe.gap.spans import Spans, search_spans
-from hqpipe.logs.trajectory import LogSet
+from hqpipe.logs.trajectory import LogSet, recording_of
 from hqpipe.sysid.noise import difference_noise
 
 BLURRED = ("backlash",)  # a size is noise round zero torque, which looks like slack once the sign is restored
 FILTERED_ROWS = 1.25  # a logged speed later than that was filtered, which would pass for a lag of the valve; assumption
+SHARED = "supply_droop"  # the effect that reads what other joints do
 OPEN_ROWS = 0.6  # half a sample on both sides, and what the speed's own rows are misjudged by; assumption
 WINDOWS_PER_BLOCK = 5  # of 0.1 s: errors of neighbouring windows are correlated
 
@@ -47,7 +58,7 @@ class Accusation:
         passing: those of them that act for a part of each trial only; spans: when.
         before, after: the machine without and with the effects.
         fit, heldout, after_fit, after_heldout: replays of both.
-        floor: (J,) mean squared error that noise alone leaves.
+        floor: (J,) mean squared error that noise alone leaves. sensor: (J,) the same of the output's sensor only.
         raw: (W,) held-out squared error per window, mean over the joints, of the base model on the log as it came, where
             a torque had lost its sign; else None.
         final: (W,) the same with all causes in the model.
@@ -66,6 +77,7 @@ class Accusation:
     after_fit: list[Replay]
     after_heldout: list[Replay]
     floor: np.ndarray
+    sensor: np.ndarray
     raw: np.ndarray | None
     final: np.ndarray
 
@@ -91,7 +103,7 @@ def accuse(
     """
     mode, joints = log_set.control_mode, log_set.joints
     names = library(mode, log_set.effort_source, len(joints), without, log_set.trials[0].trajectory.effort is not None)
-    data, speed, late = prepare(log_set, steps, signed, effort_limit)
+    data, speed, late = prepare(log_set, names, steps, signed, effort_limit)
     states = search_joints(data, names, workers, progress)
     before = _machine(states, mode, speed, chosen=False)
     fit, heldout = replay_all(before, log_set.fit, steps), replay_all(before, log_set.heldout, steps)
@@ -125,34 +137,50 @@ def accuse(
         after_fit,
         after_heldout,
         floor,
+        _sensor_floor(after, states, steps),
         _raw_error(signed, states, data, steps, mode, speed) if signed and signed.findings else None,
         _final_error(states, spans),
     )
 
 
 def prepare(
-    log_set: LogSet, steps: int, signed: SignedLogs | None, effort_limit: np.ndarray | None
+    log_set: LogSet, names: Sequence[str], steps: int, signed: SignedLogs | None, effort_limit: np.ndarray | None
 ) -> tuple[list[JointData], str, float]:
     """Windows of every joint with the speed that the base model fits better, that speed, and how late the logged one is.
 
+    What a sagging supply would feel, speeds or valve openings, is chosen likewise.
+
     Returns:
-        (J,) data, one of `SPEEDS`, and rows by which the logged speed lags (valve mode; else 0).
+        (J,) data, one of `hqpipe.gap.joint_data.SPEEDS`, and rows by which the logged speed lags (valve mode; else 0).
     """
     mode, joints = log_set.control_mode, log_set.joints
     fit, heldout = ([t.trajectory for t in split] for split in (log_set.fit, log_set.heldout))
     late = row_lag([*fit, *heldout]) if mode == "valve" else 0.0
-    options = []
-    for speed in SPEEDS if late <= FILTERED_ROWS else (MOVED,):
+
+    def cut_up(speed: str, flow: Flow) -> list[JointData]:
         data = []
         for j, joint in enumerate(joints):
             noise = output_noise(heldout or fit, j, mode, speed)
             limit = np.inf if effort_limit is None else float(effort_limit[j])
-            one = joint_data(fit, heldout, j, mode, steps, noise, limit, speed)
+            one = joint_data(fit, heldout, j, mode, steps, noise, limit, speed, flow)
             data.append(replace(one, barred=BLURRED) if signed and joint in signed.joints else one)
-        known = (ROW_OFFSET,) if mode == "valve" else ()  # a delay must not choose the speed that hides a part of it
-        options.append((sum(np.log(JointFitter(d).fit(known).loss + 1e-300) for d in data), speed, data))
-    _, speed, data = min(options, key=lambda option: option[0])
+        return data
+
+    known = (ROW_OFFSET,) if mode == "valve" else ()  # a delay must not choose the speed that hides a part of it
+    speed, data = MOVED, cut_up(MOVED, BY_SPEED)
+    if late <= FILTERED_ROWS:  # two cuts at a time: they are the largest thing in memory
+        logged = cut_up(LOGGED, BY_SPEED)
+        if _misfit(logged, known) < _misfit(data, known):
+            speed, data = LOGGED, logged
+        del logged
+    if SHARED in names:
+        data = min(data, cut_up(speed, by_opening(fit, mode)), key=lambda option: _misfit(option, (SHARED,)))
     return data, speed, late
+
+
+def _misfit(data: Sequence[JointData], names: tuple[str, ...]) -> float:
+    """Sum of the logarithms of the joints' losses with a set of effects."""
+    return sum(np.log(JointFitter(d).fit(names).loss + 1e-300) for d in data)
 
 
 def _floor(machine: RowModel, states: list[JointState], log_set: LogSet, steps: int) -> np.ndarray:
@@ -160,6 +188,12 @@ def _floor(machine: RowModel, states: list[JointState], log_set: LogSet, steps: 
     sensor = np.array([state.data.noise for state in states]) ** 2
     floor = free_run_floor(replay_all(machine, log_set.heldout, steps), sensor, kept(machine, steps))
     return np.minimum(floor, [state.chosen.error for state in states])
+
+
+def _sensor_floor(machine: RowModel, states: list[JointState], steps: int) -> np.ndarray:
+    """(J,) mean squared error that the noise of the output's sensor leaves: at each sample, and at the restart."""
+    noise = np.array([state.data.noise for state in states]) ** 2
+    return noise * (1.0 + kept(machine, steps) ** 2).mean(axis=0)
 
 
 def _tidy(states: list[JointState], floor: np.ndarray) -> list[JointState]:
@@ -228,7 +262,7 @@ def _with_spans(model: RowModel, spans: Spans | None, states: list[JointState], 
     if spans is None:
         return model
     rows, extra = model.rows.copy(), {}
-    files = [trial.file for trial in log_set.heldout]
+    files = [recording_of(trial) for trial in log_set.heldout]
     stretches = {files[index]: (start, end) for index, start, end in spans.stretches}
     for state in spans.states:
         j = model.joints.index(state.joint)

@@ -19,7 +19,7 @@ from hqpipe.gap.search import MATERIAL
 from hqpipe.gap.signs import NAME as UNSIGNED
 from hqpipe.gap.signs import SignedLogs
 from hqpipe.gap.verdict import Evidence
-from hqpipe.logs.trajectory import LogSet
+from hqpipe.logs.trajectory import LogSet, recording_of
 
 LAYER = "actuator"
 EXPLAINED = 0.25  # of the squared error above the noise may be left in an explained gap; assumption
@@ -116,9 +116,10 @@ def _before_signs(found: Accusation, evidence: Evidence) -> float:
 
 
 def _room(found: Accusation, evidence: tuple[Evidence, Evidence]) -> float:
-    """Share of the RMSE before that is left above the noise: so much more a cause could be worth than its model shows."""
+    """Share of the RMSE before that is left above the sensors' noise: a cause could be worth so much more than its model
+    shows, for what it stirs up beyond prediction, as chatter, would go with it."""
     before = max(_rms(evidence[0].error), 1e-300)
-    return max(_rms(evidence[1].error) - _rms(found.floor), 0.0) / before if found.causes else 0.0
+    return max(_rms(evidence[1].error) - _rms(found.sensor), 0.0) / before if found.causes else 0.0
 
 
 def _gap(log_set: LogSet, window_s: float, found: Accusation, evidence: tuple[Evidence, Evidence]) -> dict[str, Any]:
@@ -297,7 +298,7 @@ def _remarks(joints: tuple[str, ...], evidence: tuple[Evidence, Evidence], found
     remarks = []
     for cause in found.passing:
         times = ", ".join(
-            f"{start:.1f}–{end:.1f} s of {found.heldout[i].file}" for i, start, end in found.spans.stretches
+            f"{start:.1f}–{end:.1f} s of {recording_of(found.heldout[i])}" for i, start, end in found.spans.stretches
         )
         remarks.append(f"{cause.effect} acts for some time only: {times}")
     before, persistence = _rms(evidence[0].error), _rms(persistence_error(found.heldout))
@@ -343,7 +344,7 @@ def _head(log_set: LogSet, verdict: str) -> dict[str, Any]:
     logs = {
         "path": str(log_set.path),
         "sha256": log_set.sha256,
-        "trials": len(log_set.trials),
+        "trials": len({(recording_of(trial), trial.split) for trial in log_set.trials}),
         "joints": list(log_set.joints),
         "control_mode": log_set.control_mode,
     }

@@ -2,58 +2,50 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from hqpipe.gap.blind_case import Judged
+from hqpipe.gap.blind_limit import KIND as FAINT
+from hqpipe.gap.blind_limit import limits
 from hqpipe.gap.blind_truth import must_be_named, true_shares, true_shrink
+from hqpipe.gap.share import tally
 
 FORMAT = "hqpipe-blind-score/1"
-Z95 = 1.959964  # standard normal quantile at 97.5 %
 BINS = 5  # of the reliability curve: with some hundred causes each keeps enough to be judged
 NO_NAME = "(no name)"
 NO_EFFECT = "(no effect)"
 
 
-def wilson(right: int, of: int) -> list[float]:
-    """95 % interval of a share; Wilson, JASA 22, 1927. [0, 1] if nothing was tried."""
-    if of == 0:
-        return [0.0, 1.0]
-    share, weight = right / of, Z95**2 / of
-    middle = (share + weight / 2) / (1 + weight)
-    half = Z95 * math.sqrt(share * (1 - share) / of + weight / (4 * of)) / (1 + weight)
-    return [max(middle - half, 0.0), min(middle + half, 1.0)]
-
-
-def tally(outcomes: Iterable[bool]) -> dict[str, Any]:
-    """How many were right: right, of, share, ci95."""
-    listed = list(outcomes)
-    right, of = sum(listed), len(listed)
-    return {"right": right, "of": of, "share": right / of if of else None, "ci95": wilson(right, of)}
-
-
-def score(judged: Sequence[Judged]) -> dict[str, Any]:
+def score(judged: Sequence[Judged], oracle: Sequence[Judged] = ()) -> dict[str, Any]:
     """All measures; JSON-able.
 
+    Faint cases count for the limit of detection alone: their effects are meant to be missed half of the time, and what
+    is said of them is as vague as they are. Their false names are told beside it.
+
     Args:
-        judged: every case with its diagnosis.
+        judged: every case with its diagnosis. oracle: the faint ones among them, in the same order, with the diagnosis
+            of `hqpipe.gap.blind_limit`'s oracle.
     """
-    aims = [_row(judged, *definition) for definition in MEASURES]
-    rows = [row for case in judged for row in case.parameters()]
+    faint = [case for case in judged if case.answer.kind == FAINT]
+    clear = [case for case in judged if case.answer.kind != FAINT]
+    aims = [_row(clear, *definition) for definition in MEASURES]
+    rows = [row for case in clear for row in case.parameters()]
     aims += _parameter_aims(rows)
+    limit = limits(faint, oracle) if faint else None
     return {
         "format": FORMAT,
         "cases": len(judged),
         "failed": [{"case": c.answer.case, "error": c.error} for c in judged if c.content is None],
-        "aims": aims,
-        "more": _more(judged),
-        "calibration": calibration(judged),
-        "detection": detection(judged),
-        "confusion": confusion(judged),
+        "aims": [*aims, limit["aim"]] if limit else aims,
+        "more": _more(clear, faint),
+        "calibration": calibration(clear),
+        "detection": detection(clear),
+        "limit": limit,
+        "confusion": confusion(clear),
         "parameters": rows,
-        "shrink": [row for case in judged if (row := _shrink_row(case))],
+        "shrink": [row for case in clear if (row := _shrink_row(case))],
         "misses": misses(judged),
     }
 
@@ -151,8 +143,8 @@ def _parameter_aims(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     ]
 
 
-def _more(judged: Sequence[Judged]) -> list[dict[str, Any]]:
-    """Measures without an aim."""
+def _more(judged: Sequence[Judged], faint: Sequence[Judged]) -> list[dict[str, Any]]:
+    """Measures without an aim; `judged` without the faint cases."""
     known = [c for c in judged if c.namable]
     worth = [(c, e) for c in known for e in c.namable if must_be_named(c.gaps, e)]
     causes = [(case, cause) for case in judged for cause in case.causes]
@@ -164,7 +156,8 @@ def _more(judged: Sequence[Judged]) -> list[dict[str, Any]]:
         "claimed share of an effect within its interval of the true one (up to three effects)": [
             row["covered"] for case in judged if _claims_all(case) for row in _share_rows(case)
         ],
-        "diagnosis finished": [case.content is not None for case in judged],
+        "diagnosis finished": [case.content is not None for case in (*judged, *faint)],
+        "nothing false named beside a faint effect": [not c.false_names() for c in faint if c.content is not None],
     }
     for count in (2, 3, 4):
         definitions[f"exact set, mixtures of {count}"] = [
@@ -246,6 +239,8 @@ def misses(judged: Sequence[Judged]) -> list[dict[str, str]]:
         failed = [text for text, _, _, selects, right in MEASURES if selects(case) and not right(case, False)]
         if case.answer.kind == "single" and not failed and not case.unnamable and not case.exact():
             failed = ["the set of causes is not exact"]
+        if case.answer.kind == FAINT:  # not to name it is no miss
+            failed = ["a false name beside a faint effect"] if case.false_names() else []
         if case.content is None:
             failed = ["the diagnosis failed"]
         if failed:

@@ -177,7 +177,8 @@ class Judged:
 
 def _effect_text(effect: TrueEffect) -> str:
     span = f" from {effect.span[0]:.0%} to {effect.span[1]:.0%} of the trial" if effect.span else ""
-    return f"{effect.effect}{f' ({effect.size})' if effect.size else ''} in {_joints_text(effect.joints)}{span}"
+    size = effect.size if effect.factor is None else f"{effect.factor:.2f} × small"
+    return f"{effect.effect}{f' ({size})' if size else ''} in {_joints_text(effect.joints)}{span}"
 
 
 def _joints_text(joints: Sequence[str]) -> str:

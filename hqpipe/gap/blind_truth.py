@@ -45,7 +45,7 @@ class TrueEffect:
     Attributes:
         effect, layer, scope: as in diagnosis.json. joints: where. outside: not in the library.
         size: "small", "typical", "large" or None. span: start and end as shares of the trial, or None.
-        parameters: those with a number in diagnosis.json.
+        parameters: those with a number in diagnosis.json. factor: size over the small one of a faint effect, else None.
     """
 
     effect: str
@@ -56,6 +56,7 @@ class TrueEffect:
     size: str | None
     span: tuple[float, float] | None
     parameters: Mapping[str, float]
+    factor: float | None = None
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,7 @@ def _answer(entry: Mapping[str, Any]) -> Answer:
             effect["size"],
             tuple(effect["span"]) if effect["span"] else None,
             {name: value for name, value in effect["parameters"].items() if value is not None},
+            effect.get("factor"),
         )
         for effect in entry["effects"]
     )
@@ -124,6 +126,18 @@ def base_gap(folder: Path) -> Gap:
 def true_shrink(gaps: Gaps) -> float | None:
     """How far the gap falls without any effect, None for a case without effects."""
     return _closed(gaps, "all") if "all" in gaps else None
+
+
+def extra_error(gaps: Gaps | None) -> float | None:
+    """What the effects add to the gap, in squares, over the gap of the machine without them; None if not known.
+
+    sqrt(with² − without²)/without: proportional to a small effect, where the rise of the gap goes with its square. 0
+    where the gap does not rise.
+    """
+    if not gaps or "all" not in gaps:
+        return None
+    ratio = gaps["with"]["all"] / gaps["all"]["all"]
+    return max(ratio**2 - 1.0, 0.0) ** 0.5
 
 
 def _closed(gaps: Gaps, name: str) -> float:

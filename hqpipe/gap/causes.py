@@ -18,7 +18,7 @@ from scipy.stats import norm
 
 from hqpipe.effects import EFFECTS
 from hqpipe.errors import UsageError, near_match
-from hqpipe.gap.estimate import Estimate, agree, estimates, pooled
+from hqpipe.gap.estimate import Estimate, agree, estimates, pooled, stated
 from hqpipe.gap.groups import groups, scope_of
 from hqpipe.gap.joint_data import JointData
 from hqpipe.gap.search import MATERIAL, RIVAL_Z, WORTH, JointResult, JointSearch, Support
@@ -26,9 +26,13 @@ from hqpipe.gap.set_fit import JointFitter, SetFit
 
 SIGNIFICANCE = 0.05  # that any effect at all is named on logs without one
 LEAST_CLOSURE = 0.8  # of the squared error above the noise floor; assumption, between right and wrong names
+REST = 1.12  # squared error over the noise floor that is no gap worth a name, whatever share of it is left; assumption
 POOLED_SHARE = 0.75  # of a group's joints that must show an effect
 POOLED_RATIO, POOLED_Z = 1.01, 1.0  # what counts as showing it, in a group
-TRIFLE, NEEDED = 0.01, 1.5  # share of the gap; squared error of a joint without the effect over that with it
+WORTH_POOLED = 1.07  # mean of that ratio where no joint of the group has shown it by itself
+MOST_OF, LIKE = 0.5, 0.5  # share of a group from which the rest is asked kindly; how near its parameter must come
+KIND_RATIO, KIND_Z = 1.003, 0.5  # what counts as showing it then
+TRIFLE, NEEDED = 0.025, 1.5  # share of the gap; squared error of a joint without the effect over that with it
 CONSENSUS, MOST_SETS = 1.02, 4  # error ratio that a shared set may cost a joint; sets that are tried
 Progress = Callable[[float, float, str], None]
 
@@ -169,7 +173,7 @@ def drop_trifles(
     found = {state.joint: state for state in states}
     for cause, share, least in zip(causes, shrink, low, strict=True):
         needed = max(s.ratio for j in cause.joints for s in found[j].support if s.effect == cause.effect)
-        if least > 0.0 and (share >= TRIFLE or needed >= NEEDED):
+        if needed >= NEEDED or (least > 0.0 and share >= TRIFLE):
             continue
         for joint in cause.joints:
             state = found[joint]
@@ -210,25 +214,49 @@ def _shared(effect: str, members: list[JointState]) -> list[JointState] | None:
     fits = {m.joint: m.search.fit((*m.chosen.effects, effect), [m.chosen]) for m in lacking}
     gains = {m.joint: m.search.gain(m.chosen, fits[m.joint]) for m in lacking}
     showing = [m for m in lacking if gains[m.joint][0] >= POOLED_RATIO and gains[m.joint][1] >= POOLED_Z]
+    already = [m for m in members if m not in lacking]
+    if len(already) >= MOST_OF * len(members):
+        return _joined(effect, members, already, fits, gains)
     if len(members) - len(lacking) + len(showing) < POOLED_SHARE * len(members) or not showing:
         return None
     z = sum(gains[m.joint][1] for m in showing) / np.sqrt(len(showing))
     fall = np.mean([(m.chosen.error - fits[m.joint].error) / (MATERIAL * m.data.output) ** 2 for m in showing])
     ratio = np.mean([gains[m.joint][0] for m in showing])
-    already = [m for m in members if m not in lacking]
-    if z < members[0].search.significance or (not already and (fall < 1.0 or ratio < 1.05)):
+    if z < members[0].search.significance or (not already and (fall < 1.0 or ratio < WORTH_POOLED)):
         return None
     parts = [estimates(m.data, fits[m.joint], effect) for m in showing]
     parts += [estimates(m.data, m.chosen, effect) for m in already]
     first = EFFECTS[effect].parameters[0].name
     if not all(first in p for p in parts) or not agree([p[first] for p in parts], tolerance=0.5):
         return None
-    changed = []
+    return [_with(m, fits[m.joint]) if m in showing else m for m in members]
+
+
+def _joined(
+    effect: str,
+    members: list[JointState],
+    already: list[JointState],
+    fits: dict[str, SetFit],
+    gains: dict[str, tuple[float, float]],
+) -> list[JointState]:
+    """The group with an effect that most of it has added in those that show it faintly, at a like size.
+
+    What belongs to the machine by nature is added in all.
+    """
+    first = EFFECTS[effect].parameters[0].name
+    known = [p[first].value for m in already if first in (p := estimates(m.data, m.chosen, effect))]
+    if not known:
+        return members
+    middle, changed = float(np.median(known)), []
     for m in members:
-        if m in showing:
-            fit = fits[m.joint]
-            m = JointState(m.search, m.base, fit, m.search.with_support(fit), m.dropped)
-        changed.append(m)
+        if m.joint in fits and not EFFECTS[effect].machine:
+            ratio, z = gains[m.joint]
+            value = estimates(m.data, fits[m.joint], effect).get(first)
+            like = value is not None and abs(value.value - middle) <= LIKE * abs(middle)
+            shows = ratio >= KIND_RATIO and z >= KIND_Z and like
+        else:
+            shows = m.joint in fits
+        changed.append(_with(m, fits[m.joint]) if shows else m)
     return changed
 
 
@@ -247,7 +275,7 @@ def close_gap(states: list[JointState], floor: np.ndarray) -> list[JointState]:
     found = []
     for state, noise in zip(states, floor, strict=True):
         share = closure(state, noise)
-        if state.chosen.effects and share < LEAST_CLOSURE:
+        if state.chosen.effects and share < LEAST_CLOSURE and state.chosen.error > REST * noise:
             reason = f"closes only {max(share, 0.0):.0%} of the squared error above the noise in {state.joint}"
             state = JointState(state.search, state.base, state.base, (), dict.fromkeys(state.chosen.effects, reason))
         found.append(state)
@@ -309,7 +337,8 @@ def _cause(
     for parameter in EFFECTS[effect].parameters:
         known = [parts[name][parameter.name] for name in names if parameter.name in parts[name]]
         if len(known) == len(names):
-            parameters[parameter.name] = pooled(known) if len(known) > 1 else known[0]
+            one = pooled(known) if len(known) > 1 else known[0]
+            parameters[parameter.name] = stated(one, parameter.unit, members[0].data.row_dt)
     supports = [next(x for x in s.support if x.effect == effect) for s in members]
     rivals = [set(x.rivals) for x in supports]
     common = set.intersection(*rivals) if rivals else set()

@@ -39,6 +39,7 @@ from hqpipe.sysid.free_run import WINDOW_S, window_samples
 
 LONGER = "record longer trials in which every joint moves, one of them held out"
 NOT_USED = ("velocity_mismatch",)  # defects of the velocity channel: the models run on the change of position
+LARGEST = 3_800_000  # samples × joints in memory: 5 min of twelve joints at 1 kHz, which takes 1.5 GB
 FILE, TABLE, TRACES = "diagnosis.json", "residuals.csv", "traces.json"
 Progress = Callable[[float, float, str], None]
 

@@ -3,6 +3,9 @@
 The covariance is the sandwich H⁻¹ (Σ_b g_b g_bᵀ) H⁻¹ with the score g_b summed over blocks of half a second
 (Liang & Zeger, Biometrika 73, 1986): a block is one observation, however many samples it holds. Few blocks
 widen the interval through Student's t.
+
+Noise is not all that is uncertain: an effect's formula simplifies what it stands for, in all joints alike. The intervals
+that are stated (`stated`) hold that too.
 """
 
 from __future__ import annotations
@@ -18,6 +21,10 @@ from hqpipe.gap.joint_data import JointData
 from hqpipe.gap.set_fit import SetFit
 from hqpipe.kernels.augmented_fit import residual_windows
 
+Z95 = 1.959964  # standard normal quantile at 97.5 %
+MODEL_SHARE, MODEL_ROWS = 0.01, 0.04
+"""Standard deviation of what the formulas simplify: share of a value, for times also samples. Measured on withheld cases
+of a plant of its own equations (docs/theory/diagnosis.md)."""
 STEP = 1e-4  # relative to the standard deviation of the parameter as a first guess gives it
 
 
@@ -85,6 +92,14 @@ def pooled(parts: list[Estimate]) -> Estimate:
     deviation = float(np.sqrt(max(spread, 1.0) / weight.sum()))
     half = float(np.mean([(p.high - p.low) / max(2.0 * p.deviation, 1e-300) for p in parts])) * deviation
     return Estimate(value, value - half, value + half, deviation)
+
+
+def stated(part: Estimate, unit: str, dt: float) -> Estimate:
+    """The estimate with the error of the effect's formula in its interval."""
+    model = np.hypot(MODEL_SHARE * part.value, MODEL_ROWS * dt if unit == "s" else 0.0)
+    low, high = np.hypot(part.value - part.low, Z95 * model), np.hypot(part.high - part.value, Z95 * model)
+    deviation = float(np.hypot(part.deviation, model))
+    return Estimate(part.value, part.value - float(low), part.value + float(high), deviation)
 
 
 def agree(parts: list[Estimate], tolerance: float = 0.25) -> bool:

@@ -20,6 +20,10 @@ CLEAR_SHARE = 0.5  # of the RMS torque: more than a chain chatters within its sl
 MOVED, LOGGED = SPEEDS = ("moved", "logged")
 """Speed from one position to the next, or the logged channel. The first adds up to the travel however coarse the
 encoder is, and no filter delays it; the second is right where the controller computes with it."""
+Flow = tuple[float, float]
+"""What a joint's speed, and what the opening of its valve (1/s per unit of the command's error), count in the flow that
+it draws from the supply, in rad/s."""
+BY_SPEED: Flow = (1.0, 0.0)
 SLOPE_ROWS = 3  # of the speed's slope: its noise must be none of the sample in the middle; assumption
 COMMAND_CHANNEL = {"position": "position_command", "torque": "effort_command", "valve": "valve_command"}
 
@@ -30,7 +34,7 @@ class Split:
 
     Attributes:
         signals: for the kernels.
-        trial: (W,) index of the trial of each window.
+        trial: (W,) index of the trial of each window; of a recording's first section for all of its sections.
     """
 
     signals: Signals
@@ -78,6 +82,7 @@ def joint_data(
     noise: float,
     effort_limit: float = np.inf,
     speed: str = MOVED,
+    flow: Flow = BY_SPEED,
 ) -> JointData:
     """Cut the trials of one joint into windows of `steps` samples.
 
@@ -86,20 +91,21 @@ def joint_data(
         j: joint index. mode: position, torque or valve.
         noise: standard deviation of the sensor noise of the output.
         effort_limit: N·m.
-        speed: where the velocity comes from, of `SPEEDS`.
+        speed: where the velocity comes from, of `SPEEDS`. flow: what counts in the flow that all joints draw.
     """
     row = neutral_row()
     row[slot("setting", "sample_time")] = float(np.median([t.dt for t in fit]))
     row[slot("setting", "middle")] = float(np.mean(np.concatenate([t.position[:, j] for t in fit])))
     row[slot("setting", "effort_limit")] = effort_limit
+    row[[slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]] = flow
     size = _sizes(fit, j, mode)
     row[slot("setting", "clear")] = CLEAR_SHARE * size[scales.EFFORT]
     row[slot("coulomb_friction", "presliding_rad")] = PRESLIDING_SHARE * size[scales.ANGLE]
     return JointData(
         joint=fit[0].joints[j],
         mode=mode,
-        fit=cut(fit, j, mode, steps, speed=speed),
-        heldout=cut(heldout, j, mode, steps, speed=speed),
+        fit=cut(fit, j, mode, steps, speed=speed, flow=flow),
+        heldout=cut(heldout, j, mode, steps, speed=speed, flow=flow),
         size=size,
         row=row,
         noise=noise,
@@ -107,7 +113,13 @@ def joint_data(
 
 
 def cut(
-    trials: Sequence[Trajectory], j: int, mode: str, steps: int, most: int = MAX_WINDOWS, speed: str = MOVED
+    trials: Sequence[Trajectory],
+    j: int,
+    mode: str,
+    steps: int,
+    most: int = MAX_WINDOWS,
+    speed: str = MOVED,
+    flow: Flow = BY_SPEED,
 ) -> Split:
     """Complete windows, evenly thinned to `most`.
 
@@ -115,12 +127,13 @@ def cut(
     before the log began is unknown.
     """
     parts, first, owner, bounds = [], [], [], [0]
+    owners = _owners(trials)
     for index, t in enumerate(trials):
         starts = np.arange(steps if mode == "valve" else 0, t.samples - steps, steps)
         first.append(starts + bounds[-1])
-        owner.append(np.full(len(starts), index))
+        owner.append(np.full(len(starts), owners[index]))
         bounds.append(bounds[-1] + t.samples)
-        parts.append(_channels(t, j, mode, speed))
+        parts.append(_channels(t, j, mode, speed, flow))
     starts, trial = np.concatenate(first), np.concatenate(owner)
     if len(starts) > most:
         kept = np.linspace(0, len(starts) - 1, most).round().astype(int)
@@ -149,7 +162,13 @@ def cut(
     return Split(signals, trial)
 
 
-def _channels(t: Trajectory, j: int, mode: str, speed: str) -> tuple[np.ndarray, ...]:
+def _owners(trials: Sequence[Trajectory]) -> list[int]:
+    """Per trial its index, or that of the first section of the same recording."""
+    names = [t.excerpt.recording if t.excerpt else index for index, t in enumerate(trials)]
+    return [names.index(name) for name in names]
+
+
+def _channels(t: Trajectory, j: int, mode: str, speed: str, flow: Flow) -> tuple[np.ndarray, ...]:
     effort = t.effort[:, j] if t.effort is not None else np.zeros(t.samples)
     rate = np.gradient(effort, t.dt)
     if mode == "valve" and t.effort is not None:
@@ -160,9 +179,34 @@ def _channels(t: Trajectory, j: int, mode: str, speed: str) -> tuple[np.ndarray,
         moved(t.position[:, j], t.dt) if speed == MOVED else t.velocity[:, j].astype(np.float64),
         effort.astype(np.float64),
         rate,
-        t.time - t.time[0],
-        np.abs(t.velocity).sum(axis=1),
+        t.time - t.time[0] + t.start,
+        _drawn(t, mode, flow),
     )
+
+
+def by_opening(trials: Sequence[Trajectory], mode: str) -> Flow:
+    """The flow as the openings of the valves make it, in the size of the total speed.
+
+    An opening draws oil under load too, where leakage takes it and the joint stands still.
+    """
+    speed, opening = (np.concatenate([_drawn(t, mode, flow) for t in trials]) for flow in (BY_SPEED, (0.0, 1.0)))
+    return 0.0, float(np.sqrt(np.mean(speed**2) / max(np.mean(opening**2), 1e-300)))
+
+
+def _drawn(t: Trajectory, mode: str, flow: Flow) -> np.ndarray:
+    """(T,) flow of all joints together, rad/s."""
+    drawn = flow[0] * np.abs(t.velocity).sum(axis=1)
+    if flow[1]:
+        drawn += flow[1] * np.abs(_errors(t, mode)).sum(axis=1)
+    return drawn
+
+
+def _errors(t: Trajectory, mode: str) -> np.ndarray:
+    """(T, J) what opens the valves, in the unit of the command: its error, in valve mode itself."""
+    command = getattr(t, COMMAND_CHANNEL[mode])
+    if mode == "valve":
+        return command - np.median(command, axis=0)
+    return command - (t.position if mode == "position" else t.effort)
 
 
 def output_of(t: Trajectory, mode: str, speed: str) -> np.ndarray:
@@ -210,14 +254,6 @@ def _sizes(fit: Sequence[Trajectory], j: int, mode: str) -> dict[str, float]:
     def rms(values: list[np.ndarray]) -> float:
         return float(np.sqrt(np.mean(np.concatenate(values) ** 2))) + 1e-12
 
-    command = [getattr(t, COMMAND_CHANNEL[mode])[:, j] for t in fit]
-    if mode == "position":
-        command = [c - t.position[:, j] for c, t in zip(command, fit, strict=True)]
-    elif mode == "torque":
-        command = [c - t.effort[:, j] for c, t in zip(command, fit, strict=True)]
-    elif mode == "valve":
-        middle = np.median(np.concatenate(command))
-        command = [c - middle for c in command]
     effort = rms([t.effort[:, j] for t in fit]) if fit[0].effort is not None else 1.0
     velocity, angle = (
         rms([t.velocity[:, j] for t in fit]),
@@ -226,7 +262,7 @@ def _sizes(fit: Sequence[Trajectory], j: int, mode: str) -> dict[str, float]:
     return {
         scales.SECOND: 1.0,
         scales.NONE: 1.0,
-        scales.COMMAND: rms(command),
+        scales.COMMAND: rms([_errors(t, mode)[:, j] for t in fit]),
         scales.EFFORT: effort,
         scales.VELOCITY: velocity,
         scales.SLOWNESS: 1.0 / rms([np.abs(t.velocity).sum(axis=1) for t in fit]),

@@ -133,8 +133,8 @@ def contact(t: Trajectory, limits: Thresholds) -> Labels:
 
 
 def time_span(t: Trajectory, limits: Thresholds) -> Labels:
-    """Quarter of the trial, by time."""
-    phase = (t.time - t.time[0]) / (t.time[-1] - t.time[0])
+    """Quarter of the recorded trial, by time."""
+    phase = (t.start + (t.time - t.time[0])) / t.whole
     quarter = np.minimum((4 * phase).astype(int), 3)
     shape = t.velocity.shape
     return {f"quarter_{i + 1}": np.broadcast_to((quarter == i)[:, None], shape) for i in range(4)}

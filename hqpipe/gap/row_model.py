@@ -12,8 +12,9 @@ from hqpipe.gap.joint_data import COMMAND_CHANNEL, MOVED, cut, output_of
 from hqpipe.gap.replay import Replay
 from hqpipe.gap.signals import LOAD
 from hqpipe.kernels.augmented_fit import residual_windows
-from hqpipe.logs.trajectory import Trajectory, Trial
+from hqpipe.logs.trajectory import Trajectory, Trial, recording_of
 
+FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
 EVERY = 1 << 62  # windows: no thinning
 
 
@@ -48,7 +49,7 @@ def driven(t: Trajectory, seen: Trajectory, predicted: np.ndarray, mode: str) ->
 
 @dataclass(frozen=True, eq=False)
 class SpanRow:
-    """Another row (WIDTH,) for a stretch of each trial: file → (start, end), s."""
+    """Another row (WIDTH,) for a stretch of each recorded trial: file → (start, end), s."""
 
     row: np.ndarray
     stretches: dict[str, tuple[float, float]]
@@ -79,8 +80,9 @@ class RowModel:
         """Run the model through one trial in windows of `steps` samples, and one step ahead."""
         t = trial.trajectory
         seen = view(t, self.mode, self.speed)
-        free = self._predict(trial.file, t, seen, steps)
-        one = self._predict(trial.file, t, seen, 1) if self.mode != "valve" else free
+        file = recording_of(trial)
+        free = self._predict(file, t, seen, steps)
+        one = self._predict(file, t, seen, 1) if self.mode != "valve" else free
         return Replay(trial.file, driven(t, seen, free, self.mode), steps, free, one)
 
     def _predict(self, file: str, t: Trajectory, seen: Trajectory, steps: int) -> np.ndarray:
@@ -88,10 +90,10 @@ class RowModel:
         if t.samples <= steps:
             return predicted
         for j in range(len(self.joints)):
-            signals = cut([t], j, self.mode, steps, EVERY, self.speed).signals
+            signals = cut([t], j, self.mode, steps, EVERY, self.speed, tuple(self.rows[j, FLOW])).signals
             output = residual_windows(self.rows[j], signals) + signals.target[1:]
             if j in self.spans and file in self.spans[j].stretches:
-                start, end = (round(at / t.dt) for at in self.spans[j].stretches[file])
+                start, end = (round((at - t.start) / t.dt) for at in self.spans[j].stretches[file])
                 inside = (signals.first >= start) & (signals.first < end)
                 other = residual_windows(self.spans[j].row, signals) + signals.target[1:]
                 output[:, inside] = other[:, inside]

@@ -13,6 +13,7 @@ import numpy as np
 from hqpipe.gap.causes import JointState, close_gap, pool_groups, search_joints, seek_consensus
 from hqpipe.gap.joint_data import JointData, Split
 from hqpipe.gap.set_fit import JointFitter, SetFit, window_errors
+from hqpipe.kernels.augmented_signals import Signals
 
 LEAST_INSIDE, LEAST_OUTSIDE = 5, 0.3  # windows, share of a trial's windows; assumption
 QUIET = 0.15  # excess outside over excess inside, above the floor, at which the rest counts as sound
@@ -28,7 +29,7 @@ class Spans:
         states: one per joint that the stretches explain, fitted inside them.
         outside: joint → base fit outside; its error arrays run over all windows.
         fit, heldout: (W,) True for the windows inside.
-        stretches: (held-out trial, start s, end s).
+        stretches: (held-out trial, start s, end s); in the time of the recorded trial, where that was cut into sections.
     """
 
     states: list[JointState]
@@ -132,8 +133,13 @@ def _stretches(split: Split, inside: np.ndarray, data: JointData) -> tuple[tuple
     found, s = [], split.signals
     for index in np.unique(split.trial):
         at = np.flatnonzero((split.trial == index) & inside)
-        offset = s.bounds[index]
-        start = (s.first[at[0]] - offset) * data.row_dt
-        end = (s.first[at[-1]] + s.steps - offset) * data.row_dt
-        found.append((int(index), float(start), float(end)))
+        start = _time_of(s, s.first[at[0]], 0, data.row_dt)
+        end = _time_of(s, s.first[at[-1]], s.steps, data.row_dt)
+        found.append((int(index), start, end))
     return tuple(found)
+
+
+def _time_of(s: Signals, sample: int, later: int, dt: float) -> float:
+    """s from the start of the recorded trial to `later` samples after `sample`."""
+    offset = s.bounds[np.searchsorted(s.bounds, sample, side="right") - 1]
+    return float(s.time[offset] + (sample + later - offset) * dt)

@@ -17,7 +17,7 @@ class Signals(NamedTuple):
         position, velocity, effort: rad, rad/s, N·m.
         rate: (T,) time derivative of the effort, N·m/s; only valve mode reads it.
         time: s since the trial's start.
-        demand: Σ |q̇| over all joints, rad/s.
+        demand: flow that all joints draw from the supply, counted in rad/s.
         bounds: (trials + 1,) first sample of each trial, and the end.
         first: (W,) first sample of each window.
         steps: samples that a window predicts.

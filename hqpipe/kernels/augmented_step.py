@@ -37,6 +37,8 @@ from hqpipe.kernels.augmented_columns import (
     LIMIT,
     MIDDLE,
     ORIFICE,
+    PER_OPENING,
+    PER_SPEED,
     PRESLIDING,
     RECOVERY,
     SLOPE,
@@ -119,6 +121,6 @@ def augmented_row(
     """
     demand = 0.0
     for j in range(tau.shape[0]):
-        demand += abs(qd[j])
+        demand += parameters[j, PER_SPEED] * abs(qd[j]) + parameters[j, PER_OPENING] * abs(q_des[j] - q[j])
     for j in range(tau.shape[0]):
         tau[j] = _joint(parameters[j], memory[j], tau[j], q_des[j], q[j], qd[j], demand)

@@ -48,7 +48,10 @@ from hqpipe.kernels.augmented_columns import (
     DRIFT,
     DROOP,
     DT,
+    EXPONENT,
     GAP,
+    HELD_CLOSE,
+    HELD_PASSES,
     K1,
     K2,
     K3,
@@ -94,12 +97,12 @@ def _command_side(p: np.ndarray, s: Signals, work: Work) -> None:
     dt, sequence = p[DT], work.command
     share, mean = lag_share(p[LAG], dt), mean_share(p[LAG], dt)
     prompt = p[SKEW] == 0.0 and p[DELAY] == 0.0
-    shaped = p[BAND] != 0.0 or p[SATURATION] != 0.0 or p[ASYMMETRY] != 0.0 or p[DRIFT] != 0.0
+    bent = shaped(p)
     for trial in range(s.bounds.shape[0] - 1):
         first, last = s.bounds[trial], s.bounds[trial + 1] - 1
         integral, spool = 0.0, 0.0
         if p[KI] != 0.0 and s.mode != VALVE:
-            integral = _held(p, s, first, min(first + s.steps, last) if s.mode == POSITION else last)
+            integral = _held(p, s, first, last)
         for k in range(first, last + 1):
             at = k - p[SKEW] / dt
             wanted = s.command[k] if prompt else delayed(s.command, first, last, at, p[DELAY] / dt)
@@ -116,7 +119,7 @@ def _command_side(p: np.ndarray, s: Signals, work: Work) -> None:
                 sequence[k], work.driven[k], work.summed[k] = wanted, spool, integral
             else:
                 opening = follow(spool, driven, mean)
-                sequence[k] = shape_opening(p, opening, s.time[k]) if shaped else opening
+                sequence[k] = shape_opening(p, opening, s.time[k]) if bent else opening
             integral = integrate(integral, error, p[KI], p[WINDUP], dt)
             spool = follow(spool, driven, share)
     lay_out(work.command, s.first, work.opening)
@@ -128,22 +131,57 @@ def _command_side(p: np.ndarray, s: Signals, work: Work) -> None:
 
 @njit(cache=True, nogil=True)
 def _held(p: np.ndarray, s: Signals, first: int, last: int) -> float:
-    """What the integrator holds when a trial starts: what the torque of its first window (torque mode: of all) needs.
+    """What the integrator holds when a trial starts: what makes the openings add up to the change of torque.
 
-    Logs begin in the middle of operation, so it is not zero. In torque mode the error of the logged torque is small beside
-    its noise, and a wrong start would last.
+    Logs begin in the middle of operation, so it is not zero, and a wrong start would last: until the integrator first
+    stands at its limit, else through the whole trial.
     """
-    dt, limit = p[DT], 1.0 / max(p[WINDUP], 1e-300)
-    integral, drive = 0.0, 0.0
+    limit = 1.0 / max(p[WINDUP], 1e-300)
+    low, high, start = -limit, limit, 0.0
+    for _ in range(HELD_PASSES if shaped(p) or p[WINDUP] > 0.0 else 1):
+        missing, samples = _missing(p, s, first, last, start)
+        if missing > 0.0:
+            low = start
+        else:
+            high = start
+        wanted = start + missing / max(p[K1] * samples, 1e-300)
+        if wanted <= low or wanted >= high:  # the limit takes from what the start is worth
+            wanted = 0.5 * (low + high)
+        if abs(wanted - start) < HELD_CLOSE * abs(wanted):
+            return wanted
+        start = wanted
+    return start
+
+
+@njit(cache=True, nogil=True)
+def _missing(p: np.ndarray, s: Signals, first: int, last: int, start: float) -> tuple[float, int]:
+    """Change of torque that an integrator which starts at `start` leaves open, N·m, and over how many samples.
+
+    The spool's lag cancels in the sum.
+    """
+    dt, integral, bent, change = p[DT], start, shaped(p), 0.0
+    limit = 1.0 / max(p[WINDUP], 1e-300)
+    end = last
     for k in range(first, last):
         at = k - p[SKEW] / dt
         here = delayed(s.position, first, last, at, 0.0) if s.mode == POSITION else s.effort[k]
         error = delayed(s.command, first, last, at, p[DELAY] / dt) - here
         error += p[BIAS] if s.mode == POSITION else p[OFFSET]
-        drive += p[K1] * (error + integral) - p[K2] * (s.effort[k] - p[OFFSET]) - p[K3] * s.velocity[k]
-        integral += p[KI] * dt * error
-    needed = s.effort[last] - s.effort[first] - drive
-    return min(max(needed / max(p[K1] * (last - first), 1e-300), -limit), limit)
+        opening = shape_opening(p, error + integral, s.time[k]) if bent else error + integral
+        effort = s.effort[k] - p[OFFSET]
+        change += p[K1] * opening * orifice(opening, effort, p[ORIFICE], 0.0) - p[K2] * effort - p[K3] * s.velocity[k]
+        change += p[K4] * impact(effort, opening)
+        integral = integrate(integral, error, p[KI], p[WINDUP], dt)
+        if abs(integral) >= limit and k - first >= s.steps:
+            end = k + 1
+            break
+    return s.effort[end] - s.effort[first] - change, end - first
+
+
+@njit(cache=True, nogil=True, inline="always")
+def shaped(p: np.ndarray) -> bool:
+    """Whether the opening is anything but what the spool follows."""
+    return p[BAND] != 0.0 or p[SATURATION] != 0.0 or p[ASYMMETRY] != 0.0 or p[DRIFT] != 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -207,7 +245,7 @@ def friction(p: np.ndarray, effort: float, velocity: float, turned: float) -> fl
     """Torque lost between hydraulics and load cell, N·m."""
     lost = coulomb(turned, p[COULOMB], p[COULOMB_ASYMMETRY]) + viscous(velocity, p[VISCOUS])
     if p[STATIC] != 0.0:
-        lost += stribeck(turned, velocity, p[STATIC], p[STRIBECK])
+        lost += stribeck(turned, velocity, p[STATIC], p[STRIBECK], p[EXPONENT])
     return lost + load_friction(turned, effort, p[LOAD])
 
 

@@ -11,19 +11,21 @@ from hqpipe.logs.resample import resample
 from hqpipe.logs.trajectory import Trajectory
 
 
-def assemble(table: RawTable, *, uniform: bool = False) -> Trajectory:
+def assemble(table: RawTable, *, uniform: bool = False, checked: bool = False) -> Trajectory:
     """Check a table and build the trial; nothing is half-read.
 
     Args:
         table: what a reader returned.
         uniform: interpolate onto a uniform clock.
+        checked: the table is a part of one that has been checked as a whole.
 
     Raises:
         LogError: a column is missing, misspelt or not finite, or the clock is broken.
     """
-    check_names(table)
-    check_values(table)
-    check_clock(table.path, np.asarray(table.columns[TIME], dtype=np.float64))
+    if not checked:
+        check_names(table)
+        check_values(table)
+        check_clock(table.path, np.asarray(table.columns[TIME], dtype=np.float64))
     if uniform:
         table = resample(table)
     columns = table.columns

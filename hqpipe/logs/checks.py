@@ -20,8 +20,7 @@ def check_values(table: RawTable) -> None:
         LogError: names file, column and row (counted from 0).
     """
     samples = len(table.columns[TIME])
-    if samples < MIN_SAMPLES:
-        raise LogError(f"{table.path}: {samples} rows, expected at least {MIN_SAMPLES}; drop the trial")
+    check_length(table.path, samples)
     for name, values in table.columns.items():
         if values.shape != (samples,):
             raise LogError(f"{table.path}: column '{name}' has shape {values.shape}, expected ({samples},)")
@@ -29,10 +28,25 @@ def check_values(table: RawTable) -> None:
             raise LogError(f"{table.path}: column '{name}' holds {values.dtype}, expected numbers")
         if values.dtype.kind == "f" and not (finite := np.isfinite(values)).all():
             row = int(np.argmin(finite))
-            raise LogError(
-                f"{table.path}: column '{name}', row {row}: {values[row]} ({(~finite).sum()} such rows); "
-                "expected a finite number: repair the rows, cut the trial there, or drop the column"
-            )
+            raise not_finite(table.path, name, row, values[row], int((~finite).sum()))
+
+
+def check_length(path: Path, samples: int) -> None:
+    """Refuse too short a table.
+
+    Raises:
+        LogError: names the file.
+    """
+    if samples < MIN_SAMPLES:
+        raise LogError(f"{path}: {samples} rows, expected at least {MIN_SAMPLES}; drop the trial")
+
+
+def not_finite(path: Path, column: str, row: int, value: float, count: int) -> LogError:
+    """What is said of a column with values that are not finite: its first such row (from 0), and how many there are."""
+    return LogError(
+        f"{path}: column '{column}', row {row}: {value} ({count} such rows); "
+        "expected a finite number: repair the rows, cut the trial there, or drop the column"
+    )
 
 
 def check_clock(path: Path, time: np.ndarray) -> None:

@@ -74,6 +74,25 @@ class RawTable:
     metadata: Mapping[str, str] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Shape:
+    """What a reader says of a file before it reads it.
+
+    Attributes:
+        path: the file. names: its columns, in order. rows: their length.
+        dt: median sample time, s; NaN where the clock does not tell.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    rows: int
+    dt: float
+
+    def empty(self) -> RawTable:
+        """A table with these columns and no rows."""
+        return RawTable(self.path, {name: np.empty(0) for name in self.names})
+
+
 def joint_column(joint: str, channel: str) -> str:
     return f"joint/{joint}/{channel}"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 from hqpipe.errors import LogError, near_match
@@ -11,6 +12,7 @@ from hqpipe.logs.assemble import assemble
 from hqpipe.logs.checks import jitter
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.differentiate import window_s
+from hqpipe.logs.long_logs import Plan, coverage, joined, plan, read_sections
 from hqpipe.logs.manifest import FILE, Manifest, read_manifest
 from hqpipe.logs.split import infer_split
 from hqpipe.logs.trajectory import LogSet, Trajectory, Trial
@@ -21,12 +23,14 @@ _COMMAND_OF = {"position": "position_command", "torque": "effort_command", "valv
 _JITTER_WARNING = 0.05  # assumption: below 5 % of a sample the models do not notice
 
 
-def read_log_set(path: str | Path, *, resample: bool = False) -> LogSet:
+def read_log_set(path: str | Path, *, resample: bool = False, most: int | None = None) -> LogSet:
     """Read a log set; with no logset.yaml, everything is inferred and the warnings say how.
 
     Args:
         path: directory with one file per trial.
         resample: interpolate each trial onto a uniform clock.
+        most: samples × joints to keep in memory; of a longer log set evenly spaced sections are read, each a trial of
+            its own, and a warning says so. None for everything.
 
     Raises:
         LogError: the directory or a file in it cannot be used as it is.
@@ -36,20 +40,20 @@ def read_log_set(path: str | Path, *, resample: bool = False) -> LogSet:
     files = _trial_files(folder, readers)
     manifest = read_manifest(folder / FILE, files) if (folder / FILE).is_file() else None
     used = [entry.file for entry in manifest.trials] if manifest else files
-    named = []
     for file in used:
         if Path(file).suffix not in readers:
             raise LogError(f"{folder / file}: no reader for '{Path(file).suffix}' (known: {', '.join(readers)})")
-        named.append((file, assemble(readers[Path(file).suffix].read(folder / file), uniform=resample)))
-    named = _same_joints(folder, named)
-    if manifest:
-        trials = [
-            Trial(e.file, e.split, e.command, t, e.base or manifest.base)
-            for e, (_, t) in zip(manifest.trials, named, strict=True)
-        ]
+    thinned = plan(folder, readers, manifest, used, most) if most else None
+    if thinned:
+        trials = _thinned(folder, readers, thinned, manifest, resample)
+        judged = joined(trials)
+        named = list({trial.file: (trial.file, trial.trajectory) for trial in judged}.values())
     else:
-        trials = infer_split(named)
+        named = [(f, assemble(readers[Path(f).suffix].read(folder / f), uniform=resample)) for f in used]
+        named = _same_joints(folder, named)
+        judged = trials = _split(manifest, named)
     first = named[0][1]
+    warnings = [*([coverage(thinned)] if thinned else []), *_warnings(manifest, files, named, judged)]
     mode = _control_mode(folder, manifest, first)
     return LogSet(
         path=folder,
@@ -62,8 +66,25 @@ def read_log_set(path: str | Path, *, resample: bool = False) -> LogSet:
         rate_hz=manifest.rate_hz if manifest and manifest.rate_hz else float(f"{1.0 / first.dt:.4g}"),
         joints=first.joints,
         trials=tuple(trials),
-        warnings=tuple(_warnings(manifest, files, named, trials)),
+        warnings=tuple(warnings),
     )
+
+
+def _split(manifest: Manifest | None, named: list[tuple[str, Trajectory]]) -> list[Trial]:
+    if manifest is None:
+        return infer_split(named)
+    return [
+        Trial(e.file, e.split, e.command, t, e.base or manifest.base)
+        for e, (_, t) in zip(manifest.trials, named, strict=True)
+    ]
+
+
+def _thinned(
+    folder: Path, readers: dict[str, type], kept: Plan, manifest: Manifest | None, uniform: bool
+) -> list[Trial]:
+    trials = read_sections(folder, readers, kept, manifest.base if manifest else None, uniform=uniform)
+    named = _same_joints(folder, [(trial.file, trial.trajectory) for trial in trials])
+    return [replace(trial, trajectory=t) for trial, (_, t) in zip(trials, named, strict=True)]
 
 
 def _readers_by_suffix() -> dict[str, type]:
@@ -135,10 +156,10 @@ def _warnings(
 ) -> list[str]:
     found = []
     if manifest is None:
-        held = ", ".join(f"{t.file} ({t.trajectory.duration:.1f} s)" for t in trials if t.split == "heldout")
+        held = ", ".join(f"{t.file} ({t.trajectory.whole:.1f} s)" for t in trials if t.split == "heldout")
         found.append(f"no {FILE}: joints, mode and rate come from the columns; held out: {held}")
     else:
-        used = {file for file, _ in named}
+        used = {entry.file for entry in manifest.trials}
         if unused := [file for file in files if file not in used]:
             found.append(f"{FILE} does not list {', '.join(unused)}: not read")
         if not any(t.split == "heldout" for t in trials):

@@ -22,9 +22,16 @@ def infer_split(named: list[tuple[str, Trajectory]]) -> list[Trial]:
         splits = ["heldout" if i == last else "fit" for i in range(len(named))]
         return [Trial(file, split, None, t) for (file, t), split in zip(named, splits, strict=True)]
     file, whole = named[0]
-    cut = int(round((1.0 - _HELDOUT_SHARE) * whole.samples))
-    gap = int(round(min(_GAP_S / whole.dt, _GAP_SHARE * whole.samples)))
-    return [
-        Trial(file, "fit", None, whole.section(0, cut - gap)),
-        Trial(file, "heldout", None, whole.section(cut, whole.samples)),
-    ]
+    fit, heldout = split_rows(whole.samples, whole.dt)
+    return [Trial(file, "fit", None, whole.section(*fit)), Trial(file, "heldout", None, whole.section(*heldout))]
+
+
+def split_rows(samples: int, dt: float) -> tuple[tuple[int, int], tuple[int, int]]:
+    """First row and the one after the last, of the fit and of the held-out part of a lone trial.
+
+    Args:
+        samples: rows of the trial. dt: sample time, s.
+    """
+    cut = int(round((1.0 - _HELDOUT_SHARE) * samples))
+    gap = int(round(min(_GAP_S / dt, _GAP_SHARE * samples)))
+    return (0, cut - gap), (cut, samples)

@@ -5,12 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from hqpipe.errors import LogError, near_match
 from hqpipe.logs.columns import CHANNELS, TIME, joint_column
+
+
+@dataclass(frozen=True)
+class Excerpt:
+    """Where a section lies in the trial that it was cut from.
+
+    Attributes:
+        recording: file of the trial. start: s from the start of the trial. whole: s, length of the trial.
+    """
+
+    recording: str
+    start: float
+    whole: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +37,7 @@ class Trajectory:
         effort: (T, J) measured torque, N·m (N), or None if not recorded; likewise the commands and pressures.
         extra: every other column under its full name, (T,).
         velocity_source: "measured" or "differentiated" (zero-phase, from position).
+        excerpt: where it lies in the recorded trial, if it is a section of a long one; its own clock starts at 0 too.
     """
 
     time: np.ndarray
@@ -38,6 +52,7 @@ class Trajectory:
     pressure_b: np.ndarray | None = None
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
     velocity_source: str = "measured"
+    excerpt: Excerpt | None = None
 
     @property
     def samples(self) -> int:
@@ -52,6 +67,16 @@ class Trajectory:
     def duration(self) -> float:
         """s, from the first sample to the last."""
         return float(self.time[-1] - self.time[0])
+
+    @property
+    def start(self) -> float:
+        """s from the start of the recorded trial to the first sample."""
+        return self.excerpt.start if self.excerpt else 0.0
+
+    @property
+    def whole(self) -> float:
+        """Length of the recorded trial, s."""
+        return self.excerpt.whole if self.excerpt else self.duration
 
     def channels(self) -> dict[str, np.ndarray]:
         """The recorded (T, J) channels by name, in the order of the format."""
@@ -78,7 +103,8 @@ class Trajectory:
         """Samples start … stop − 1 as a trial of their own, with its clock at 0."""
         cut = {name: values[start:stop] for name, values in self.channels().items()}
         extra = {name: values[start:stop] for name, values in self.extra.items()}
-        return replace(self, time=self.time[start:stop] - self.time[start], extra=extra, **cut)
+        time = self.time[start:stop] - self.time[start]
+        return replace(self, time=time, extra=extra, excerpt=None, **cut)
 
     def columns(self) -> dict[str, np.ndarray]:
         """Flat columns under the names of the format; a differentiated velocity is left out."""
@@ -100,6 +126,21 @@ class Trial:
     command: dict[str, float] | None
     trajectory: Trajectory
     base: str | None = None
+
+
+class Recorded(Protocol):
+    """A trial, or what was made of one."""
+
+    @property
+    def file(self) -> str: ...
+
+    @property
+    def trajectory(self) -> Trajectory: ...
+
+
+def recording_of(item: Recorded) -> str:
+    """File of the recorded trial, of which `item` may be a section."""
+    return item.trajectory.excerpt.recording if item.trajectory.excerpt else item.file
 
 
 @dataclass(frozen=True, eq=False)

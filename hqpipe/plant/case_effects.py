@@ -8,6 +8,9 @@ effects at a third of the size that the gantry needs. Position-dependent stiffne
 leaking chamber forgets its volume; supply droop 2, 7 and 9; viscous friction 2, 7 and 15. What needs load or flow to
 show is not planted where the machine only hangs on the gantry.
 
+A faint size is a factor on the small one, without jitter, counted from what the sound machine has of the effect, so
+that nought is the sound machine.
+
 Left out, because actuator and sensing logs of this plant cannot show them:
 
 - `transmission_compliance`: a spring in series with the oil only lowers the stiffness, which the fit takes up.
@@ -21,7 +24,7 @@ Left out, because actuator and sensing logs of this plant cannot show them:
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -39,8 +42,13 @@ SHORT_STROKE = 0.06  # m, ± 0.5 rad of joint travel: more than the cases use ro
 OVERDAMPED = (1.5, 2.5)  # ζ: the slower pole is 7 to 23 times slower than the other
 FASTEST_HZ = 1000.0  # the spool's natural frequency, bound of the plant's schema
 OWN_LAG = 2.0 * BASE["valve"]["damping_ratio"] / (2.0 * np.pi * BASE["valve"]["bandwidth_hz"])  # s
+OWN_COULOMB = 2.0 * RADIUS * BASE["cylinder"]["coulomb_friction"]  # N·m, the sound seals
+OWN_VISCOUS = 2.0 * RADIUS**2 * BASE["cylinder"]["viscous_friction"]  # N·m·s/rad, likewise
+RELIEF = 0.5e6  # Pa, robot.yaml: what the sound relief valve closes over
 HEAVY_PISTON = 2.0  # kg, robot.yaml: what the integrator needs on a short oil column
 DROOPING_PUMP = 0.02  # m³/s; the trot takes 6 l/s on average and 12 at its peaks
+PEAK_ERROR = (0.2, 0.1)  # rad, the largest position errors in a trot and on the gantry; measured on the sound machine
+SOUND_TORQUE = RADIUS * FIRMWARE_AREA * AREA_RATIO * (PRESSURE - RETURN_PRESSURE)  # N·m, torque limit of its cylinders
 SIZES = ("small", "typical", "large")
 JITTER = 0.2  # sizes are drawn log-uniformly within ±20 %
 
@@ -66,7 +74,11 @@ class Recipe:
         signed: the size is drawn with either sign.
         load_cell: torque must be measured in front of it.
         pressures: needs the chamber pressures in the log, and joints without it to compare with.
+        other_area: another piston area stands for it, which logged pressures would give away as a wrong torque scale.
         jitter: sizes are drawn within this share.
+        sound: the number of the machine that lacks the effect, in a trot and on the gantry; faint sizes start there.
+        inverse: the effect grows with one over the number.
+        faint: overrides beside a faint size, of what only larger ones need.
     """
 
     name: str
@@ -79,16 +91,37 @@ class Recipe:
     signed: bool = False
     load_cell: bool = False
     pressures: bool = False
+    other_area: bool = False
     jitter: float = JITTER
+    sound: tuple[float, float] = (0.0, 0.0)
+    inverse: bool = False
+    faint: Overrides = field(default_factory=dict)
 
     def draw(self, size: str | None, motion: str, rng: np.random.Generator) -> float:
         """A size for a machine that moves by `motion` ("gantry", "trot" or "both")."""
-        table = self.gantry if motion == "gantry" else self.trot
-        if table is None:
-            raise UsageError(f"{self.name} does not show on the gantry alone: expected the motion trot or both")
+        table = self._table(motion)
         value = table[SIZES.index(size)] if size and len(table) > 1 else table[0]
         value *= float(np.exp(rng.uniform(np.log(1.0 - self.jitter), np.log(1.0 + self.jitter))))
         return -value if self.signed and rng.random() < 0.5 else value
+
+    def draw_faint(self, factor: float, motion: str, rng: np.random.Generator) -> float:
+        """The number that lies `factor` times as far from the sound machine as the small one.
+
+        Args:
+            factor: 1 gives the small size, 0 the sound machine. motion: "gantry", "trot" or "both".
+        """
+        small, sound = self._table(motion)[0], self.sound[motion == "gantry"]
+        if self.inverse:
+            value = 1.0 / (1.0 / sound + factor * (1.0 / small - 1.0 / sound))
+        else:
+            value = sound + factor * (small - sound)
+        return -value if self.signed and rng.random() < 0.5 else value
+
+    def _table(self, motion: str) -> tuple[float, ...]:
+        table = self.gantry if motion == "gantry" else self.trot
+        if table is None:
+            raise UsageError(f"{self.name} does not show on the gantry alone: expected the motion trot or both")
+        return table
 
 
 def _set(**fields: float) -> Overrides:
@@ -111,7 +144,8 @@ def command_delay(value: float, source: str, rng: np.random.Generator) -> tuple[
 def valve_lag(value: float, source: str, rng: np.random.Generator) -> tuple[Overrides, Values]:
     """A slow spool of second order, overdamped so that one of its poles rules; 2ζ/ω counts as the time constant."""
     damping = min(rng.uniform(*OVERDAMPED), np.pi * FASTEST_HZ * value)
-    fields = _set(valve__damping_ratio=damping, valve__bandwidth_hz=damping / (np.pi * value))
+    bandwidth = min(damping / (np.pi * value), FASTEST_HZ)
+    fields = _set(valve__damping_ratio=damping, valve__bandwidth_hz=bandwidth)
     return fields, {"time_constant_s": value}
 
 
@@ -251,19 +285,54 @@ RECIPES: Mapping[str, Recipe] = {
     recipe.name: recipe
     for recipe in (
         Recipe("command_delay", command_delay, (3.0e-4, 1.8e-3, 6.0e-3), (9.0e-4, 5.0e-3, 12.0e-3)),
-        Recipe("valve_lag", valve_lag, (8.0e-4, 1.8e-3, 6.0e-3), (1.1e-3, 6.0e-3, 16.0e-3)),
+        Recipe("valve_lag", valve_lag, (8.0e-4, 1.8e-3, 6.0e-3), (1.1e-3, 6.0e-3, 16.0e-3), sound=(OWN_LAG, OWN_LAG)),
         Recipe("valve_deadband", valve_deadband, (8.0e-4, 3.2e-3, 9.0e-3), (6.0e-4, 2.6e-3, 11.0e-3)),
-        # The largest position errors are 0.2 rad in a trot and 0.1 rad on the gantry.
-        Recipe("flow_saturation", flow_saturation, (0.165, 0.145, 0.12), (0.07, 0.062, 0.052), jitter=0.05),
-        Recipe("orifice_flow", orifice_flow, (7000.0, 3000.0, 1500.0)),
-        Recipe("supply_droop", supply_droop, (6.0e6, 2.5e7, 4.5e7), machine=True),
+        # A limit acts on what exceeds it: half as far below the largest error is half the effect.
+        Recipe(
+            "flow_saturation",
+            flow_saturation,
+            (0.165, 0.145, 0.12),
+            (0.07, 0.062, 0.052),
+            jitter=0.05,
+            sound=PEAK_ERROR,
+        ),
+        # The free-run error goes with one over the torque limit, from 20 kN·m to 3 (measured in a trot).
+        Recipe(
+            "orifice_flow",
+            orifice_flow,
+            (7000.0, 3000.0, 1500.0),
+            other_area=True,
+            sound=(SOUND_TORQUE, SOUND_TORQUE),
+            inverse=True,
+        ),
+        Recipe("supply_droop", supply_droop, (6.0e6, 2.5e7, 4.5e7), machine=True, sound=(RELIEF, RELIEF)),
         Recipe("direction_asymmetry", direction_asymmetry, (0.008, 0.035, 0.1), (0.015, 0.06, 0.18), signed=True),
-        Recipe("position_dependent_stiffness", position_dependent_stiffness, (0.35, 0.8, 1.3), signed=True),
+        Recipe(
+            "position_dependent_stiffness",
+            position_dependent_stiffness,
+            (0.35, 0.8, 1.3),
+            signed=True,
+            # A load cell feels the heavy piston, which would be a gap of its own beside a faint slope.
+            faint={"cylinder": {"piston_mass": BASE["cylinder"]["piston_mass"]}},
+        ),
         Recipe("gain_drift", gain_drift, (0.004, 0.018, 0.05), (0.01, 0.04, 0.07), signed=True),
         Recipe("integral_action", integral_action, (0.015, 0.06, 0.25), (0.03, 0.13, 0.5)),
-        Recipe("coulomb_friction", coulomb_friction, (3.0, 14.0, 40.0), (3.0, 14.0, 40.0), load_cell=True),
+        Recipe(
+            "coulomb_friction",
+            coulomb_friction,
+            (3.0, 14.0, 40.0),
+            (3.0, 14.0, 40.0),
+            load_cell=True,
+            sound=(OWN_COULOMB, OWN_COULOMB),
+        ),
         Recipe("stribeck_friction", stribeck_friction, (4.0, 13.0, 40.0), (4.0, 13.0, 40.0), load_cell=True),
-        Recipe("viscous_friction", viscous_friction, (10.0, 40.0, 100.0), load_cell=True),
+        Recipe(
+            "viscous_friction",
+            viscous_friction,
+            (10.0, 40.0, 100.0),
+            load_cell=True,
+            sound=(OWN_VISCOUS, OWN_VISCOUS),
+        ),
         Recipe("backlash", backlash, (5.0e-4, 2.4e-3, 9.0e-3), (5.0e-4, 2.4e-3, 9.0e-3)),
         Recipe("torque_bias", torque_bias, (2.5, 9.0, 27.0), (2.5, 9.0, 27.0), "sensing", signed=True),
         Recipe(

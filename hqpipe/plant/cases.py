@@ -1,7 +1,7 @@
 """The withheld-effect cases: which machine moves how, and what is wrong with it. No candidate effect is known here.
 
-`cases(n, seed)` always gives the same list. The machine without effects is in `hqpipe.plant.case_machine`, the effects
-in `hqpipe.plant.case_effects`.
+`cases(n, seed, kinds)` always gives the same list. The machine without effects is in `hqpipe.plant.case_machine`, the
+effects in `hqpipe.plant.case_effects`.
 """
 
 from __future__ import annotations
@@ -12,15 +12,20 @@ from typing import Any
 
 import numpy as np
 
+from hqpipe.errors import UsageError, near_match
 from hqpipe.plant.case_effects import RECIPES, SIZES, Recipe
 from hqpipe.plant.case_machine import BASE, sound_machine
 from hqpipe.plant.config import PlantConfig
 
-__all__ = ["BASE", "KINDS", "Case", "Motion", "Planted", "cases", "sound_machine"]
+__all__ = ["BASE", "FAINT", "KINDS", "ON_REQUEST", "Case", "Motion", "Planted", "cases", "sound_machine"]
 
+FAINT = (1.0 / 16.0, 2.0)  # sizes over the small one: from what nothing can see to where most is seen
 KINDS = {"none": 0.10, "single": 0.40, "mixture": 0.25, "place": 0.10, "outside": 0.15}
 """Share of each kind of case: no effect; one in all joints; two to four; one in some joints or for some time; one that
 no library of the diagnosis holds."""
+ON_REQUEST = {"faint": 0.40}
+"""Kinds that are made only when they are asked for, with their weight beside others: one effect in all joints at a size
+round the limit of detection."""
 
 JOINTS = tuple(f"{leg}{kind}" for leg in ("LF", "RF", "LH", "RH") for kind in "RPK")  # robot.yaml
 LEGS, JOINT_KINDS = ("LF", "RF", "LH", "RH"), ("R", "P", "K")
@@ -35,6 +40,7 @@ EXCLUSIVE = (
     {"orifice_flow", "position_dependent_stiffness"},  # both are made by the cylinder's volumes
     {"unsigned_sensor", "torque_bias"},  # what comes first, the offset or the lost sign, is a convention
     {"unsigned_sensor", "torque_scale"},
+    {"orifice_flow", "torque_scale"},  # another piston area is a scale too, seen from the pressures
 )
 _LASTING = {
     *("gain_drift", "integral_action", "unsigned_sensor", "channel_skew", "backlash"),
@@ -54,6 +60,7 @@ class Planted:
         span: start and end as shares of each trial, None for all of it.
         parameters: as in diagnosis.json, None where that has no such number.
         overrides: of one joint, or of the machine, for `PlantConfig`.
+        factor: size over the small one (`Recipe.draw_faint`) of a faint effect, else None.
     """
 
     effect: str
@@ -65,6 +72,7 @@ class Planted:
     span: tuple[float, float] | None
     parameters: dict[str, float | None]
     overrides: dict[str, Any]
+    factor: float | None = None
 
     def plant_overrides(self, seconds: float) -> dict[str, Any]:
         """Overrides of a trial that lasts `seconds`."""
@@ -92,7 +100,8 @@ class Case:
     """One machine and its trials.
 
     Attributes:
-        name: case_NNN. kind: of `KINDS`. excitation: of `MOTIONS`. effort_source: "pressure" or "load_cell".
+        name: case_NNN. kind: of `KINDS` or `ON_REQUEST`. excitation: of `MOTIONS`. effort_source: "pressure" or
+            "load_cell".
         pressures: whether the chamber pressures are logged. seed: of motion and noise. planted: what is wrong.
     """
 
@@ -129,20 +138,35 @@ class Case:
         return dict(config.overrides)
 
 
-def cases(n: int, seed: int) -> list[Case]:
+def cases(n: int, seed: int, kinds: Sequence[str] = ()) -> list[Case]:
     """The cases in the order in which they are numbered, kinds mixed.
 
     Args:
-        n: how many. seed: of everything.
+        n: how many. seed: of everything. kinds: of `KINDS` and `ON_REQUEST`; none for all of `KINDS`.
+
+    Raises:
+        UsageError: a kind that does not exist.
     """
-    rng = np.random.default_rng([seed, n])
-    kinds = _apportion(KINDS, n, rng)
-    motions = _apportion(MOTIONS, n, rng)
-    drawn = {kind: _planted_of(kind, rng) for kind in KINDS}
+    rng, shares = np.random.default_rng([seed, n]), _shares(kinds)
+    order = _apportion(shares, n, rng), _apportion(MOTIONS, n, rng)
+    drawn = {kind: _planted_of(kind, rng) for kind in shares}
     return [
-        _case(index, kind, motion, drawn[kind], rng)
-        for index, (kind, motion) in enumerate(zip(kinds, motions, strict=True))
+        _case(index, kind, motion, drawn[kind], rng) for index, (kind, motion) in enumerate(zip(*order, strict=True))
     ]
+
+
+def _shares(kinds: Sequence[str]) -> dict[str, float]:
+    """Of the kinds that are asked for, in their weights."""
+    known = KINDS | ON_REQUEST
+    for kind in kinds:
+        if kind not in known:
+            raise UsageError(
+                f"--kind {kind}{near_match(kind, known)}: no such kind of case (known: {', '.join(known)})"
+            )
+    if not kinds:
+        return KINDS
+    total = sum(known[kind] for kind in set(kinds))
+    return {kind: weight / total for kind, weight in known.items() if kind in kinds}
 
 
 def _case(index: int, kind: str, motion: str, plan: Iterator[Any], rng: np.random.Generator) -> Case:
@@ -153,19 +177,21 @@ def _case(index: int, kind: str, motion: str, plan: Iterator[Any], rng: np.rando
     needs_cell = any(recipe.load_cell for recipe in recipes)
     source = "load_cell" if needs_cell or rng.random() < LOAD_CELLS else "pressure"
     pressures = any(recipe.pressures for recipe in recipes) or bool(rng.random() < PRESSURES)
-    planted = tuple(_plant(*entry, motion, source, rng) for entry in entries)
+    pressures = pressures and not any(recipe.other_area for recipe in recipes)
+    planted = tuple(_plant(entry, motion, source, rng) for entry in entries)
     seed = int(rng.integers(1, 2**31 - 10))
     return Case(f"case_{index:03d}", kind, motion, source, pressures, seed, planted)
 
 
-def _plant(
-    name: str, size: str | None, joints: tuple[str, ...], span: Any, motion: str, source: str, rng: Any
-) -> Planted:
-    recipe = RECIPES[name]
-    value = recipe.draw(size, motion, rng)
+def _plant(entry: tuple[Any, ...], motion: str, source: str, rng: np.random.Generator) -> Planted:
+    name, size, joints, span, *faint = entry
+    recipe, factor = RECIPES[name], faint[0] if faint else None
+    value = recipe.draw(size, motion, rng) if factor is None else recipe.draw_faint(factor, motion, rng)
     overrides, parameters = recipe.build(value, source, rng)
+    if factor is not None:
+        overrides = dict(PlantConfig(overrides).merged(PlantConfig(recipe.faint)).overrides)
     scope = "machine" if joints == JOINTS else "joint" if len(joints) == 1 else "group"
-    return Planted(name, recipe.layer, recipe.outside, joints, scope, size, span, parameters, overrides)
+    return Planted(name, recipe.layer, recipe.outside, joints, scope, size, span, parameters, overrides, factor)
 
 
 def _apportion(shares: dict[str, float], n: int, rng: np.random.Generator) -> list[str]:
@@ -185,8 +211,15 @@ def _endless(items: Sequence[Any], rng: np.random.Generator) -> Iterator[Any]:
 
 
 def _planted_of(kind: str, rng: np.random.Generator) -> Iterator[list[tuple[Any, ...]]]:
-    """Lists of (effect, size, joints, span), one list a case."""
-    makers = {"none": _nothing, "single": _single, "mixture": _mixture, "place": _place, "outside": _outside}
+    """Lists of (effect, size, joints, span), with the factor where it is faint; one list a case."""
+    makers = {
+        "none": _nothing,
+        "single": _single,
+        "mixture": _mixture,
+        "place": _place,
+        "outside": _outside,
+        "faint": _faint,
+    }
     return makers[kind](rng)
 
 
@@ -207,6 +240,14 @@ def _single(rng: np.random.Generator) -> Iterator[list[tuple[Any, ...]]]:
         yield [(name, _size(RECIPES[name], "typical"), JOINTS, None)]
         name, size = next(others)
         yield [(name, size, JOINTS, None)]
+
+
+def _faint(rng: np.random.Generator) -> Iterator[list[tuple[Any, ...]]]:
+    """The effects that have a size and show in all joints, in turn, at sizes drawn log-uniformly."""
+    names = [r.name for r in RECIPES.values() if not r.outside and not r.pressures and len(r.trot) > 1]
+    for name in _endless(names, rng):
+        factor = float(np.exp(rng.uniform(*np.log(FAINT))))
+        yield [(name, None, JOINTS, None, factor)]
 
 
 def _outside(rng: np.random.Generator) -> Iterator[list[tuple[Any, ...]]]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
 
-from hqpipe.report.blind_table import interval_text, share_text, title_text
+from hqpipe.report.blind_limit import limit_section
+from hqpipe.report.blind_parts import inline_svg, plain_table
+from hqpipe.report.blind_table import interval_text, reached_text, share_text, title_text
 from hqpipe.report.style import BLUE, FAINT, GREY, INK, VERMILION, new_figure, styled
 
 _SIZES = ("small", "typical", "large")
@@ -55,13 +56,14 @@ def page(score: Mapping[str, Any]) -> str:
         "does not.</p>",
         _aims(score["aims"]),
         "<h2>Without an aim</h2>",
-        _plain(
+        plain_table(
             ("measure", "reached", "95 % interval"),
             ((row["measure"], share_text(row), interval_text(row)) for row in score["more"] if row["of"]),
             numbers=(1, 2),
         ),
         "<h2>Probabilities and detection</h2>",
         _figures(score),
+        limit_section(score.get("limit")),
         "<h2>What was named first</h2>",
         '<p class="soft">Rows: the truth of the cases with one effect or none. Columns: the first cause. '
         "Framed: the same name.</p>",
@@ -83,22 +85,11 @@ def _aims(rows: Sequence[Mapping[str, Any]]) -> str:
     words = {True: '<span class="yes">met</span>', False: '<span class="no">missed</span>', None: "–"}
     cells = []
     for row in rows:
-        texts = (row["measure"], row["aim"], share_text(row), interval_text(row), share_text(row["strict"]))
+        texts = (row["measure"], row["aim"], reached_text(row), interval_text(row), reached_text(row["strict"]))
         inner = "".join(f"<td{' class=n' if i else ''}>{escape(text)}</td>" for i, text in enumerate(texts))
         cells.append(f"<tr>{inner}<td>{words[row['met']]}</td></tr>")
     head = "".join(f"<th>{name}</th>" for name in ("measure", "aim", "reached", "95 % interval", "strictly", ""))
     return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{"".join(cells)}</tbody></table></div>'
-
-
-def _plain(head: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    body = "".join(
-        "<tr>"
-        + "".join(f"<td{' class=n' if i in numbers else ''}>{escape(str(text))}</td>" for i, text in enumerate(row))
-        + "</tr>"
-        for row in rows
-    )
-    top = "".join(f"<th>{escape(name)}</th>" for name in head)
-    return f'<div class="scroll"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
 def _figures(score: Mapping[str, Any]) -> str:
@@ -134,7 +125,7 @@ def _draw_reliability(bins: Sequence[Mapping[str, Any]]) -> str:
         axes.plot([x], [y], "o", color=BLUE, markersize=5)
         axes.annotate(f"{entry['of']}", (x, y), (6, -4), textcoords="offset points", fontsize=8, color=INK)
     axes.set(xlim=(0, 1.03), ylim=(0, 1.03), xlabel="stated probability", ylabel="share that was right")
-    return _svg(figure)
+    return inline_svg(figure)
 
 
 @styled
@@ -152,15 +143,7 @@ def _draw_detection(rows: Sequence[Mapping[str, Any]]) -> str:
     pooled = sorted((_SIZES.index(row["size"]), row["share"]) for row in rows if row["effect"] == "any")
     axes.plot(*zip(*pooled, strict=True), color=VERMILION, linewidth=2.0, marker="o", zorder=3)
     axes.set(ylim=(0, 1.03), xlim=(-0.3, 2.3), xticks=range(3), xticklabels=_SIZES, ylabel="share named")
-    return _svg(figure)
-
-
-def _svg(figure: Any) -> str:
-    """The drawing as an inline element, without a date in it."""
-    stream = io.StringIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    text = stream.getvalue()
-    return text[text.index("<svg") :]
+    return inline_svg(figure)
 
 
 def _matrix(confusion: Mapping[str, Any]) -> str:
@@ -186,11 +169,11 @@ def _shrinks(rows: Sequence[Mapping[str, Any]]) -> str:
         (row["case"], f"{row['true']:.3f}", f"{row['claimed']:.3f}", f"{row['ci95'][0]:.3f} … {row['ci95'][1]:.3f}")
         for row in outside
     )
-    return said + (_plain(("case", "true", "claimed", "interval"), texts, (1, 2, 3)) if outside else "")
+    return said + (plain_table(("case", "true", "claimed", "interval"), texts, (1, 2, 3)) if outside else "")
 
 
 def _misses(rows: Sequence[Mapping[str, str]]) -> str:
     if not rows:
         return "<p>None.</p>"
     columns = ("case", "kind", "truth", "answer", "missed")
-    return _plain(columns, ([row[name] for name in columns] for row in rows))
+    return plain_table(columns, ([row[name] for name in columns] for row in rows))

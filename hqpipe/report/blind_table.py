@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -34,8 +34,32 @@ def share_text(row: Mapping[str, Any]) -> str:
     return f"{100 * row['share']:.1f} % ({row['right']} of {row['of']})"
 
 
+def reached_text(row: Mapping[str, Any]) -> str:
+    """What an aim's row reached: a share, or the ratio of two limits."""
+    return ratio_text(row) if "ratio" in row else share_text(row)
+
+
+def ratio_text(row: Mapping[str, Any]) -> str:
+    """e.g. "1.32 × (0.66 against 0.50)", "> 2.1 ×", or a dash with the reason."""
+    if row["ratio"] is not None:
+        limits = row.get("limits")
+        beside = f" ({limits[0]:.2f} against {limits[1]:.2f})" if limits else ""
+        return f"{row['ratio']:.2f} ×{beside}"
+    reason = f" ({row['reason']})" if row.get("reason") else ""
+    return f"> {row['least_ratio']:.2f} ×{reason}" if row.get("least_ratio") is not None else f"–{reason}"
+
+
+def span_text(ends: Sequence[float | None] | None) -> str:
+    """e.g. "1.1–1.6", "from 1.1" without an upper end; a dash without an interval."""
+    if ends is None:
+        return "–"
+    return f"from {ends[0]:.2f}" if ends[1] is None else f"{ends[0]:.2f}–{ends[1]:.2f}"
+
+
 def interval_text(row: Mapping[str, Any]) -> str:
-    """e.g. "93–99"; a dash if nothing was tried."""
+    """e.g. "93–99", for a ratio "1.10–1.62"; a dash if nothing was tried."""
+    if "ratio" in row:
+        return span_text(row["ci95"])
     return f"{100 * row['ci95'][0]:.0f}–{100 * row['ci95'][1]:.0f}" if row["of"] else "–"
 
 
@@ -53,7 +77,7 @@ def _aims(score: Mapping[str, Any]) -> Table:
     for name in ("aim", "reached", "95 % interval", "strictly", "met"):
         table.add_column(name, justify="right")
     for row in score["aims"]:
-        cells = (row["aim"], share_text(row), interval_text(row), share_text(row["strict"]), _MET[row["met"]])
+        cells = (row["aim"], reached_text(row), interval_text(row), reached_text(row["strict"]), _MET[row["met"]])
         table.add_row(row["measure"], *cells)
     return table
 

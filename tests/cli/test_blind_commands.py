@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 from hqpipe.cli import run_cli
+from hqpipe.effects import EFFECTS
 from hqpipe.errors import UsageError
+from hqpipe.gap.blind_truth import read_answers
 from hqpipe.plant.cases import Case, cases
 from hqpipe.stages import STAGES, blind_machine, blind_make, blind_score
 
@@ -155,3 +157,51 @@ def case_joints(case: Case) -> set[str]:
 def gap_names(case: Case) -> set[str]:
     truth = blind_make.answer(case)["truth"]
     return set(blind_score.gap_sets(truth)) if truth["all"] else set()
+
+
+def test_faint_cases_tell_their_factor_and_the_usual_ones_do_not(tmp_path, simulated):
+    blind_make.make(5, 1, tmp_path / "faint", 1, lambda *_: None, ("faint",))
+    make(tmp_path / "usual")
+    faint, usual = (json.loads((tmp_path / name / "answers.json").read_text()) for name in ("faint", "usual"))
+    assert faint["kinds"] == ["faint"] and "kinds" not in usual
+    assert all(effect["factor"] > 0.0 for answer in faint["answers"] for effect in answer["effects"])
+    assert not any("factor" in effect for answer in usual["answers"] for effect in answer["effects"])
+    told = [[e.factor for e in a.effects] for a in read_answers(tmp_path / "faint")]
+    assert told == [[p.factor for p in case.planted] for case in cases(5, 1, ("faint",))]
+    assert {e.factor for a in read_answers(tmp_path / "usual") for e in a.effects} == {None}
+    with pytest.raises(UsageError, match="--cases 5 --seed 1 --kind none of this version"):
+        blind_make.make(5, 1, tmp_path / "faint", 1, lambda *_: None, ("none",))
+
+
+def test_a_kind_that_does_not_exist_is_exit_2(tmp_path, capsys):
+    arguments = ["blind", "make", "--cases", "2", "--kind", "feint", "--out", str(tmp_path / "x")]
+    assert run_cli(STAGES, arguments) == 2
+    assert "--kind feint" in capsys.readouterr().err
+    assert not (tmp_path / "x").exists()
+
+
+def test_faint_cases_are_diagnosed_again_with_the_true_effect_alone(tmp_path, simulated, monkeypatch):
+    blind_make.make(3, 1, tmp_path, 1, lambda *_: None, ("faint",))
+    asked = []
+
+    def parallel(work, jobs, workers, told):
+        return [work(*job) for job in jobs]
+
+    def diagnosed(case, output, without):
+        asked.append((output.relative_to(tmp_path).as_posix(), without))
+        output.mkdir(parents=True)
+        (output / "diagnosis.json").write_text(content())
+
+    monkeypatch.setattr(blind_score, "_parallel", parallel)
+    monkeypatch.setattr(blind_score, "diagnose_case", diagnosed)
+    monkeypatch.setattr(blind_score, "_gaps", lambda *_: {})
+    result = blind_score.score_folder(tmp_path, (), 1, lambda *_: None)
+    planted = {case.name: case.planted[0].effect for case in cases(3, 1, ("faint",))}
+    assert asked[:3] == [(f"diagnosis/{name}", ()) for name in planted]
+    for (place, without), (name, effect) in zip(asked[3:], planted.items(), strict=True):
+        assert place == f"oracle/{name}"
+        assert set(EFFECTS) - set(without) == {effect}
+    assert result["limit"]["cases"] == 3 and result["aims"][-1]["met"] is None
+    assert "Limit of detection" in (tmp_path / "score.html").read_text(encoding="utf-8")
+    with pytest.raises(UsageError, match="no case has this effect"):
+        blind_score.score_folder(tmp_path, (next(iter(planted.values())),), 1, lambda *_: None)

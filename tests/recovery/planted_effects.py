@@ -34,7 +34,7 @@ TYPICAL: dict[str, dict[str, float]] = {
     "position_dependent_stiffness": {"slope_per_rad": 1.5},
     "backlash": {"gap": 0.008},
     "coulomb_friction": {"friction_nm": 25.0, "asymmetry_nm": 5.0, "presliding_rad": 0.002},
-    "stribeck_friction": {"static_nm": 30.0, "velocity_rad_s": 0.3},
+    "stribeck_friction": {"static_nm": 30.0, "velocity_rad_s": 0.3, "exponent": 1.5},
     "viscous_friction": {"nm_s_per_rad": 20.0},
     "load_dependent_friction": {"coefficient": 0.15},
     "torque_bias": {"nm": 30.0},
@@ -92,17 +92,19 @@ def simulate(
     knocks: float = 500.0,
     middle: float = 0.0,
     order: tuple[str, ...] = ("lag", "deadband", "saturation", "asymmetry", "drift"),
+    flow: tuple[float, float] = (1.0, 0.0),
 ) -> Planted:
     """One trial of independent joints.
 
     Args:
         seconds: length.
-        effects: per joint, effect → parameter → value; a shared supply sags with the speed of all joints.
+        effects: per joint, effect → parameter → value; a shared supply sags with the flow of all joints.
         noise: standard deviation of the torque reading, N·m.
         seed: of target, knocks and noise.
         motion, knocks: sizes, rad and N·m.
         middle: position at which the stiffness is the nominal one, rad.
         order: in which the command side acts.
+        flow: what a joint's speed and its position error (1/s) count in the flow, rad/s.
     """
     rng = np.random.default_rng(seed)
     number = _Numbers(effects)
@@ -134,7 +136,8 @@ def simulate(
     slack = 0.5 * number("backlash", "gap", 0.0) * k3 / DT
     dry, uneven = number("coulomb_friction", "friction_nm", 0.0), number("coulomb_friction", "asymmetry_nm", 0.0)
     creep = number("coulomb_friction", "presliding_rad", 1e-3)
-    static, gauss = number("stribeck_friction", "static_nm", 0.0), number("stribeck_friction", "velocity_rad_s", 1.0)
+    static, slow = number("stribeck_friction", "static_nm", 0.0), number("stribeck_friction", "velocity_rad_s", 1.0)
+    exponent = number("stribeck_friction", "exponent", 1.0)
     oil, load = number("viscous_friction", "nm_s_per_rad", 0.0), number("load_dependent_friction", "coefficient", 0.0)
     late = number("channel_skew", "skew_s", 0.0) / DT
 
@@ -151,7 +154,12 @@ def simulate(
     log = np.empty((3, samples, joints))
     for k in range(samples):
         inner = np.sign(wound) * np.maximum(np.abs(wound) - slack, 0.0)
-        lost = dry * bristle + uneven * np.abs(bristle) + static * bristle * np.exp(-((qd / gauss) ** 2)) + oil * qd
+        lost = (
+            dry * bristle
+            + uneven * np.abs(bristle)
+            + static * bristle * np.exp(-((np.abs(qd) / slow) ** exponent))
+            + oil * qd
+        )
         passed = inner - lost - load * np.abs(inner) * bristle
         commands.append(target[k])
         torques.append(passed + offset)
@@ -165,10 +173,11 @@ def simulate(
                 spool, x = x - left * behind, x - mean_left * behind
             else:
                 x = actions[name](x, time[k])
-        loss = loss - np.expm1(-DT / recovery) * (droop * np.abs(qd).sum() - loss)
-        flow = x * np.sqrt(np.maximum(1.0 - loss - np.sign(x) * inner / most, 0.0))
+        drawn = flow[0] * np.abs(qd).sum() + flow[1] * np.abs(target[k] - q).sum()
+        loss = loss - np.expm1(-DT / recovery) * (droop * drawn - loss)
+        fed = x * np.sqrt(np.maximum(1.0 - loss - np.sign(x) * inner / most, 0.0))
         braked = k4 * np.where(inner * x < 0.0, np.abs(inner), 0.0) * x
-        wound = wound + np.maximum(1.0 + slope * (q - middle), 0.05) * (k1 * flow - k2 * inner - k3 * qd + braked)
+        wound = wound + np.maximum(1.0 + slope * (q - middle), 0.05) * (k1 * fed - k2 * inner - k3 * qd + braked)
         moved = DT * qd
         towards = np.where(moved > 0.0, 1.0, -1.0)
         bristle = towards - (towards - bristle) * np.exp(-np.abs(moved) / creep)

@@ -38,7 +38,7 @@ SPECIFIED = {
     "gain_drift": ("actuator", ["rate_per_s"]),
     "integral_action": ("actuator", ["ki"]),
     "coulomb_friction": ("actuator", ["friction_nm", "asymmetry_nm"]),
-    "stribeck_friction": ("actuator", ["static_nm", "velocity_rad_s"]),
+    "stribeck_friction": ("actuator", ["static_nm", "velocity_rad_s", "exponent"]),
     "viscous_friction": ("actuator", ["nm_s_per_rad"]),
     "load_dependent_friction": ("actuator", ["coefficient"]),
     "backlash": ("actuator", ["gap"]),
@@ -56,6 +56,7 @@ SUFFIXES = {
     "slope_per_rad": "1/rad",
     "rate_per_s": "1/s",
     "velocity_rad_s": "rad/s",
+    "exponent": "1",
     "_rad": "rad",
     "_nm": "N·m",
     "_s": "s",
@@ -245,6 +246,7 @@ def test_friction_laws():
     assert viscous(-2.0, 3.0) == -6.0
     assert load_friction(-1.0, -100.0, 0.1) == pytest.approx(-10.0)
     assert load_friction(1.0, -100.0, 0.1) == pytest.approx(10.0)
-    assert stribeck(1.0, 0.0, 30.0, 0.2) == 30.0
-    assert stribeck(-1.0, -0.2, 30.0, 0.2) == pytest.approx(-30.0 / np.e)
-    assert stribeck(1.0, 5.0, 30.0, 0.2) == pytest.approx(0.0, abs=1e-12)
+    assert stribeck(1.0, 0.0, 30.0, 0.2, 2.0) == 30.0
+    assert stribeck(-1.0, -0.2, 30.0, 0.2, 0.5) == pytest.approx(-30.0 / np.e)
+    assert stribeck(1.0, 5.0, 30.0, 0.2, 2.0) == pytest.approx(0.0, abs=1e-12)
+    assert stribeck(1.0, 0.4, 30.0, 0.2, 0.5) > stribeck(1.0, 0.4, 30.0, 0.2, 2.0), "the tail"

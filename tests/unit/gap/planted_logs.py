@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from hqpipe.gap.accuse import output_noise
 from hqpipe.gap.joint_data import JointData, joint_data
-from hqpipe.logs.trajectory import LogSet
+from hqpipe.logs.trajectory import Excerpt, LogSet
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "recovery"))
 import planted_effects as planted
@@ -26,3 +27,15 @@ def data_of(log_set: LogSet, j: int = 0, steps: int = STEPS) -> JointData:
     """One joint of a log set."""
     fit, heldout = ([t.trajectory for t in trials] for trials in (log_set.fit, log_set.heldout))
     return joint_data(fit, heldout, j, "position", steps, output_noise(heldout, j, "position"))
+
+
+def in_sections(log_set: LogSet, rows: int, every: int) -> LogSet:
+    """The log set as if only the first `rows` of every `every` samples of its trials had been read."""
+    trials = []
+    for trial in log_set.trials:
+        t = trial.trajectory
+        for start in range(0, t.samples - rows + 1, every):
+            excerpt = Excerpt(trial.file, float(t.time[start]), t.duration)
+            part = replace(t.section(start, start + rows), excerpt=excerpt)
+            trials.append(replace(trial, file=f"{trial.file} ({start})", trajectory=part))
+    return replace(log_set, trials=tuple(trials))

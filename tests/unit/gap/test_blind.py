@@ -9,8 +9,9 @@ import pytest
 from blind_cases import ALL, LEG, cause, diagnosis, effect, judged, place
 
 from hqpipe.errors import LogError
-from hqpipe.gap.blind import MEASURES, calibration, confusion, detection, score, tally, wilson
-from hqpipe.gap.blind_truth import ANSWERS, FORMAT, read_answers, shown, true_shares, true_shrink
+from hqpipe.gap.blind import MEASURES, calibration, confusion, detection, score
+from hqpipe.gap.blind_truth import ANSWERS, FORMAT, extra_error, read_answers, shown, true_shares, true_shrink
+from hqpipe.gap.share import tally
 
 TOP, EXACT, QUIET, UNKNOWN, PLACE, SHRINK = (text for text, *_ in MEASURES)
 
@@ -23,13 +24,6 @@ def share(cases: list, measure: str) -> tuple[int, int, int]:
     """Right, strictly right, of."""
     row = aim(cases, measure)
     return row["right"], row["strict"]["right"], row["of"]
-
-
-def test_wilson_interval_is_that_of_the_book():
-    # Agresti & Coull, The American Statistician 52, 1998: no success in ten trials gives 0 to 0.2775
-    assert wilson(0, 10) == pytest.approx([0.0, 0.2775], abs=1e-4)
-    assert wilson(10, 10) == pytest.approx([0.7225, 1.0], abs=1e-4)
-    assert wilson(0, 0) == [0.0, 1.0]
 
 
 def test_top_cause_of_a_typical_single():
@@ -327,3 +321,39 @@ def test_answers_are_read_and_checked(tmp_path):
         read_answers(tmp_path)
     with pytest.raises(LogError, match="hqpipe blind make"):
         read_answers(tmp_path / "absent")
+
+
+def test_extra_error_adds_in_squares():
+    assert extra_error(gaps(5.0, 4.0)) == pytest.approx(0.75)
+    assert extra_error(gaps(3.9, 4.0)) == 0.0
+    assert extra_error(None) is None and extra_error({"with": {"all": 4.0}}) is None
+
+
+def test_faint_cases_count_for_the_limit_of_detection_alone():
+    clear = [
+        judged("single", [effect("backlash")], diagnosis(cause("backlash")), gaps=gaps(10.0, 5.0), case="case_000"),
+        judged("none", [], diagnosis(), case="case_001"),
+    ]
+    claim = {"delay_s": {"value": 0.009, "unit": "s", "ci95": [0.008, 0.01]}}
+    planted = effect("command_delay", size=None, factor=0.5, parameters={"delay_s": 0.001})
+    faint = [
+        judged("faint", [planted], content, gaps=gaps(5.0, 4.0), case=f"case_{i + 2:03d}")
+        for i, content in enumerate(
+            (diagnosis(cause("valve_lag", LEG)), diagnosis(cause("command_delay", parameters=claim)), None)
+        )
+    ]
+    alone, both = score(clear), score([*clear, *faint], faint)
+    assert alone["limit"] is None
+    for key in ("calibration", "detection", "confusion", "parameters", "shrink"):
+        assert both[key] == alone[key]
+    assert both["aims"][:-1] == alone["aims"]
+    assert both["aims"][-1]["measure"].startswith("smallest effect named 9 times in 10")
+    assert (both["cases"], [row["case"] for row in both["failed"]]) == (5, ["case_004"])
+    more = {row["measure"]: (row["right"], row["of"]) for row in both["more"]}
+    assert more["diagnosis finished"] == (4, 5)
+    assert more["nothing false named beside a faint effect"] == (1, 2)
+    for row in alone["more"][:5]:
+        assert row in both["more"]
+    missed = {row["case"]: row for row in both["misses"]}
+    assert set(missed) == {"case_002", "case_004"}
+    assert missed["case_002"]["truth"] == "command_delay (0.50 × small) in all joints"

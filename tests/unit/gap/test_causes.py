@@ -127,3 +127,30 @@ def test_effect_too_weak_in_single_joints_is_found_in_their_sum():
 def test_closure_of_a_joint_without_a_gap_is_nothing(machine):
     assert closure(machine[0], machine[0].base.error + 1.0) == 0.0
     assert 0.9 < closure(machine[0], FLOOR) < 1.1
+
+
+def test_joints_that_show_faintly_what_most_of_the_machine_has_are_asked_kindly():
+    """Two thirds of the joints show a delay; in the others it is too small beside noise, or far from the others' size."""
+    clear, faint, other = ({"command_delay": {"delay_s": s}} for s in (0.003, 0.0025, 0.0003))
+    logs = logs_of([clear, clear, clear, clear, faint, other], seconds=6.0, noise=6.0)
+    searches = [JointSearch(JointFitter(data_of(logs, j)), ("command_delay",), 3.0) for j in range(6)]
+    states = []
+    for j, search in enumerate(searches):
+        base = search.fit(())
+        chosen = search.fit(("command_delay",)) if j < 4 else base
+        states.append(JointState(search, base, chosen, search.with_support(chosen)))
+    named = [state.chosen.effects for state in pool_groups(states)]
+    assert named[:5] == [("command_delay",)] * 5
+    assert named[5] == ()
+
+
+def test_what_the_machine_shares_by_nature_is_in_all_of_its_joints():
+    droop = size("supply_droop")
+    logs = logs_of([droop] * 4, seconds=6.0)
+    searches = [JointSearch(JointFitter(data_of(logs, j)), ("supply_droop",), 3.0) for j in range(4)]
+    states = []
+    for j, search in enumerate(searches):
+        base = search.fit(())
+        chosen = search.fit(("supply_droop",)) if j < 2 else base
+        states.append(JointState(search, base, chosen, search.with_support(chosen)))
+    assert all(state.chosen.effects == ("supply_droop",) for state in pool_groups(states))

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_logs import STEPS, data_of, logs_of
+from planted_logs import STEPS, data_of, in_sections, logs_of
 
 from hqpipe.effects import effect as scales
 from hqpipe.effects.layout import slot
-from hqpipe.gap.joint_data import LOGGED, MAX_WINDOWS, MOVED, cut, moved
+from hqpipe.gap.joint_data import LOGGED, MAX_WINDOWS, MOVED, by_opening, cut, moved
 
 
 @pytest.fixture(scope="module")
@@ -30,6 +30,16 @@ def test_windows_lie_inside_their_trials_and_are_complete(logs):
         np.testing.assert_array_equal(s.target[:, w], effort[first : first + STEPS + 1])
     np.testing.assert_allclose(s.demand, np.concatenate([np.abs(t.velocity).sum(axis=1) for t in trials]))
     assert s.time[2000] == 0.0
+
+
+def test_flow_of_the_openings_is_as_large_as_that_of_the_speeds(logs):
+    trials = [t.trajectory for t in logs.fit]
+    flow = by_opening(trials, "position")
+    speed = np.concatenate([np.abs(t.velocity).sum(axis=1) for t in trials])
+    opening = np.concatenate([np.abs(t.position_command - t.position).sum(axis=1) for t in trials])
+    demand = cut(trials, 0, "position", STEPS, flow=flow).signals.demand
+    np.testing.assert_allclose(demand / demand.max(), opening / opening.max())
+    assert np.sqrt(np.mean(demand**2)) == pytest.approx(np.sqrt(np.mean(speed**2)))
 
 
 def test_long_logs_are_thinned_evenly(logs):
@@ -65,3 +75,19 @@ def test_sizes_and_settings_come_from_the_fit_trials(logs):
     assert data.noise == pytest.approx(3.0, rel=0.15)
     assert data.output == data.size[scales.EFFORT]
     assert len(data.heldout.signals.first) == 19
+
+
+def test_sections_keep_the_time_and_the_number_of_their_trial():
+    whole = logs_of([{}], seconds=6.0)
+    log_set = in_sections(whole, 1001, 2000)
+    split = cut([t.trajectory for t in log_set.trials], 0, "position", STEPS)
+    recorded = [0.0, 2.0, 4.0, 0.0, 2.0, 4.0]
+    np.testing.assert_allclose(split.signals.time[split.signals.bounds[:-1]], recorded)
+    assert (np.diff(split.signals.first) >= STEPS).all()
+    np.testing.assert_array_equal(np.unique(split.trial), [0, 3])
+    one = cut([t.trajectory for t in whole.trials], 0, "position", STEPS)
+    for window, first in enumerate(split.signals.first):
+        trial = int(np.searchsorted(split.signals.bounds, first, side="right")) - 1
+        twin = one.signals.bounds[trial // 3] + round(split.signals.time[first] * 1e3)
+        at = int(np.flatnonzero(one.signals.first == twin)[0])
+        np.testing.assert_array_equal(split.signals.target[:, window], one.signals.target[:, at])

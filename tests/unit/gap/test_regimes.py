@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hqpipe.gap.regimes import frequency_bands, label, thresholds
-from hqpipe.logs.trajectory import Trajectory
+from hqpipe.logs.trajectory import Excerpt, Trajectory
 
 SAMPLES, DT = 4000, 1e-3
 
@@ -97,6 +97,14 @@ def test_contact_needs_every_foot_and_flow_needs_a_second_joint(sine):
 def test_quarters(sine):
     quarters = label(sine, thresholds([sine]))["time_span"]
     assert [int(np.argmax(mask[:, 0])) for mask in quarters.values()] == [0, 1000, 2000, 3000]
+
+
+def test_quarters_of_a_section_are_those_of_its_trial(sine):
+    whole = label(sine, thresholds([sine]))["time_span"]
+    part = replace(sine.section(900, 2100), excerpt=Excerpt("t.parquet", float(sine.time[900]), sine.duration))
+    found = label(part, thresholds([part]))["time_span"]
+    for name, mask in whole.items():
+        np.testing.assert_array_equal(found[name], mask[900:2100])
 
 
 def test_bands_end_at_nyquist():

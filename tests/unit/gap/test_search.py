@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from planted_logs import data_of, logs_of, size
 
-from hqpipe.gap.search import MOST_EFFECTS, WORTH, JointSearch
+from hqpipe.gap.search import MOST_EFFECTS, WORTH, JointSearch, _against_noise
 from hqpipe.gap.set_fit import JointFitter
 
 # A part of the library that holds the planted effects, their look-alikes and some that have nothing to do with them.
@@ -98,6 +98,29 @@ def test_gain_knows_that_neighbouring_windows_are_not_independent(search):
     assert np.mean(np.abs(own) > 1.96) < 0.12
     assert np.mean(np.abs(naive) > 1.96) > 0.25
     assert search._z(np.ones(3)) == 0.0, "one block has no scatter"
+
+
+def test_a_few_windows_far_above_the_noise_are_no_accident():
+    rng = np.random.default_rng(1)
+    left = 16.0 * rng.chisquare(20, 200) / 20
+    rare = np.where(np.arange(200) == 70, 900.0, 0.0)
+    assert _against_noise(rare, left) > 3.0
+    assert _against_noise(-rare, left) < -3.0
+    error = 4.0 * rng.standard_normal((2000, 200))
+    scatter = (
+        2.0 * error * 3.0 * rng.choice([-1.0, 1.0], (2000, 200))
+    )  # what predictions that differ by 3 N·m make of noise
+    assert np.mean([_against_noise(fall, left) > 2.0 for fall in scatter]) < 0.02
+
+
+def test_an_effect_that_few_windows_show_is_found():
+    """A limit that only the largest jumps reach."""
+    logs = logs_of([{"flow_saturation": {"limit": 0.14}}], seconds=8.0)
+    data = data_of(logs)
+    for signals in (data.fit.signals, data.heldout.signals):
+        error = np.abs(signals.command - signals.position)
+        assert 1 <= sum(np.any(error[first : first + 100] > 0.14) for first in signals.first) <= 8
+    assert JointSearch(JointFitter(data), LIBRARY, Z).run().best.effects == ("flow_saturation",)
 
 
 def test_worth_and_materiality_are_both_needed(search):

@@ -18,9 +18,9 @@ from hqpipe.kernels.augmented_signals import make_work
 from hqpipe.kernels.augmented_windows import simulate
 from hqpipe.kernels.free_run import free_run
 
-# What a window cannot know at its start (integrator), solves by two rounds (friction under load) or reads between
+# What a window finds by bisection (integrator), solves by two rounds (friction under load) or reads between
 # samples (skew) stays small against the torque of 300 N·m.
-LEFT = {"integral_action": 2.0, "load_dependent_friction": 1.0, "channel_skew": 0.1}
+LEFT = {"integral_action": 1e-3, "load_dependent_friction": 1.0, "channel_skew": 0.1}
 IN_THE_LOOP = [name for name in EFFECTS if name not in NOT_IN_THE_LOOP]
 
 
@@ -55,6 +55,16 @@ def test_its_own_row_predicts_independent_data(effect):
     base = rms(residual_windows(row({}), signals))
     assert left < LEFT.get(effect, EXACT)
     assert base > 5.0 and base > 20.0 * left
+
+
+@pytest.mark.parametrize("others", [(), ("valve_deadband",), ("direction_asymmetry",)])
+def test_an_integrator_that_ran_before_the_log_began_is_found_where_it_stands(others):
+    """The same with effects that bend the opening, so that the balance of a linear valve would be wrong."""
+    effects = {name: planted.TYPICAL[name] for name in ("integral_action", *others)}
+    late = planted.trajectory(planted.simulate(6.0, [effects], 0.0, 9)).section(2000, 6000)
+    signals = cut([late], 0, "position", STEPS).signals
+    rest = row({name: planted.TYPICAL[name] for name in others})
+    assert rms(residual_windows(row(effects), signals)) < 1e-3 < 1e-4 * rms(residual_windows(rest, signals))
 
 
 def test_effects_together_predict_independent_data():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections import Counter
 from itertools import combinations
 
@@ -14,7 +16,7 @@ from hqpipe.plant import Plant, PlantConfig
 from hqpipe.plant import case_effects as effects
 from hqpipe.plant.case_machine import TORQUE_NOISE, interval_velocity, logged
 from hqpipe.plant.case_motion import Trot, joint_angles
-from hqpipe.plant.cases import EXCLUSIVE, JOINTS, KINDS, Case, cases, sound_machine
+from hqpipe.plant.cases import EXCLUSIVE, FAINT, JOINTS, KINDS, Case, cases, sound_machine
 from hqpipe.plant.excitation import excitation
 from hqpipe.plant.parameters import build_schedule, check_stability
 from hqpipe.plant.plant import SUBSTEP
@@ -22,6 +24,7 @@ from hqpipe.sysid.fit_actuator import fit_actuator
 from hqpipe.sysid.free_run import free_run
 
 MANY = cases(300, 5)
+FAINT_ONES = cases(102, 5, ("faint",))
 
 
 def paths(node: dict, prefix: str = "") -> set[str]:
@@ -43,6 +46,13 @@ def test_kinds_come_in_their_shares_and_shuffled():
     assert len(set(case.kind for case in MANY[:20])) > 2
 
 
+def test_the_usual_mixture_is_drawn_as_ever():
+    # Cases are made over days and by several people: the same command must go on giving the same ones.
+    drawn = [[(p.effect, p.size, p.joints, p.span, p.parameters) for p in case.planted] for case in cases(120, 20262)]
+    assert hashlib.sha256(json.dumps(drawn).encode()).hexdigest()[:16] == "1f1214dc8a44f444"
+    assert all(planted.factor is None for case in MANY for planted in case.planted)
+
+
 @pytest.mark.parametrize("count", [1, 7, 41])
 def test_any_number_of_cases(count):
     found = cases(count, 0)
@@ -57,6 +67,68 @@ def test_every_effect_occurs_alone_in_every_size_and_outside_ones_only_outside()
             assert {(recipe.name, size) for size in sizes} <= single
     assert {p.outside for case in MANY if case.kind == "outside" for p in case.planted} == {True}
     assert {p.outside for case in MANY if case.kind != "outside" for p in case.planted} == {False}
+
+
+def test_kinds_can_be_asked_for():
+    assert {case.kind for case in FAINT_ONES} == {"faint"}
+    assert Counter(case.kind for case in cases(40, 1, ("none", "faint"))) == {"none": 8, "faint": 32}
+    assert {case.kind for case in cases(20, 1, list(KINDS))} == set(KINDS)
+    with pytest.raises(UsageError, match="--kind faintt.* did you mean 'faint'"):
+        cases(3, 1, ("faintt",))
+
+
+def test_faint_cases_take_every_effect_with_a_size_in_turn():
+    planted = [case.planted for case in FAINT_ONES]
+    assert all(len(effects_) == 1 and effects_[0].joints == JOINTS for effects_ in planted)
+    counts = Counter(p.effect for (p,) in planted)
+    sized = {r.name for r in effects.RECIPES.values() if not r.outside and len(r.trot) > 1} - {"torque_scale"}
+    assert counts == dict.fromkeys(sized, len(FAINT_ONES) // len(sized))
+    factors = np.log2([p.factor for (p,) in planted])
+    assert factors.min() >= np.log2(FAINT[0]) and factors.max() <= np.log2(FAINT[1])
+    assert np.histogram(factors, bins=5, range=(-4.0, 1.0))[0].min() >= 10  # log-uniform: 20 in each on average
+
+
+@pytest.mark.parametrize("name", [r.name for r in effects.RECIPES.values() if len(r.trot) > 1 and not r.outside])
+def test_faint_sizes_lie_between_the_sound_machine_and_twice_the_small_size(name):
+    recipe = effects.RECIPES[name]
+    for motion in ("trot", "gantry")[: 2 if recipe.gantry else 1]:
+        small = (recipe.gantry if motion == "gantry" else recipe.trot)[0]
+        drawn = [abs(recipe.draw_faint(f, motion, np.random.default_rng(1))) for f in (1e-9, 0.25, 0.5, 1.0, 2.0)]
+        sound = recipe.sound[motion == "gantry"]
+        assert drawn[3] == pytest.approx(small)
+        assert drawn[0] == pytest.approx(sound, rel=1e-6, abs=1e-6)
+        steps = np.diff(1.0 / np.array(drawn) if recipe.inverse else drawn)
+        assert steps[1:] == pytest.approx(steps[0] * np.array([1.0, 2.0, 4.0]), rel=1e-6)
+
+
+def test_a_limit_and_a_torque_limit_are_larger_where_the_effect_is_fainter():
+    rng = np.random.default_rng(0)
+    for name in ("flow_saturation", "orifice_flow"):
+        faint, small = (effects.RECIPES[name].draw_faint(factor, "trot", rng) for factor in (0.1, 1.0))
+        assert faint > small
+
+
+def test_faint_effects_start_from_what_the_sound_machine_has():
+    rng, base = np.random.default_rng(0), sound_machine()
+    built = {
+        name: effects.RECIPES[name].build(effects.RECIPES[name].sound[0], "load_cell", rng)[0]
+        for name in ("coulomb_friction", "viscous_friction", "orifice_flow", "valve_lag")
+    }
+    for name, section, field in (
+        ("coulomb_friction", "cylinder", "coulomb_friction"),
+        ("viscous_friction", "cylinder", "viscous_friction"),
+        ("orifice_flow", "cylinder", "area_a"),
+        ("orifice_flow", "valve", "rated_flow"),
+        ("valve_lag", "valve", "bandwidth_hz"),
+    ):
+        assert built[name][section][field] == pytest.approx(base[section][field])
+
+
+def test_a_faint_slope_keeps_the_light_piston():
+    for case in FAINT_ONES:
+        (planted,) = case.planted
+        if planted.effect == "position_dependent_stiffness":
+            assert planted.overrides["cylinder"]["piston_mass"] == sound_machine()["cylinder"]["piston_mass"]
 
 
 def test_mixtures_are_two_to_four_distinct_effects_that_share_no_field():
@@ -87,7 +159,7 @@ def test_friction_is_measured_in_front_of_the_load_cell_and_torque_scale_beside_
 
 
 def test_every_machine_is_one_that_the_plant_accepts(robot):
-    for case in MANY:
+    for case in (*MANY, *FAINT_ONES):
         for motion in case.trials():
             check_stability(build_schedule(robot, PlantConfig(case.machine(motion.seconds))), robot, SUBSTEP)
 

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from hqpipe.report.blind_page import page, write_page
-from hqpipe.report.blind_table import MAX_MISSES, interval_text, score_tables, share_text
+from hqpipe.report.blind_table import MAX_MISSES, interval_text, reached_text, score_tables, share_text
 
 
 def share(right: int, of: int) -> dict:
@@ -119,3 +119,59 @@ def test_terminal_shows_the_first_misses_only(score):
 
 def test_a_share_of_nothing_is_a_dash():
     assert (share_text(share(0, 0)), interval_text(share(0, 0))) == ("– (none)", "–")
+
+
+def limit(ratio: float | None, **changes) -> dict:
+    curve = {"cases": 60, "named": 30, "low": 0.0625, "high": 2.0, "slope": 3.0, "middle": 0.3, "reason": ""}
+    curve |= {"limit": 0.66, "limit_ci95": [0.5, None]}
+    bare = curve | {"slope": None, "middle": None, "limit": None, "limit_ci95": None, "reason": "named at <no> size"}
+    entry = {"low": 0.0625, "high": 2.0, "diagnosis": share(30, 60), "oracle": share(40, 60)}
+    axis = {"text": "size", "diagnosis": curve, "oracle": curve if ratio else bare, "ratio": ratio, "least_ratio": None}
+    axis |= {"reason": "" if ratio else "oracle: named at <no> size", "ratio_ci95": [1.1, 1.8], "bins": [entry]}
+    effect = {"effect": "backlash", "cases": 60, "named": 30, "oracle": 40, "limit": 0.66, "oracle_limit": None}
+    row = {"measure": "smallest effect", "aim": "≤ 1.5 ×", "met": True, "ratio": ratio, "ci95": [1.1, 1.8], "of": 60}
+    row |= {"least_ratio": None, "limits": [0.66, 0.5], "reason": axis["reason"], "strict": {"ratio": 1.7}}
+    false = share(2, 60)
+    return {
+        "cases": 60,
+        "aim": row | changes,
+        "axes": {"factor": axis},
+        "effects": [effect | {"ratio": None, "reason": ["", "named at no size"]}],
+        "false_names": false,
+    }
+
+
+def test_limit_of_detection_is_a_row_and_a_section(score):
+    found = limit(1.32)
+    score |= {"aims": [*score["aims"], found["aim"]], "limit": found}
+    said = read(page(score))
+    for expected in ("1.32 × (0.66 against 0.50)", "1.10–1.80", "1.70 ×", "Limit of detection", "from 0.50", "2 of 60"):
+        assert expected in said
+    assert page(score).count("<svg") == 3
+    assert "1.32 ×" in text_of(score)
+
+
+def test_limit_that_is_not_known_says_why(score):
+    found = limit(None, met=None)
+    score |= {"aims": [*score["aims"], found["aim"]], "limit": found}
+    said = read(page(score))
+    assert "– (oracle: named at <no> size)" in said
+    assert "0 of 1 aims" in said
+    assert "named at" in text_of(score)
+
+
+def test_no_section_without_faint_cases(score):
+    assert "Limit of detection" not in page(score)
+    assert "Limit of detection" not in page(score | {"limit": None})
+
+
+@pytest.mark.parametrize(
+    ("row", "text"),
+    [
+        ({"ratio": 1.25}, "1.25 ×"),
+        ({"ratio": None, "least_ratio": 2.0, "reason": "diagnosis: why"}, "> 2.00 × (diagnosis: why)"),
+        ({"ratio": None}, "–"),
+    ],
+)
+def test_ratio_as_text(row, text):
+    assert reached_text(row) == text

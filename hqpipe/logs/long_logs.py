@@ -1,0 +1,170 @@
+"""Reading log sets that would not fit into memory: every row is checked, evenly spaced sections are kept.
+
+A section is a `Trial` of its own whose `Trajectory.excerpt` says where in the recorded trial it lies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hqpipe.logs.assemble import assemble
+from hqpipe.logs.columns import Shape, check_names, joints_of
+from hqpipe.logs.manifest import Manifest, TrialEntry
+from hqpipe.logs.sections import Rows, rows_within, sections, shares
+from hqpipe.logs.split import split_rows
+from hqpipe.logs.trajectory import Excerpt, Trajectory, Trial, recording_of
+
+
+@dataclass(frozen=True)
+class Part:
+    """A recorded trial: the rows of one file, or of the fit or held-out part of a lone one; `dt` in s."""
+
+    entry: TrialEntry
+    rows: Rows
+    dt: float
+
+    @property
+    def count(self) -> int:
+        return self.rows[1] - self.rows[0]
+
+    @property
+    def seconds(self) -> float:
+        return self.count * self.dt
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is read of a log set that holds more than `most` values per channel.
+
+    Attributes:
+        parts: recorded trials. kept: per part the rows of its sections, counted from the start of the file.
+    """
+
+    parts: tuple[Part, ...]
+    kept: tuple[tuple[Rows, ...], ...]
+
+
+def plan(folder: Path, readers: dict[str, Any], manifest: Manifest | None, used: list[str], most: int) -> Plan | None:
+    """Sections of a long log set; None if it holds no more than `most` values per channel, and can be read whole.
+
+    Only the names of the columns and the clocks are read.
+
+    Raises:
+        LogError: a file cannot be opened, or its columns are missing or misspelt.
+    """
+    shapes: dict[str, Shape] = {}
+    for file in used:
+        shapes[file] = readers[Path(file).suffix].shape(folder / file)
+        check_names(shapes[file].empty())
+    names = shapes[used[0]].names
+    joints = joints_of(names)
+    extras = sum(not name.startswith("joint/") for name in names) - 1
+    room = rows_within(most, len(joints), extras)
+    if sum(shape.rows for shape in shapes.values()) <= room:
+        return None
+    entries = list(manifest.trials) if manifest else [TrialEntry(file, "fit") for file in used]
+    parts = _parts(entries, shapes, inferred=manifest is None)
+    rooms = dict(
+        zip(("fit", "heldout"), shares(*(_rows(parts, name) for name in ("fit", "heldout")), room), strict=True)
+    )
+    kept: dict[int, tuple[Rows, ...]] = {}
+    for name, limit in rooms.items():
+        mine = [i for i, part in enumerate(parts) if part.entry.split == name]
+        if not mine:
+            continue
+        found = sections([(parts[i].count, parts[i].dt) for i in mine], limit)
+        for i, rows in zip(mine, found, strict=True):
+            kept[i] = tuple((start + parts[i].rows[0], stop + parts[i].rows[0]) for start, stop in rows)
+    return Plan(tuple(parts), tuple(kept[i] for i in range(len(parts))))
+
+
+def _rows(parts: Sequence[Part], split: str) -> int:
+    return sum(part.count for part in parts if part.entry.split == split)
+
+
+def _parts(entries: list[TrialEntry], shapes: dict[str, Shape], *, inferred: bool) -> list[Part]:
+    whole = [Part(entry, (0, shapes[entry.file].rows), shapes[entry.file].dt) for entry in entries]
+    if not inferred:
+        return whole
+    if len(whole) > 1:
+        return [*whole[:-1], replace(whole[-1], entry=replace(entries[-1], split="heldout"))]
+    shape = shapes[entries[0].file]
+    fit, heldout = split_rows(shape.rows, shape.dt)
+    return [Part(entries[0], fit, shape.dt), Part(replace(entries[0], split="heldout"), heldout, shape.dt)]
+
+
+def read_sections(
+    folder: Path, readers: dict[str, Any], the_plan: Plan, base: str | None, *, uniform: bool = False
+) -> list[Trial]:
+    """The sections of a plan, in the order of their trials.
+
+    Args:
+        folder, readers: of the log set. the_plan: from `plan`.
+        base: "floating" or "fixed" of the log set. uniform: interpolate each section onto a uniform clock.
+
+    Raises:
+        LogError: as `hqpipe.logs.assemble`, whichever row of a file is at fault.
+    """
+    trials: list[Trial] = []
+    files = dict.fromkeys(part.entry.file for part in the_plan.parts)
+    for file in files:
+        mine = [i for i, part in enumerate(the_plan.parts) if part.entry.file == file]
+        ranges = [rows for i in mine for rows in the_plan.kept[i]]
+        time, tables = readers[Path(file).suffix].read_rows(folder / file, ranges)
+        owners = [i for i in mine for _ in the_plan.kept[i]]
+        for i, (start, stop), table in zip(owners, ranges, tables, strict=True):
+            entry, rows = the_plan.parts[i].entry, the_plan.parts[i].rows
+            begin, end = time[rows[0]], time[rows[1] - 1]
+            excerpt = Excerpt(file, float(time[start] - begin), float(end - begin))
+            trajectory = replace(assemble(table, uniform=uniform, checked=True), excerpt=excerpt)
+            name = f"{file} ({excerpt.start:.0f}–{time[stop - 1] - begin:.0f} s{_part(the_plan, i)})"
+            trials.append(Trial(name, entry.split, entry.command, trajectory, entry.base or base))
+    return trials
+
+
+def _part(the_plan: Plan, index: int) -> str:
+    """Names the part of a lone trial that is both fitted and held out."""
+    entry = the_plan.parts[index].entry
+    alone = sum(part.entry.file == entry.file for part in the_plan.parts) == 1
+    return "" if alone else f" of its {'held-out' if entry.split == 'heldout' else 'fit'} part"
+
+
+def joined(trials: Sequence[Trial]) -> list[Trial]:
+    """One trial per recorded one, its sections put end to end on a clock without gaps: for checks that need no order."""
+    groups: dict[tuple[str, str], list[Trial]] = {}
+    for trial in trials:
+        groups.setdefault((recording_of(trial), trial.split), []).append(trial)
+    return [replace(group[0], file=file, trajectory=_end_to_end(group)) for (file, _), group in groups.items()]
+
+
+def _end_to_end(group: list[Trial]) -> Trajectory:
+    first, parts = group[0].trajectory, [trial.trajectory for trial in group]
+    offsets = np.concatenate([[0.0], np.cumsum([part.duration + part.dt for part in parts[:-1]])])
+    time = np.concatenate([part.time + offset for part, offset in zip(parts, offsets, strict=True)])
+    channels = {name: np.concatenate([getattr(part, name) for part in parts]) for name in first.channels()}
+    extra = {name: np.concatenate([part.extra[name] for part in parts]) for name in first.extra}
+    return replace(first, time=time, extra=extra, **channels)
+
+
+def coverage(the_plan: Plan) -> str:
+    """What share of the logs the sections are, as a warning."""
+    texts = []
+    for split, name in (("fit", "fit"), ("heldout", "held-out")):
+        mine = [i for i, part in enumerate(the_plan.parts) if part.entry.split == split]
+        ranges = [rows for i in mine for rows in the_plan.kept[i]]
+        total = sum(the_plan.parts[i].seconds for i in mine)
+        used = sum((stop - start) * the_plan.parts[i].dt for i in mine for start, stop in the_plan.kept[i])
+        if mine:
+            texts.append(
+                f"{used:.0f} s of {total:.0f} s of {name} trials ({used / total:.0%}, {len(ranges)} evenly spaced "
+                f"section{'s' if len(ranges) != 1 else ''})"
+            )
+    return (
+        f"too long for memory: {' and '.join(texts)} were used; every row was checked for missing values and for its "
+        "time, everything else was judged on the sections"
+    )
