@@ -201,7 +201,7 @@ def _tidy(states: list[JointState], floor: np.ndarray) -> list[JointState]:
     states = close_gap(states, floor)
     causes = assemble(states, floor)
     shares = _shrink(states, causes, len(causes), None)
-    return close_gap(drop_trifles(states, causes, shares.each, shares.each_ci95[:, 0]), floor)
+    return drop_trifles(states, causes, shares.each, shares.each_ci95[:, 0])
 
 
 def _final_error(states: list[JointState], spans: Spans | None) -> np.ndarray:

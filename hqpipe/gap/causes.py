@@ -32,7 +32,9 @@ POOLED_RATIO, POOLED_Z = 1.01, 1.0  # what counts as showing it, in a group
 WORTH_POOLED = 1.07  # mean of that ratio where no joint of the group has shown it by itself
 MOST_OF, LIKE = 0.5, 0.5  # share of a group from which the rest is asked kindly; how near its parameter must come
 KIND_RATIO, KIND_Z = 1.003, 0.5  # what counts as showing it then
-TRIFLE, NEEDED = 0.025, 1.5  # share of the gap; squared error of a joint without the effect over that with it
+TRIFLE, LAST, NEEDED, LOUD = 0.025, 0.06, 1.5, 1.0
+"""Share of the gap; share of the error that would be left without it; squared error of a joint without the effect over
+that with it; what it takes from that error, over the variance of the sensor's noise. Assumptions."""
 CONSENSUS, MOST_SETS = 1.02, 4  # error ratio that a shared set may cost a joint; sets that are tried
 Progress = Callable[[float, float, str], None]
 
@@ -165,15 +167,15 @@ def _with(state: JointState, fit: SetFit) -> JointState:
 def drop_trifles(
     states: list[JointState], causes: Sequence[Cause], shrink: np.ndarray, low: np.ndarray
 ) -> list[JointState]:
-    """Take back names that shrink the machine's gap by next to nothing and that no joint needs badly.
+    """Take back names that shrink the machine's gap by next to nothing and without which no more would be left.
 
     Args:
         causes: of the states. shrink, low: (C,) their shares and the lower ends of the intervals.
     """
     found = {state.joint: state for state in states}
     for cause, share, least in zip(causes, shrink, low, strict=True):
-        needed = max(s.ratio for j in cause.joints for s in found[j].support if s.effect == cause.effect)
-        if needed >= NEEDED or (least > 0.0 and share >= TRIFLE):
+        needed = _needed(cause, [found[joint] for joint in cause.joints]) or _last_share(cause, found) >= LAST
+        if needed or (least > 0.0 and share >= TRIFLE):
             continue
         for joint in cause.joints:
             state = found[joint]
@@ -182,6 +184,26 @@ def drop_trifles(
             fit = state.search.without(state.chosen, cause.effect)
             found[joint] = JointState(state.search, state.base, fit, state.search.with_support(fit), dropped)
     return list(found.values())
+
+
+def _last_share(cause: Cause, states: dict[str, JointState]) -> float:
+    """What the cause, added last, takes off the machine's RMSE, as a share."""
+    left = sum(state.chosen.error for state in states.values())
+    fall = sum((_ratio(cause, states[joint]) - 1.0) * states[joint].chosen.error for joint in cause.joints)
+    return 1.0 - float(np.sqrt(left / max(left + fall, 1e-300)))
+
+
+def _ratio(cause: Cause, state: JointState) -> float:
+    return next(s.ratio for s in state.support if s.effect == cause.effect)
+
+
+def _needed(cause: Cause, states: list[JointState]) -> bool:
+    """Whether a joint would be clearly worse without the effect."""
+    for state in states:
+        ratio = _ratio(cause, state)
+        if ratio >= NEEDED or (ratio - 1.0) * state.chosen.error >= LOUD * state.data.noise**2:
+            return True
+    return False
 
 
 def _all_earn(state: JointState, fit: SetFit) -> bool:

@@ -22,7 +22,7 @@ from hqpipe.gap.set_fit import SetFit
 from hqpipe.kernels.augmented_fit import residual_windows
 
 Z95 = 1.959964  # standard normal quantile at 97.5 %
-MODEL_SHARE, MODEL_ROWS = 0.01, 0.04
+MODEL_SHARE, MODEL_ROWS = 0.012, 0.05
 """Standard deviation of what the formulas simplify: share of a value, for times also samples. Measured on withheld cases
 of a plant of its own equations (docs/theory/diagnosis.md)."""
 STEP = 1e-4  # relative to the standard deviation of the parameter as a first guess gives it

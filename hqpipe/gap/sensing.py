@@ -113,8 +113,10 @@ def skew(
     for x, y in pairs:
         rows = np.arange(reach, len(y) - reach, max(1, len(y) // MAX_ROWS))
         basis = np.linalg.qr(np.column_stack([np.ones(len(rows)), x[rows] / (x.std(axis=0) + 1e-300)]))[0]
-        shifted = np.stack([y[rows + lag] for lag in lags], axis=1)
-        error += np.sum(shifted**2, axis=0) - np.sum((basis.T @ shifted) ** 2, axis=0)
+        basis = np.ascontiguousarray(basis.T)
+        for i, lag in enumerate(lags):
+            shifted = y[rows + lag]
+            error[i] += shifted @ shifted - np.sum((basis @ shifted) ** 2)
         energy += np.sum((y - y.mean()) ** 2) * len(rows) / len(y)
     best = int(np.argmin(error))
     inside = 0 < best < len(lags) - 1

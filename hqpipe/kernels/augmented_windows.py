@@ -102,7 +102,7 @@ def _command_side(p: np.ndarray, s: Signals, work: Work) -> None:
         first, last = s.bounds[trial], s.bounds[trial + 1] - 1
         integral, spool = 0.0, 0.0
         if p[KI] != 0.0 and s.mode != VALVE:
-            integral = _held(p, s, first, last)
+            integral = _held(p, s, work, first, last)
         for k in range(first, last + 1):
             at = k - p[SKEW] / dt
             wanted = s.command[k] if prompt else delayed(s.command, first, last, at, p[DELAY] / dt)
@@ -130,16 +130,22 @@ def _command_side(p: np.ndarray, s: Signals, work: Work) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _held(p: np.ndarray, s: Signals, first: int, last: int) -> float:
+def _held(p: np.ndarray, s: Signals, work: Work, first: int, last: int) -> float:
     """What the integrator holds when a trial starts: what makes the openings add up to the change of torque.
 
     Logs begin in the middle of operation, so it is not zero, and a wrong start would last: until the integrator first
     stands at its limit, else through the whole trial.
     """
+    for k in range(first, last):
+        at = k - p[SKEW] / p[DT]
+        here = delayed(s.position, first, last, at, 0.0) if s.mode == POSITION else s.effort[k]
+        error = delayed(s.command, first, last, at, p[DELAY] / p[DT]) - here
+        work.sequence[k] = error + (p[BIAS] if s.mode == POSITION else p[OFFSET])
+        work.other[k] = p[K2] * (s.effort[k] - p[OFFSET]) + p[K3] * s.velocity[k]
     limit = 1.0 / max(p[WINDUP], 1e-300)
     low, high, start = -limit, limit, 0.0
-    for _ in range(HELD_PASSES if shaped(p) or p[WINDUP] > 0.0 else 1):
-        missing, samples = _missing(p, s, first, last, start)
+    for _ in range(HELD_PASSES):
+        missing, samples = _missing(p, s, work, first, last, start)
         if missing > 0.0:
             low = start
         else:
@@ -154,24 +160,26 @@ def _held(p: np.ndarray, s: Signals, first: int, last: int) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _missing(p: np.ndarray, s: Signals, first: int, last: int, start: float) -> tuple[float, int]:
+def _missing(p: np.ndarray, s: Signals, work: Work, first: int, last: int, start: float) -> tuple[float, int]:
     """Change of torque that an integrator which starts at `start` leaves open, N·m, and over how many samples.
 
     The spool's lag cancels in the sum.
     """
-    dt, integral, bent, change = p[DT], start, shaped(p), 0.0
+    integral, bent, change, end = start, shaped(p), 0.0, last
+    bent_flow = p[ORIFICE] != 0.0 or p[K4] != 0.0
     limit = 1.0 / max(p[WINDUP], 1e-300)
-    end = last
     for k in range(first, last):
-        at = k - p[SKEW] / dt
-        here = delayed(s.position, first, last, at, 0.0) if s.mode == POSITION else s.effort[k]
-        error = delayed(s.command, first, last, at, p[DELAY] / dt) - here
-        error += p[BIAS] if s.mode == POSITION else p[OFFSET]
-        opening = shape_opening(p, error + integral, s.time[k]) if bent else error + integral
-        effort = s.effort[k] - p[OFFSET]
-        change += p[K1] * opening * orifice(opening, effort, p[ORIFICE], 0.0) - p[K2] * effort - p[K3] * s.velocity[k]
-        change += p[K4] * impact(effort, opening)
-        integral = integrate(integral, error, p[KI], p[WINDUP], dt)
+        error = work.sequence[k]
+        opening = error + integral
+        if bent:
+            opening = shape_opening(p, opening, s.time[k])
+        change -= work.other[k]
+        if bent_flow:
+            effort = s.effort[k] - p[OFFSET]
+            change += p[K1] * opening * orifice(opening, effort, p[ORIFICE], 0.0) + p[K4] * impact(effort, opening)
+        else:
+            change += p[K1] * opening
+        integral = integrate(integral, error, p[KI], p[WINDUP], p[DT])
         if abs(integral) >= limit and k - first >= s.steps:
             end = k + 1
             break

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from planted_logs import data_of, logs_of, size
@@ -13,6 +15,7 @@ from hqpipe.gap.causes import (
     assemble,
     close_gap,
     closure,
+    drop_trifles,
     library,
     pool_groups,
     search_joints,
@@ -154,3 +157,29 @@ def test_what_the_machine_shares_by_nature_is_in_all_of_its_joints():
         chosen = search.fit(("supply_droop",)) if j < 2 else base
         states.append(JointState(search, base, chosen, search.with_support(chosen)))
     assert all(state.chosen.effects == ("supply_droop",) for state in pool_groups(states))
+
+
+def test_a_name_that_no_joint_needs_and_the_machine_hardly_is_taken_back(machine):
+    states, floor = finished(machine)
+    causes = assemble(states, floor)
+
+    def with_ratios(ratio, joints):
+        found = []
+        for i, state in enumerate(states):
+            support = tuple(replace(s, ratio=ratio if i in joints else 1.0) for s in state.support)
+            found.append(replace(state, support=support))
+        return found
+
+    little, more = (np.full(len(causes), share) for share in (0.01, 0.1))
+    assert drop_trifles(states, causes, little, little) == states, "single joints need them"
+    everywhere = drop_trifles(with_ratios(1.2, range(6)), causes, little, little)
+    assert all("command_delay" in state.chosen.effects for state in everywhere), "the machine gains by it"
+    assert "valve_deadband" not in everywhere[5].chosen.effects, "which is in this joint alone"
+    one = with_ratios(1.2, [4])
+    faint = drop_trifles(one, causes, little, little)
+    assert faint[4].chosen.effects == () and "by 1.0% only" in faint[4].dropped["command_delay"]
+    assert drop_trifles(one, causes, more, little) == one
+    assert drop_trifles(one, causes, more, -little) != one, "it may be worth nothing"
+    loud = with_ratios(1.2, [4])
+    loud[4] = replace(loud[4], chosen=replace(loud[4].chosen, heldout=10.0 * loud[4].chosen.heldout))
+    assert drop_trifles(loud, causes, little, little)[4] is loud[4], "more than the noise of its sensor"
