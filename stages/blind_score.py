@@ -6,7 +6,7 @@ import json
 import multiprocessing
 import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ def score_folder(folder: Path, without: Sequence[str], workers: int, progress: P
     Raises:
         LogError, UsageError: not such a folder, or no case has the effects.
     """
-    from hqpipe.gap.blind import score
+    from hqpipe.gap.blind import ORACLE_KINDS, score
     from hqpipe.gap.blind_limit import KIND as FAINT
     from hqpipe.gap.blind_truth import read_answers
     from hqpipe.report.blind_page import write_page
@@ -45,13 +45,13 @@ def score_folder(folder: Path, without: Sequence[str], workers: int, progress: P
         )
     results = folder / "_".join([DIAGNOSIS, *(["without", *sorted(without)] if without else [])])
     diagnose_all([(folder / a.case, results / a.case, tuple(without)) for a in answers], workers, progress)
-    faint = {a.case: all_but(a.effects[0].effect) for a in answers if a.kind == FAINT}
-    asked = [(folder / case, folder / ORACLE / case, others) for case, others in faint.items()]
+    known = {a.case: all_but(a.names) for a in answers if not without and a.kind in ORACLE_KINDS}
+    asked = [(folder / case, folder / ORACLE / case, others) for case, others in known.items()]
     diagnose_all(asked, workers, progress, "diagnosed by the oracle")
     gaps = _gaps(folder, answers, workers, progress)
     result = score(
         [_judged(answer, results, gaps.get(answer.case), tuple(without)) for answer in answers],
-        [_judged(a, folder / ORACLE, gaps.get(a.case), faint[a.case]) for a in answers if a.case in faint],
+        [_judged(a, folder / ORACLE, gaps.get(a.case), known[a.case]) for a in answers if a.case in known],
     )
     result |= {"without": sorted(without), "folder": folder.name}
     suffix = "".join(f"_without_{name}" for name in sorted(without))
@@ -73,11 +73,11 @@ def diagnose_all(
     _parallel(diagnose_case, missing, workers, lambda done: progress(started + done, len(jobs), text))
 
 
-def all_but(effect: str) -> tuple[str, ...]:
-    """The library without all effects but one: what the oracle of a faint case does not ask for."""
+def all_but(effects: Collection[str]) -> tuple[str, ...]:
+    """The library without all effects but these: what an oracle that knows them does not ask for."""
     from hqpipe.effects import EFFECTS
 
-    return tuple(name for name in EFFECTS if name != effect)
+    return tuple(name for name in EFFECTS if name not in effects)
 
 
 def diagnose_case(case: Path, output: Path, without: tuple[str, ...]) -> None:

@@ -11,21 +11,26 @@ from numba import njit
 
 from hqpipe.effects.effect import ANGLE, EFFORT, POSITION, TORQUE, Effect, Parameter
 
+OFFSETS = ("torque_bias", "position_bias")
+
 EFFECT = Effect(
     name="coulomb_friction",
     layer="actuator",
     stage="output",
     parameters=(
         Parameter("friction_nm", "N·m", EFFORT, 0.0, 2.0, (0.05, 0.2)),
-        Parameter("asymmetry_nm", "N·m", EFFORT, -1.0, 1.0, (0.0,), counts=False),
+        Parameter("asymmetry_nm", "N·m", EFFORT, -1.0, 1.0, (0.0,), counts=False, yields_to=OFFSETS),
         Parameter("presliding_rad", "rad", ANGLE, 5e-5, 0.3, (0.001,), counts=False),
     ),
-    meaning="dry friction: friction + asymmetry when q rises, friction − asymmetry when it falls",
+    meaning="dry friction: friction + asymmetry when q rises, friction − asymmetry when it falls; asymmetry ≤ friction/2",
     source="Dahl, Aerospace Corp. TOR-158, 1968: presliding; Jelali & Kroll, Hydraulic Servo-systems, 2003",
     experiment="slow constant-speed motion in both directions",
     modes=(POSITION, TORQUE),
     effort_sources=("load_cell",),
 )
+
+
+UNEVEN = 0.5  # of the friction, by which directions may differ: more is an offset, which has its own name; assumption
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -37,5 +42,6 @@ def direction(turned: float, travel: float, presliding: float) -> float:
 
 @njit(cache=True, nogil=True, inline="always")
 def coulomb(turned: float, friction: float, asymmetry: float) -> float:
-    """Friction torque at a direction of the friction; it opposes the motion, so the asymmetry is within ± friction."""
-    return friction * turned + min(max(asymmetry, -friction), friction) * abs(turned)
+    """Friction torque at a direction of the friction, uneven within limits."""
+    most = UNEVEN * friction
+    return friction * turned + min(max(asymmetry, -most), most) * abs(turned)

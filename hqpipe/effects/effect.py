@@ -38,6 +38,9 @@ class Parameter:
         inverse: the fit works on one over the value, so that "absent" is 0 instead of infinity; bounds and
             starts are those of the inverse, in multiples of one over the scale.
         counts: False for a shape parameter: it cannot show by itself that the effect is there.
+        yields_to: effects that say the same of most logs; beside one of them this number stays at its start.
+        least: of an inverse torque, times the largest torque logged: below it in every joint the effect is no fault,
+            because every machine has that much of it.
     """
 
     name: str
@@ -48,6 +51,8 @@ class Parameter:
     starts: tuple[float, ...]
     inverse: bool = False
     counts: bool = True
+    least: float = 0.0
+    yields_to: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ EFFECT = Effect(
     stage="command",
     parameters=(
         Parameter("ki", "1/s", NONE, 0.0, 50.0, (0.3, 3.0)),
-        Parameter("limit", "command", COMMAND, 0.0, 100.0, (0.1, 1.0, 4.0), inverse=True, counts=False),
+        Parameter("limit", "command", COMMAND, 0.0, 20.0, (0.1, 1.0, 4.0), inverse=True, counts=False),
     ),
     meaning="the controller has an integrator that the model lacks",
     source="textbook PID; ki is the integral gain over the proportional gain",

@@ -7,11 +7,13 @@ from numba import njit
 
 from hqpipe.effects.effect import EFFORT, Effect, Parameter
 
+LEAST = 0.1  # largest torque over τ_max: below, the root bends the flow by 5 % at most, left to k2; assumption
+
 EFFECT = Effect(
     name="orifice_flow",
     layer="actuator",
     stage="core",
-    parameters=(Parameter("effort_max_nm", "N·m", EFFORT, 0.0, 1.0, (0.05, 0.3), inverse=True),),
+    parameters=(Parameter("effort_max_nm", "N·m", EFFORT, 0.0, 1.0, (0.05, 0.3), inverse=True, least=LEAST),),
     meaning="flow ∝ √(1 − sgn(u) τ/τ_max)",
     source="eq. (1) of the paper; Merritt, Hydraulic Control Systems, 1967",
     experiment="motion with and against a large load: squats, or weights on the gantry",

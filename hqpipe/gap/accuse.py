@@ -13,6 +13,7 @@ from hqpipe.gap.causes import (
     Progress,
     assemble,
     close_gap,
+    drop_slight,
     drop_trifles,
     library,
     pool_groups,
@@ -197,8 +198,9 @@ def _sensor_floor(machine: RowModel, states: list[JointState], steps: int) -> np
 
 
 def _tidy(states: list[JointState], floor: np.ndarray) -> list[JointState]:
-    """Without the names that close too little of a joint's gap, or shrink the machine's by next to nothing."""
+    """Without the names that close too little of a joint's gap, are no fault, or shrink the machine's by next to nothing."""
     states = close_gap(states, floor)
+    states = drop_slight(states, assemble(states, floor))
     causes = assemble(states, floor)
     shares = _shrink(states, causes, len(causes), None)
     return drop_trifles(states, causes, shares.each, shares.each_ci95[:, 0])

@@ -65,6 +65,8 @@ def answer(
     gap_before, gap_after = (_matters(e, found) for e in evidence)
     unexplained = bool(gap_after.any())
     excess_before, excess_after = (np.maximum(e.error - found.floor, 0.0)[gap_before].sum() for e in evidence)
+    if found.raw is not None:
+        excess_before = max(len(found.floor) * found.raw.mean() - found.floor.sum(), excess_before)
     left = float(excess_after / excess_before) if excess_before > 0 else 0.0
     raw, room = _before_signs(found, evidence[0]), _room(found, evidence)
     part = _rms(evidence[0].error) / raw  # the causes' shares are of the error once the signs are back

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 from hqpipe.gap.blind_case import Judged
@@ -14,6 +14,10 @@ from hqpipe.gap.share import tally
 
 FORMAT = "hqpipe-blind-score/1"
 BINS = 5  # of the reliability curve: with some hundred causes each keeps enough to be judged
+MIXTURE = "mixture"
+ORACLE_KINDS = (FAINT, MIXTURE)
+"""Kinds of cases that an oracle answers too: the same diagnosis with a library of the true effects alone. What it cannot
+name from a mixture is not lost among other effects, but hidden in these logs from this method."""
 NO_NAME = "(no name)"
 NO_EFFECT = "(no effect)"
 
@@ -25,28 +29,28 @@ def score(judged: Sequence[Judged], oracle: Sequence[Judged] = ()) -> dict[str, 
     is said of them is as vague as they are. Their false names are told beside it.
 
     Args:
-        judged: every case with its diagnosis. oracle: the faint ones among them, in the same order, with the diagnosis
-            of `hqpipe.gap.blind_limit`'s oracle.
+        judged: every case with its diagnosis. oracle: those of `ORACLE_KINDS`, in the same order, with the oracle's.
     """
     faint = [case for case in judged if case.answer.kind == FAINT]
     clear = [case for case in judged if case.answer.kind != FAINT]
     aims = [_row(clear, *definition) for definition in MEASURES]
     rows = [row for case in clear for row in case.parameters()]
     aims += _parameter_aims(rows)
-    limit = limits(faint, oracle) if faint else None
+    limit = limits(faint, [case for case in oracle if case.answer.kind == FAINT]) if faint else None
+    known = [case for case in oracle if case.answer.kind == MIXTURE]
     return {
         "format": FORMAT,
         "cases": len(judged),
         "failed": [{"case": c.answer.case, "error": c.error} for c in judged if c.content is None],
         "aims": [*aims, limit["aim"]] if limit else aims,
-        "more": _more(clear, faint),
+        "more": _more(clear, faint, known),
         "calibration": calibration(clear),
         "detection": detection(clear),
         "limit": limit,
         "confusion": confusion(clear),
         "parameters": rows,
         "shrink": [row for case in clear if (row := _shrink_row(case))],
-        "misses": misses(judged),
+        "misses": misses(judged, {case.answer.case for case in known if not case.exact()}),
     }
 
 
@@ -91,7 +95,7 @@ MEASURES: tuple[tuple[str, str, float | None, Selects, Right], ...] = (
         "exact set of causes, mixtures of 2–4",
         "≥ 90 %",
         0.90,
-        lambda case: case.answer.kind == "mixture" and not case.unnamable,
+        lambda case: case.answer.kind == MIXTURE and not case.unnamable,
         lambda case, strict: case.exact(strict),
     ),
     (
@@ -143,16 +147,18 @@ def _parameter_aims(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     ]
 
 
-def _more(judged: Sequence[Judged], faint: Sequence[Judged]) -> list[dict[str, Any]]:
-    """Measures without an aim; `judged` without the faint cases."""
-    known = [c for c in judged if c.namable]
-    worth = [(c, e) for c in known for e in c.namable if must_be_named(c.gaps, e)]
+def _more(judged: Sequence[Judged], faint: Sequence[Judged], known: Sequence[Judged]) -> list[dict[str, Any]]:
+    """Measures without an aim; `judged` without the faint cases, `known`: mixtures with the oracle's diagnosis."""
+    nameable = [c for c in judged if c.namable]
+    worth = [(c, e) for c in nameable for e in c.namable if must_be_named(c.gaps, e)]
     causes = [(case, cause) for case in judged for cause in case.causes]
     definitions = {
         "recall: effects of the library that make a gap and were named": [bool(c.of(e)) for c, e in worth],
         "the same, without small ones": [bool(c.of(e)) for c, e in worth if e.size != "small"],
         "precision: names that are right": [_is_right(case, cause) for case, cause in causes],
-        "exact set, one effect in some joints or for some time": [c.exact() for c in known if c.answer.kind == "place"],
+        "exact set, one effect in some joints or for some time": [
+            c.exact() for c in nameable if c.answer.kind == "place"
+        ],
         "claimed share of an effect within its interval of the true one (up to three effects)": [
             row["covered"] for case in judged if _claims_all(case) for row in _share_rows(case)
         ],
@@ -161,7 +167,11 @@ def _more(judged: Sequence[Judged], faint: Sequence[Judged]) -> list[dict[str, A
     }
     for count in (2, 3, 4):
         definitions[f"exact set, mixtures of {count}"] = [
-            c.exact() for c in known if c.answer.kind == "mixture" and len(c.answer.effects) == count
+            c.exact() for c in nameable if c.answer.kind == MIXTURE and len(c.answer.effects) == count
+        ]
+    if known:
+        definitions["exact set, mixtures of 2–4, by an oracle that knows which effects it may be"] = [
+            c.exact() for c in known
         ]
     return [{"measure": name, **tally(outcomes)} for name, outcomes in definitions.items()]
 
@@ -232,8 +242,12 @@ def confusion(judged: Sequence[Judged]) -> dict[str, Any]:
     return {"truth": truths, "named": named, "counts": [[counts[t, n] for n in named] for t in truths]}
 
 
-def misses(judged: Sequence[Judged]) -> list[dict[str, str]]:
-    """Every case that fails one of the measures that have an aim: case, kind, truth, answer, and which."""
+def misses(judged: Sequence[Judged], hidden: Collection[str] = ()) -> list[dict[str, str]]:
+    """Every case that fails one of the measures that have an aim: case, kind, truth, answer, and which.
+
+    Args:
+        hidden: cases whose set the oracle misses too.
+    """
     found = []
     for case in judged:
         failed = [text for text, _, _, selects, right in MEASURES if selects(case) and not right(case, False)]
@@ -243,6 +257,8 @@ def misses(judged: Sequence[Judged]) -> list[dict[str, str]]:
             failed = ["a false name beside a faint effect"] if case.false_names() else []
         if case.content is None:
             failed = ["the diagnosis failed"]
+        if failed and case.answer.case in hidden:
+            failed.append("the oracle misses the set too")
         if failed:
             found.append(
                 {

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.stats import norm
 
 from hqpipe.effects import EFFECTS
+from hqpipe.effects.layout import slots
 from hqpipe.errors import UsageError, near_match
 from hqpipe.gap.estimate import Estimate, agree, estimates, pooled, stated
 from hqpipe.gap.groups import groups, scope_of
@@ -27,14 +28,14 @@ from hqpipe.gap.set_fit import JointFitter, SetFit
 SIGNIFICANCE = 0.05  # that any effect at all is named on logs without one
 LEAST_CLOSURE = 0.8  # of the squared error above the noise floor; assumption, between right and wrong names
 REST = 1.12  # squared error over the noise floor that is no gap worth a name, whatever share of it is left; assumption
+HALF, NEAR_REST = 0.5, 1.4  # closure that is enough where no more than this is left over the floor; assumptions
 POOLED_SHARE = 0.75  # of a group's joints that must show an effect
 POOLED_RATIO, POOLED_Z = 1.01, 1.0  # what counts as showing it, in a group
 WORTH_POOLED = 1.07  # mean of that ratio where no joint of the group has shown it by itself
 MOST_OF, LIKE = 0.5, 0.5  # share of a group from which the rest is asked kindly; how near its parameter must come
 KIND_RATIO, KIND_Z = 1.003, 0.5  # what counts as showing it then
-TRIFLE, LAST, NEEDED, LOUD = 0.025, 0.06, 1.5, 1.0
-"""Share of the gap; share of the error that would be left without it; squared error of a joint without the effect over
-that with it; what it takes from that error, over the variance of the sensor's noise. Assumptions."""
+TRIFLE, NEEDED, NEEDED_Z = 0.025, 1.1, 2.5
+"""Share of the gap; squared error of a joint without the effect over that with it, and how sure that must be. Assumptions."""
 CONSENSUS, MOST_SETS = 1.02, 4  # error ratio that a shared set may cost a joint; sets that are tried
 Progress = Callable[[float, float, str], None]
 
@@ -148,13 +149,23 @@ def _shared_sets(states: list[JointState]) -> list[JointState]:
         better = state.chosen
         for names, count in popular.most_common(MOST_SETS):
             if count > popular[better.effects] and set(names) <= set(state.search.library):
-                fit = state.search.fit(names, [state.chosen])
+                fit = _as_sharers(state, state.search.fit(names, [state.chosen]), states)
                 ratio, z = state.search.gain(fit, state.chosen)
                 if (ratio <= CONSENSUS or (z < RIVAL_Z and ratio <= WORTH)) and _all_earn(state, fit):
                     better = fit
                     break
         found.append(_with(state, better))
     return found
+
+
+def _as_sharers(state: JointState, fit: SetFit, states: list[JointState]) -> SetFit:
+    """The set with limits that this joint's fit trials do not reach where the joints that chose the set have them."""
+    sharers = [s.chosen.row for s in states if s.chosen.effects == fit.effects]
+    for name in fit.effects:
+        if EFFECTS[name].parameters[0].inverse:
+            value = float(np.median([row[slots(name)[0]] for row in sharers]))
+            fit = state.search.as_others(fit, name, value)
+    return fit
 
 
 def _with(state: JointState, fit: SetFit) -> JointState:
@@ -167,43 +178,49 @@ def _with(state: JointState, fit: SetFit) -> JointState:
 def drop_trifles(
     states: list[JointState], causes: Sequence[Cause], shrink: np.ndarray, low: np.ndarray
 ) -> list[JointState]:
-    """Take back names that shrink the machine's gap by next to nothing and without which no more would be left.
+    """Take back names that shrink the machine's gap by next to nothing and that no joint needs.
 
     Args:
         causes: of the states. shrink, low: (C,) their shares and the lower ends of the intervals.
     """
     found = {state.joint: state for state in states}
     for cause, share, least in zip(causes, shrink, low, strict=True):
-        needed = _needed(cause, [found[joint] for joint in cause.joints]) or _last_share(cause, found) >= LAST
-        if needed or (least > 0.0 and share >= TRIFLE):
+        members = [found[joint] for joint in cause.joints]
+        if least > 0.0 and share >= TRIFLE:
             continue
-        for joint in cause.joints:
-            state = found[joint]
-            reason = f"shrinks the gap by {share:.1%} only"
-            dropped = {**state.dropped, cause.effect: reason}
-            fit = state.search.without(state.chosen, cause.effect)
-            found[joint] = JointState(state.search, state.base, fit, state.search.with_support(fit), dropped)
+        if not _needed(cause, members):
+            _take_back(cause, found, f"shrinks the gap by {share:.1%} only")
     return list(found.values())
 
 
-def _last_share(cause: Cause, states: dict[str, JointState]) -> float:
-    """What the cause, added last, takes off the machine's RMSE, as a share."""
-    left = sum(state.chosen.error for state in states.values())
-    fall = sum((_ratio(cause, states[joint]) - 1.0) * states[joint].chosen.error for joint in cause.joints)
-    return 1.0 - float(np.sqrt(left / max(left + fall, 1e-300)))
+def drop_slight(states: list[JointState], causes: Sequence[Cause]) -> list[JointState]:
+    """Take back the names of effects so small that every machine has them."""
+    found = {state.joint: state for state in states}
+    for cause in causes:
+        if all(_slight(cause.effect, found[joint]) for joint in cause.joints):
+            _take_back(cause, found, "too small to be a fault")
+    return list(found.values())
 
 
-def _ratio(cause: Cause, state: JointState) -> float:
-    return next(s.ratio for s in state.support if s.effect == cause.effect)
+def _take_back(cause: Cause, states: dict[str, JointState], reason: str) -> None:
+    """Drop a cause from the states of its joints, in place."""
+    for joint in cause.joints:
+        state = states[joint]
+        fit = state.search.without(state.chosen, cause.effect)
+        dropped = {**state.dropped, cause.effect: reason}
+        states[joint] = JointState(state.search, state.base, fit, state.search.with_support(fit), dropped)
 
 
 def _needed(cause: Cause, states: list[JointState]) -> bool:
     """Whether a joint would be clearly worse without the effect."""
-    for state in states:
-        ratio = _ratio(cause, state)
-        if ratio >= NEEDED or (ratio - 1.0) * state.chosen.error >= LOUD * state.data.noise**2:
-            return True
-    return False
+    supports = [s for state in states for s in state.support if s.effect == cause.effect]
+    return any(s.ratio >= NEEDED and s.z >= NEEDED_Z for s in supports)
+
+
+def _slight(effect: str, state: JointState) -> bool:
+    """Whether the effect is smaller than what its file calls worth a name."""
+    largest = float(np.abs(state.data.fit.signals.effort).max())
+    return bool(abs(state.chosen.row[slots(effect)[0]]) * largest < EFFECTS[effect].parameters[0].least)
 
 
 def _all_earn(state: JointState, fit: SetFit) -> bool:
@@ -238,7 +255,7 @@ def _shared(effect: str, members: list[JointState]) -> list[JointState] | None:
     showing = [m for m in lacking if gains[m.joint][0] >= POOLED_RATIO and gains[m.joint][1] >= POOLED_Z]
     already = [m for m in members if m not in lacking]
     if len(already) >= MOST_OF * len(members):
-        return _joined(effect, members, already, fits, gains)
+        return _joined(effect, members, already, fits)
     if len(members) - len(lacking) + len(showing) < POOLED_SHARE * len(members) or not showing:
         return None
     z = sum(gains[m.joint][1] for m in showing) / np.sqrt(len(showing))
@@ -259,7 +276,6 @@ def _joined(
     members: list[JointState],
     already: list[JointState],
     fits: dict[str, SetFit],
-    gains: dict[str, tuple[float, float]],
 ) -> list[JointState]:
     """The group with an effect that most of it has added in those that show it faintly, at a like size.
 
@@ -270,9 +286,12 @@ def _joined(
     if not known:
         return members
     middle, changed = float(np.median(known)), []
+    column = slots(effect)[0]
+    inner = float(np.median([m.chosen.row[column] for m in already]))
     for m in members:
         if m.joint in fits and not EFFECTS[effect].machine:
-            ratio, z = gains[m.joint]
+            fits[m.joint] = m.search.as_others(m.chosen, effect, inner)
+            ratio, z = m.search.gain(m.chosen, fits[m.joint])
             value = estimates(m.data, fits[m.joint], effect).get(first)
             like = value is not None and abs(value.value - middle) <= LIKE * abs(middle)
             shows = ratio >= KIND_RATIO and z >= KIND_Z and like
@@ -296,8 +315,9 @@ def close_gap(states: list[JointState], floor: np.ndarray) -> list[JointState]:
     """
     found = []
     for state, noise in zip(states, floor, strict=True):
-        share = closure(state, noise)
-        if state.chosen.effects and share < LEAST_CLOSURE and state.chosen.error > REST * noise:
+        share, left = closure(state, noise), state.chosen.error / noise
+        enough = share >= LEAST_CLOSURE or left <= REST or (share >= HALF and left <= NEAR_REST)
+        if state.chosen.effects and not enough:
             reason = f"closes only {max(share, 0.0):.0%} of the squared error above the noise in {state.joint}"
             state = JointState(state.search, state.base, state.base, (), dict.fromkeys(state.chosen.effects, reason))
         found.append(state)

@@ -46,6 +46,8 @@ def estimates(data: JointData, fit: SetFit, effect: str) -> dict[str, Estimate]:
     factor = float(student.ppf(0.975, max(blocks - len(fit.free), 1)))
     found = {}
     for column, parameter in zip(slots(effect), EFFECTS[effect].parameters, strict=True):
+        if column not in fit.free:
+            continue
         at = int(np.flatnonzero(fit.free == column)[0])
         value, deviation = float(fit.row[column]), float(np.sqrt(max(covariance[at, at], 0.0)))
         low, high = value - factor * deviation, value + factor * deviation
@@ -60,25 +62,31 @@ def estimates(data: JointData, fit: SetFit, effect: str) -> dict[str, Estimate]:
 
 
 def _covariance(data: JointData, fit: SetFit) -> tuple[np.ndarray, int]:
-    """(n, n) covariance of the free columns, and the number of blocks."""
+    """(n, n) covariance of the free columns, and the number of blocks; infinite where the free run would run away."""
     signals = data.fit.signals
     residual = residual_windows(fit.row, signals)
     guess = np.sqrt(np.maximum(np.diag(np.linalg.pinv(fit.hessian)), 0.0) * max(fit.loss, 1e-300))
-    slopes = []
-    for column, size in zip(fit.free, guess, strict=True):
-        moved = fit.row.copy()
-        h = max(STEP * abs(fit.row[column]), 0.1 * size, 1e-12)
-        moved[column] += h
-        slopes.append((residual_windows(moved, signals) - residual) / h)
-    jacobian = np.nan_to_num(np.array(slopes))  # (n, steps, W)
-    scores = np.einsum("nkw,kw->wn", jacobian, residual)
+    jacobian = np.empty((len(fit.free), *residual.shape))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for slope, column, size in zip(jacobian, fit.free, guess, strict=True):
+            moved = fit.row.copy()
+            h = max(STEP * abs(fit.row[column]), 0.1 * size, 1e-12)
+            moved[column] += h
+            slope[:] = (residual_windows(moved, signals) - residual) / h
+        information = np.einsum("nkw,mkw->nm", jacobian, jacobian)
     per_block = max(1, round(BLOCK_S / (signals.steps * data.row_dt)))
-    edges = np.arange(0, len(scores), per_block)
+    edges = np.arange(0, residual.shape[1], per_block)
+    blocks = len(edges)
+    if not np.isfinite(information).all():
+        return np.full_like(information, np.inf), blocks
+    scores = np.einsum("nkw,kw->wn", jacobian, residual)
     sums = np.add.reduceat(scores, edges, axis=0)
     sums -= sums.mean(axis=0)
-    bread = np.linalg.pinv(np.einsum("nkw,mkw->nm", jacobian, jacobian))
-    blocks = len(edges)
-    return bread @ (sums.T @ sums) @ bread * blocks / max(blocks - 1, 1), blocks
+    bread = np.linalg.pinv(information)
+    covariance = bread @ (sums.T @ sums) @ bread * blocks / max(blocks - 1, 1)
+    silent = np.flatnonzero(np.diag(information) <= 0.0)  # the logs of this joint say nothing about these
+    covariance[silent, silent] = fit.row[fit.free[silent]] ** 2
+    return covariance, blocks
 
 
 def pooled(parts: list[Estimate]) -> Estimate:

@@ -13,6 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
+from hqpipe.effects import EFFECTS
 from hqpipe.gap.bootstrap import BLOCK_S
 from hqpipe.gap.set_fit import JointFitter, Names, SetFit, in_order
 
@@ -24,6 +25,8 @@ WORTH = 1.10  # squared error without an effect over that with it: less is not w
 RIVAL = 0.03  # of an effect's improvement: another that comes as close cannot be told from it
 RIVAL_Z, DOUBTFUL = 2.0, 0.25  # standard errors by which a rival must be worse, unless it is so by this share
 SHAPE_WORTH = 1.005  # for every parameter beyond the first: of two effects that do alike the simpler one is named
+NEAR, MOST_NEAR = 1.3, 4  # loss over the best one's, and number of sets that are compared once settled; assumptions
+UNTOUCHED = 1e-3  # of the loss: a smaller change says that the fit trials do not care
 SEARCH_WORTH = 1.05  # the same while growing: a weak effect may open the way for a strong one
 
 
@@ -79,6 +82,7 @@ class JointSearch:
         data = fitter.data
         self._block = max(1, round(BLOCK_S / (data.fit.signals.steps * data.row_dt)))
         self._tried: dict[Names, SetFit] = {}
+        self._fine: set[Names] = set()
 
     def fit(self, names: Sequence[str], warm: Sequence[SetFit] = (), iterations: int = GROW_ITERATIONS) -> SetFit:
         """A set's fit, remembered."""
@@ -97,24 +101,42 @@ class JointSearch:
             first, second = singles[a], singles[b]
             self.fit((a, b), [first if first.loss <= second.loss else second], PAIR_ITERATIONS)
         best = self._grow()
-        best = self._completed(self.eliminate(self._settled(best)))
+        best = self._completed(self._settled(self._exchanged(best)))
+        best = self._completed(self.eliminate(best))
         return JointResult(self.fitter.data.joint, base, best, self.with_support(best), singles, len(self._tried))
 
     def _settled(self, fit: SetFit) -> SetFit:
         """The set and those with one effect less, fitted until they settle: they decide what is accepted."""
         for name in fit.effects:
             less = self.without(fit, name)
-            if not less.effects:
-                continue
-            self._tried[less.effects] = self.fitter.refine(less)
-        if fit.effects:
+            if less.effects:
+                self._fine.add(less.effects)
+                self._tried[less.effects] = self.fitter.refine(less, fit)
+        return self._refined(fit)
+
+    def _refined(self, fit: SetFit) -> SetFit:
+        """The set, fitted until it settles."""
+        if fit.effects and fit.effects not in self._fine:
+            self._fine.add(fit.effects)
             self._tried[fit.effects] = self.fitter.refine(fit)
         return self._tried[fit.effects]
+
+    def _exchanged(self, fit: SetFit) -> SetFit:
+        """The best of the sets with one effect exchanged, after those that come near have settled: haste may mislead."""
+        fit = self._refined(fit)
+        while len(fit.effects) > 1:
+            near = [g for g in self._tried.values() if len(g.effects) == len(set(g.effects) | set(fit.effects)) - 1]
+            near = [g for g in near if len(g.effects) == len(fit.effects) and g.loss < NEAR * fit.loss]
+            best = min([fit, *(self._refined(g) for g in sorted(near, key=self._score)[:MOST_NEAR])], key=self._score)
+            if best is fit:
+                break
+            fit = best
+        return fit
 
     def _completed(self, fit: SetFit) -> SetFit:
         """The set with what the fit trials show a little and the held-out ones much, as a limit that is rarely reached."""
         while len(fit.effects) < MOST_EFFECTS:
-            more = [(name, self.fit((*fit.effects, name), [fit])) for name in self.library if name not in fit.effects]
+            more = [(name, self._added(fit, name)) for name in self.library if name not in fit.effects]
             worthy = [g for name, g in more if g.loss < fit.loss and self.earns(g, Support(name, *self.gain(fit, g)))]
             if not worthy:
                 break
@@ -123,6 +145,15 @@ class JointSearch:
                 break
             fit = grown
         return fit
+
+    def _added(self, fit: SetFit, name: str) -> SetFit:
+        """The set with one effect more; one that can lie idle is woken from all its starts."""
+        grown = self.fit((*fit.effects, name), [fit])
+        if EFFECTS[name].parameters[0].inverse:
+            woken = self.fitter.fit_awake(grown, name)
+            if woken.loss < grown.loss:
+                self._tried[grown.effects] = grown = woken
+        return grown
 
     def _score(self, fit: SetFit) -> float:
         shape = len(fit.free) - len(self._tried[()].free) - len(fit.effects)
@@ -173,6 +204,19 @@ class JointSearch:
         if len(blocks) < 2:
             return 0.0
         return float(blocks.mean() / max(blocks.std(ddof=1) / np.sqrt(len(blocks)), 1e-300))
+
+    def as_others(self, fit: SetFit, effect: str, value: float) -> SetFit:
+        """The set with an effect whose first number begins where other joints have it: a limit that the fit trials never
+        reach cannot be fitted to them, and the held-out ones may reach it.
+
+        Args:
+            value: in the fit's own form (one over it for an inverse number).
+        """
+        own = self.fit((*fit.effects, effect), [fit])
+        there = self.fitter.fit_from(own, effect, value)
+        if there.loss <= own.loss * (1.0 + UNTOUCHED):
+            self._tried[there.effects] = there
+        return self._tried[own.effects]
 
     def without(self, fit: SetFit, effect: str) -> SetFit:
         """The set less one effect, fitted again."""

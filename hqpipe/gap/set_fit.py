@@ -9,6 +9,7 @@ from itertools import product
 import numpy as np
 
 from hqpipe.effects import EFFECTS
+from hqpipe.effects.effect import Parameter
 from hqpipe.effects.layout import neutral_row, slot, slots
 from hqpipe.gap.joint_data import JointData, Split
 from hqpipe.kernels.augmented_fit import CHANGES, fit_windows, residual_windows
@@ -61,9 +62,16 @@ def in_order(effects: Iterable[str]) -> Names:
     return tuple(name for name in EFFECTS if name in wanted)
 
 
+def _settled(names: Names) -> list[tuple[int, Parameter]]:
+    """Columns and parameters that others of the set speak for."""
+    pairs = [(c, p) for name in names for c, p in zip(slots(name), EFFECTS[name].parameters, strict=True)]
+    return [(c, p) for c, p in pairs if set(p.yields_to) & set(names)]
+
+
 def window_errors(row: np.ndarray, split: Split) -> np.ndarray:
-    """(W,) mean squared error of each window."""
-    return np.mean(residual_windows(row, split.signals) ** 2, axis=0)
+    """(W,) mean squared error of each window; infinite where the free run runs away."""
+    with np.errstate(over="ignore"):
+        return np.mean(residual_windows(row, split.signals) ** 2, axis=0)
 
 
 class JointFitter:
@@ -81,17 +89,39 @@ class JointFitter:
         """Fit a set, from the best of `warm` rows joined together and the effects' own start values."""
         names = in_order(effects)
         if names not in self._known:
-            rows = self._starts(names, warm)
-            if len(rows) > 1:
-                looks = [self._run(names, row, FIRST_LOOK) for row in rows]
-                rows = [min(looks, key=lambda found: found[1])[0]]
-            self._known[names] = self._result(names, *self._run(names, rows[0], iterations))
+            start = self._best_start(names, self._starts(names, warm))
+            self._known[names] = self._result(names, *self._run(names, start, iterations))
         return self._known[names]
 
-    def refine(self, fit: SetFit) -> SetFit:
-        """The same set, fitted until it settles; it takes the place of the hasty fit."""
-        self._known[fit.effects] = self._result(fit.effects, *self._run(fit.effects, fit.row, ITERATIONS))
+    def refine(self, fit: SetFit, larger: SetFit | None = None) -> SetFit:
+        """The same set, fitted until it settles, from where it is or from a larger set; it replaces the hasty fit."""
+        rows = [fit.row] if larger is None else [fit.row, self._joined(fit.effects, larger, [larger])]
+        start = self._best_start(fit.effects, rows)
+        self._known[fit.effects] = self._result(fit.effects, *self._run(fit.effects, start, ITERATIONS))
         return self._known[fit.effects]
+
+    def fit_from(self, fit: SetFit, effect: str, value: float) -> SetFit:
+        """The same set, fitted from where the first number of an effect is `value`; it is not remembered."""
+        row = fit.row.copy()
+        row[slots(effect)[0]] = value
+        return self._result(fit.effects, *self._run(fit.effects, row, ITERATIONS))
+
+    def fit_awake(self, fit: SetFit, effect: str) -> SetFit:
+        """The same set, fitted from the best of an effect's own starts; it is not remembered."""
+        parameter = EFFECTS[effect].parameters[0]
+        size = self.data.size[parameter.scale]
+        rows = []
+        for start in parameter.starts:
+            rows.append(fit.row.copy())
+            rows[-1][slots(effect)[0]] = start / size if parameter.inverse else start * size
+        return self._result(fit.effects, *self._run(fit.effects, self._best_start(fit.effects, rows), ITERATIONS))
+
+    def _best_start(self, names: Names, rows: Sequence[np.ndarray]) -> np.ndarray:
+        """Of several rows the one that does best after a first look."""
+        if len(rows) == 1:
+            return rows[0]
+        looks = [self._run(names, row, FIRST_LOOK) for row in rows]
+        return min(looks, key=lambda found: found[1])[0]
 
     def _result(self, names: Names, row: np.ndarray, loss: float, hessian: np.ndarray) -> SetFit:
         heldout, fitted = window_errors(row, self.data.heldout), window_errors(row, self.data.fit)
@@ -99,6 +129,9 @@ class JointFitter:
 
     def _run(self, names: Names, row: np.ndarray, iterations: int) -> tuple[np.ndarray, float, np.ndarray]:
         free, lower, upper, scale = self._columns(names)
+        row = row.copy()
+        for column, parameter in _settled(names):
+            row[column] = parameter.starts[0] * self.data.size[parameter.scale]
         output = self.data.fit.signals.target
         outlier = max(OUTLIER_SIGMAS * self.data.noise, OUTLIER_SHARE * float(np.sqrt(np.mean(output**2))))
         return fit_windows(
@@ -128,8 +161,11 @@ class JointFitter:
             lower.append(-self.data.row_dt)
             upper.append(self.data.row_dt)
             scale.append(self.data.row_dt)
+        settled = [column for column, _ in _settled(names)]
         for effect in names:
             for column, parameter in zip(slots(effect), EFFECTS[effect].parameters, strict=True):
+                if column in settled:
+                    continue
                 unit = 1.0 / size[parameter.scale] if parameter.inverse else size[parameter.scale]
                 free.append(column)
                 lower.append(parameter.lower * unit)
@@ -179,10 +215,17 @@ class JointFitter:
                 if donor is None:
                     donor = self.fit((name,))
                 row[slots(name)] = donor.row[slots(name)]
+                self._reset_shape(row, name)
         for name in fit.effects:
             if name not in names:
                 row[slots(name)] = neutral_row()[slots(name)]
         return row
+
+    def _reset_shape(self, row: np.ndarray, name: str) -> None:
+        """Numbers that only shape an effect start afresh: alone, it may have bent them to imitate what it lacked."""
+        for column, parameter in zip(slots(name), EFFECTS[name].parameters, strict=True):
+            if not parameter.counts and len(parameter.starts) == 1:
+                row[column] = parameter.starts[0] * self.data.size[parameter.scale]
 
     def _first_guess(self) -> np.ndarray:
         """Base gains from differences over a few samples, the better of several spans in the free run."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hqpipe.gap.causes import JointState, close_gap, pool_groups, search_joints, seek_consensus
+from hqpipe.gap.causes import JointState, assemble, close_gap, drop_slight, pool_groups, search_joints, seek_consensus
 from hqpipe.gap.joint_data import JointData, Split
 from hqpipe.gap.set_fit import JointFitter, SetFit, window_errors
 from hqpipe.kernels.augmented_signals import Signals
@@ -73,6 +73,7 @@ def search_spans(states: list[JointState], floor: np.ndarray, workers: int = 1) 
         return None
     found = search_joints([restrict(data[i], fit, heldout) for i in quiet], states[0].search.library, workers)
     found = close_gap(pool_groups(seek_consensus(found)), level[quiet])
+    found = drop_slight(found, assemble(found, level[quiet]))
     found = [state for state in found if state.chosen.effects]
     return Spans(found, outside, fit, heldout, _stretches(data[0].heldout, heldout, data[0])) if found else None
 

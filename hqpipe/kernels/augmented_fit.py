@@ -151,7 +151,8 @@ def fit_windows(
         tolerance: stop when the loss falls by less than this share.
 
     Returns:
-        The row, the Huber loss per sample, and the Gauss-Newton matrix JᵀJ (n, n) at the row.
+        The row, the Huber loss per sample, and the Gauss-Newton matrix JᵀJ (n, n) at the row; zero if the free run is
+        about to run away there.
     """
     work = make_work(s)
     out, trial = np.empty((s.steps, s.first.shape[0])), np.empty((s.steps, s.first.shape[0]))
@@ -200,6 +201,8 @@ def fit_windows(
         simulate(p, s, work, out, ALL)
         _jacobian(p, s, work, out, trial, free, scale, upper, changes, weight, jacobian)
         hessian = jacobian @ jacobian.T
+        if not np.isfinite(hessian).all():
+            hessian[:] = 0.0
     return p, cost / size, hessian
 
 

@@ -69,8 +69,11 @@ def _past(memory: np.ndarray, now: int, lag: float) -> float:
 def _wake(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: float, qd: float) -> None:
     """States at the first sample, as if the joint had been held there."""
     half = 0.5 * p[GAP] * p[K3] / p[DT]
-    inner = torque + friction(p, torque, qd, 0.0)
-    memory[WOUND] = wound_up(inner + half * np.sign(inner), inner, half, p[CLEAR]) if half > 0.0 else inner
+    lost = friction(p, torque, qd, 0.0)
+    inner = torque + lost
+    memory[WOUND] = inner
+    if half > 0.0:
+        memory[WOUND] = wound_up(torque + half * np.sign(torque), torque, half, p[CLEAR]) + lost
     error = q_des - q + p[BIAS]
     memory[INTEGRAL] = 0.0
     if p[KI] != 0.0:
@@ -96,15 +99,16 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     memory[SPOOL] = follow(memory[SPOOL], driven, lag_share(p[LAG], dt))
     memory[LOSS] = sag(memory[LOSS], demand, p[DROOP], lag_share(p[RECOVERY], dt))
     half = 0.5 * p[GAP] * p[K3] / dt
-    effort = transmitted(memory[WOUND], half)
+    lost = friction(p, transmitted(memory[WOUND], half), qd, memory[TURNED])
+    effort = transmitted(memory[WOUND] - lost, half) + lost
     change = p[K1] * u * orifice(u, effort, p[ORIFICE], memory[LOSS]) - p[K2] * effort - p[K3] * qd
     change += p[K4] * impact(effort, u)
     change *= softened(p[K3], p[COMPLIANCE], dt) * stiffness(p[SLOPE], q - p[MIDDLE])
     memory[WOUND] = clip(memory[WOUND] + change, p[LIMIT])
     memory[SAMPLES] = now + 1.0
-    inner = transmitted(memory[WOUND], half)
     memory[TURNED] = direction(memory[TURNED], qd * dt, p[PRESLIDING])
-    return clip(inner - friction(p, inner, qd, memory[TURNED]), p[LIMIT])
+    lost = friction(p, transmitted(memory[WOUND], half), qd, memory[TURNED])
+    return clip(transmitted(memory[WOUND] - lost, half), p[LIMIT])
 
 
 @njit(cache=True, nogil=True)

@@ -5,8 +5,8 @@ The chain, in this order (names as in hqpipe.effects):
     clock     channel_skew (all inputs), command_delay (command), position_bias → position error e
     command   integral_action → valve_lag → valve_deadband → flow_saturation → direction_asymmetry → gain_drift → u
     core      τ' = τ + S · (k1 φ u − k2 τ − k3 q̇ + k4 h(τ, u)),  φ = orifice_flow with supply_droop,
-              S = position_dependent_stiffness · transmission_compliance, torque passed on through backlash
-    output    friction in front of the load cell, torque_bias
+              S = position_dependent_stiffness · transmission_compliance
+    output    friction in front of the load cell, backlash, torque_bias: a seal rubs on the piston's side of the slack
 
 In position mode the command side hangs on logged signals only and is computed once for all windows; windows
 lie side by side in memory, so that the core runs over all of them at once. In torque mode e = τ_des − τ closes
@@ -273,22 +273,27 @@ def _restart(p: np.ndarray, s: Signals, work: Work) -> None:
 @njit(cache=True, nogil=True)
 def _take_up(p: np.ndarray, s: Signals, work: Work, half: float) -> None:
     """Where the chain stands in its slack at the start of each window, followed along with the logged torque."""
-    clear, mean = p[CLEAR], mean_share(p[LAG], p[DT])
+    clear, mean, rubbed = p[CLEAR], mean_share(p[LAG], p[DT]), rubs(p)
     for trial in range(s.bounds.shape[0] - 1):
         first, last = s.bounds[trial], s.bounds[trial + 1] - 1
-        wound = wound_up(0.0, s.effort[first], half, clear)
+        wound, lost, turned = wound_up(0.0, s.effort[first], half, clear), 0.0, 0.0
         for k in range(first, last):
             work.other[k] = wound
-            effort = transmitted(wound, half)
+            if rubbed:
+                lost = friction(p, transmitted(wound, half), s.velocity[k], turned)
+                turned = direction(turned, s.velocity[k] * p[DT], p[PRESLIDING])
+            effort = transmitted(wound - lost, half) + lost
             u = work.command[k]
             if s.mode == TORQUE:
                 driven = u - s.effort[k] + p[OFFSET] + work.summed[k]
                 u = shape_opening(p, follow(work.driven[k], driven, mean), s.time[k])
             change = p[K1] * u - p[K2] * effort - p[K3] * s.velocity[k] + p[K4] * impact(effort, u)
-            wound = wound_up(wound + change, s.effort[k + 1] - p[OFFSET], half, clear)
+            wound = wound_up(wound - lost + change, s.effort[k + 1] - p[OFFSET], half, clear) + lost
         work.other[last] = wound
     for w in range(s.first.shape[0]):
-        work.state[w] = wound_up(work.other[s.first[w]], work.state[w], half, clear)
+        effort = s.target[0, w] - p[OFFSET]
+        lost = work.state[w] - effort
+        work.state[w] = wound_up(work.other[s.first[w]] - lost, effort, half, clear) + lost
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "nsz", "arcp", "reassoc"})
@@ -307,7 +312,7 @@ def _plain(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
 
 @njit(cache=True, nogil=True, fastmath={"contract", "nsz", "arcp", "reassoc"})
 def _full(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
-    """Core with every effect; the friction of the output side follows in `_rub`."""
+    """Core with every effect, backlash without friction; the friction of the output side follows in `_rub`."""
     k1, k2, k3, k4, limit = p[K1], p[K2], p[K3], p[K4], p[LIMIT]
     inverse, slope, half = p[ORIFICE], p[SLOPE], 0.5 * p[GAP] * p[K3] / p[DT]
     soft, middle = softened(k3, p[COMPLIANCE], p[DT]), p[MIDDLE]
@@ -325,6 +330,23 @@ def _full(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
 
 
 @njit(cache=True, nogil=True)
+def _slack(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
+    """Core and output where friction acts on the piston's side of a slack chain."""
+    half, soft = 0.5 * p[GAP] * p[K3] / p[DT], softened(p[K3], p[COMPLIANCE], p[DT])
+    for w in range(work.state.shape[0]):
+        state = work.state[w]
+        lost = friction(p, transmitted(state, half), work.velocity[0, w], work.turned[0, w])
+        for k in range(s.steps):
+            u, velocity = work.opening[k, w], work.velocity[k, w]
+            effort = transmitted(state - lost, half) + lost
+            change = p[K1] * u * orifice(u, effort, p[ORIFICE], work.loss[k, w]) - p[K2] * effort - p[K3] * velocity
+            change += p[K4] * impact(effort, u)
+            state = clip(state + soft * stiffness(p[SLOPE], work.offset[k, w] - p[MIDDLE]) * change, p[LIMIT])
+            lost = friction(p, transmitted(state, half), work.velocity[k + 1, w], work.turned[k + 1, w])
+            out[k, w] = transmitted(state - lost, half) + p[OFFSET]
+
+
+@njit(cache=True, nogil=True)
 def _rub(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
     """Output side: friction and bias."""
     rubbed = rubs(p)
@@ -337,23 +359,28 @@ def _rub(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
 
 @njit(cache=True, nogil=True)
 def _torque_loop(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
-    """Core of torque mode: the force loop closes over the model's own torque."""
+    """Core and output of torque mode: the force loop closes over the model's own torque, as the load cell feels it."""
     k1, k2, k3, limit, dt = p[K1], p[K2], p[K3], p[LIMIT], p[DT]
     half, soft = 0.5 * p[GAP] * k3 / dt, softened(k3, p[COMPLIANCE], dt)
     share, mean = lag_share(p[LAG], dt), mean_share(p[LAG], dt)
     for w in range(work.state.shape[0]):
         state, spool, integral = work.state[w], work.spool[w], work.integral[w]
-        start = s.time[s.first[w]]
+        start, lost, rubbed = s.time[s.first[w]], 0.0, rubs(p)
+        if rubbed:
+            lost = friction(p, transmitted(state, half), work.velocity[0, w], work.turned[0, w])
         for k in range(s.steps):
-            effort = transmitted(state, half)
-            error = work.opening[k, w] - effort
+            felt = transmitted(state - lost, half)
+            effort = felt + lost
+            error = work.opening[k, w] - felt
             driven = error + integral
             integral = integrate(integral, error, p[KI], p[WINDUP], dt)
             u = shape_opening(p, follow(spool, driven, mean), start + k * dt)
             spool = follow(spool, driven, share)
             change = k1 * u * orifice(u, effort, p[ORIFICE], work.loss[k, w]) - k2 * effort - k3 * work.velocity[k, w]
             state = clip(state + soft * stiffness(p[SLOPE], work.offset[k, w] - p[MIDDLE]) * change, limit)
-            out[k, w] = transmitted(state, half)
+            if rubbed:
+                lost = friction(p, transmitted(state, half), work.velocity[k + 1, w], work.turned[k + 1, w])
+            out[k, w] = transmitted(state - lost, half) + p[OFFSET]
 
 
 @njit(cache=True, nogil=True)
@@ -387,9 +414,9 @@ def simulate(p: np.ndarray, s: Signals, work: Work, out: np.ndarray, inputs: int
     _restart(p, s, work)
     if s.mode == TORQUE:
         _torque_loop(p, s, work, out)
-        _rub(p, s, work, out)
-        return
-    if rubs(p) or shapes(p):
+    elif rubs(p) and p[GAP] != 0.0:
+        _slack(p, s, work, out)
+    elif rubs(p) or shapes(p):
         _full(p, s, work, out)
         _rub(p, s, work, out)
     else:

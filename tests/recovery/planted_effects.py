@@ -75,6 +75,11 @@ def ago(history: list[np.ndarray], samples: np.ndarray) -> np.ndarray:
     return found
 
 
+def beyond(x: np.ndarray, gap: np.ndarray) -> np.ndarray:
+    """How far x reaches past ± gap."""
+    return np.sign(x) * np.maximum(np.abs(x) - gap, 0.0)
+
+
 def overlap(x: np.ndarray, half: np.ndarray, rounding: np.ndarray) -> np.ndarray:
     """Dead zone; inside half ± rounding a parabola joins the two straight lines."""
     excess = np.abs(x) - half
@@ -153,14 +158,16 @@ def simulate(
     torques: list[np.ndarray] = []
     log = np.empty((3, samples, joints))
     for k in range(samples):
-        inner = np.sign(wound) * np.maximum(np.abs(wound) - slack, 0.0)
+        inner = beyond(wound, slack)
         lost = (
             dry * bristle
             + uneven * np.abs(bristle)
             + static * bristle * np.exp(-((np.abs(qd) / slow) ** exponent))
             + oil * qd
         )
-        passed = inner - lost - load * np.abs(inner) * bristle
+        lost = lost + load * np.abs(inner) * bristle
+        passed = beyond(wound - lost, slack)  # the seals rub on the piston's side of the slack
+        inner = passed + lost
         commands.append(target[k])
         torques.append(passed + offset)
         log[:, k] = q, qd, ago(torques, late)

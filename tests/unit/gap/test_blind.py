@@ -357,3 +357,17 @@ def test_faint_cases_count_for_the_limit_of_detection_alone():
     missed = {row["case"]: row for row in both["misses"]}
     assert set(missed) == {"case_002", "case_004"}
     assert missed["case_002"]["truth"] == "command_delay (0.50 × small) in all joints"
+
+
+def test_oracle_of_mixtures_tells_what_these_logs_hide():
+    planted = [effect("backlash"), effect("valve_lag")]
+    half = diagnosis(cause("backlash"))
+    whole = diagnosis(cause("backlash"), cause("valve_lag"))
+    cases = [judged("mixture", planted, half, case=f"case_{i:03d}") for i in range(2)]
+    oracle = [judged("mixture", planted, content, case=f"case_{i:03d}") for i, content in enumerate((half, whole))]
+    found = score(cases, oracle)
+    more = {row["measure"]: (row["right"], row["of"]) for row in found["more"]}
+    assert more["exact set, mixtures of 2–4, by an oracle that knows which effects it may be"] == (1, 2)
+    hidden = {row["case"]: "the oracle misses the set too" in row["missed"] for row in found["misses"]}
+    assert hidden == {"case_000": True, "case_001": False}
+    assert not any("oracle" in row["measure"] for row in score(cases)["more"])

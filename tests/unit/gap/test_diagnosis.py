@@ -125,6 +125,15 @@ def test_lost_sign_is_a_cause_and_the_rest_is_judged_after_it(sound):
     assert content["verdict"] == "explained"
 
 
+def test_what_is_left_is_a_share_of_the_gap_that_the_sign_made_too():
+    logs = logs_of([size("gain_drift"), {}], seconds=6.0)  # which the library here lacks
+    content = verdict(broken(logs, values("effort", np.abs, 0)))
+    gap = content["gap"]
+    before, after = (gap[name] ** 2 - gap["noise_floor"] ** 2 for name in ("before", "after"))
+    assert named(content) == {("unsigned_sensor", logs.joints[:1])}
+    assert content["unexplained"]["share_of_gap"] == pytest.approx(after / before, rel=0.1)
+
+
 def test_half_a_second_is_not_identifiable(sound):
     content = verdict(broken(sound, lambda t: t.section(0, 500)))
     assert content["verdict"] == "not_identifiable" and content["gap"] is None and content["causes"] == []

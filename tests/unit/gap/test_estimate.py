@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from planted_logs import STEPS, logs_of, planted, size
+from planted_logs import STEPS, data_of, logs_of, planted, size
 
 from hqpipe.effects.layout import slot
 from hqpipe.gap.estimate import MODEL_ROWS, MODEL_SHARE, Z95, Estimate, _covariance, agree, estimates, pooled, stated
@@ -117,3 +119,12 @@ def test_agreement_is_within_a_quarter_or_within_the_intervals():
     assert not agree(parts(1.0, 1.0, 1.5, deviation=1e-3))
     assert agree(parts(1.0, 1.0, 1.5, deviation=0.5))
     assert not agree(parts(1.0, -1.0, 1.0, deviation=0.1)), "either sign is not one value"
+
+
+def test_fit_that_would_run_away_has_no_interval():
+    data = data_of(logs_of([size("command_delay")], seconds=6.0))
+    fit = JointFitter(data).fit(("command_delay",))
+    assert "delay_s" in estimates(data, fit, "command_delay")
+    row = fit.row.copy()
+    row[slot("base", "k2")] = -1e4  # a torque that grows ten thousandfold each sample
+    assert estimates(data, replace(fit, row=row), "command_delay") == {}

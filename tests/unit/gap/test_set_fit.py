@@ -77,3 +77,14 @@ def test_warm_start_drops_what_is_not_in_the_set_and_adds_what_is(logs):
     more = fitter.fit(("command_delay", "valve_deadband", "valve_lag"), [pair])
     assert more.loss <= pair.loss * 1.0001
     assert fewer.loss > 2.0 * pair.loss
+
+
+def test_uneven_friction_gives_way_to_an_offset():
+    sizes = size("coulomb_friction", "torque_bias")
+    sizes["coulomb_friction"]["asymmetry_nm"] = 0.0
+    fitter = JointFitter(data_of(logs_of([sizes], seconds=6.0)))
+    column = slot("coulomb_friction", "asymmetry_nm")
+    alone, both = fitter.fit(("coulomb_friction",)), fitter.fit(("coulomb_friction", "torque_bias"))
+    assert column in alone.free and abs(alone.row[column]) > 5.0
+    assert column not in both.free and both.row[column] == 0.0
+    assert both.row[slot("torque_bias", "nm")] == pytest.approx(30.0, rel=0.05)

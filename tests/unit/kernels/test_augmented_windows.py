@@ -17,6 +17,7 @@ from hqpipe.kernels.augmented_fit import residual_windows
 from hqpipe.kernels.augmented_signals import make_work
 from hqpipe.kernels.augmented_windows import simulate
 from hqpipe.kernels.free_run import free_run
+from hqpipe.logs.trajectory import Trajectory
 
 # What a window finds by bisection (integrator), solves by two rounds (friction under load) or reads between
 # samples (skew) stays small against the torque of 300 N·m.
@@ -101,13 +102,25 @@ def test_order_of_the_command_side(first, second):
     assert left[pair[::-1]] > 1.0
 
 
-def test_friction_lies_behind_backlash_and_bias_behind_friction():
-    sizes = {name: planted.TYPICAL[name] for name in ("backlash", "load_dependent_friction", "torque_bias")}
+@pytest.mark.parametrize("rubbing", ["coulomb_friction", "viscous_friction", "load_dependent_friction"])
+def test_friction_lies_in_front_of_backlash_and_bias_behind_it(rubbing):
+    sizes = {name: planted.TYPICAL[name] for name in ("backlash", rubbing, "torque_bias")}
     signals = cut([planted.trajectory(planted.simulate(3.0, [sizes], 0.0, 8))], 0, "position", STEPS).signals
     assert rms(residual_windows(row(sizes), signals)) < 1.0
-    # Friction under load grows with the torque that was passed on, not with the one that was logged with an offset.
     moved = {**sizes, "torque_bias": {"nm": 0.0}}
     assert rms(residual_windows(row(moved), signals)) > 10.0
+
+
+def test_slack_chain_passes_no_friction():
+    time = 1e-3 * np.arange(1000)
+    travel, nothing = 1e-3 * time[:, None], np.zeros((1000, 1))
+    speed = np.full_like(travel, 1e-3)
+    signals = cut(
+        [Trajectory(time, ("j",), travel, speed, effort=nothing, position_command=travel)], 0, "position", STEPS
+    )
+    rubbing = {"viscous_friction": {"nm_s_per_rad": 2000.0}}
+    assert np.abs(predicted(row(rubbing), signals.signals)).min() > 0.0
+    assert np.abs(predicted(row({**rubbing, "backlash": {"gap": 0.1}}), signals.signals)).max() == 0.0
 
 
 def test_windows_do_not_depend_on_each_other():
