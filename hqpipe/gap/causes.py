@@ -28,7 +28,9 @@ from hqpipe.gap.set_fit import JointFitter, SetFit
 SIGNIFICANCE = 0.05  # that any effect at all is named on logs without one
 LEAST_CLOSURE = 0.8  # of the squared error above the noise floor; assumption, between right and wrong names
 REST = 1.12  # squared error over the noise floor that is no gap worth a name, whatever share of it is left; assumption
-HALF, NEAR_REST = 0.5, 1.4  # closure that is enough where no more than this is left over the floor; assumptions
+HALF, NEAR_REST, FAR_REST = 0.5, 1.4, 2.0
+"""Closure that is enough where no more than `NEAR_REST` times the floor is left; from `FAR_REST` on `LEAST_CLOSURE` is asked,
+and between them in proportion. Assumptions: what a library lacks leaves more than sticking and slipping do."""
 POOLED_SHARE = 0.75  # of a group's joints that must show an effect
 POOLED_RATIO, POOLED_Z = 1.01, 1.0  # what counts as showing it, in a group
 WORTH_POOLED = 1.07  # mean of that ratio where no joint of the group has shown it by itself
@@ -316,8 +318,8 @@ def close_gap(states: list[JointState], floor: np.ndarray) -> list[JointState]:
     found = []
     for state, noise in zip(states, floor, strict=True):
         share, left = closure(state, noise), state.chosen.error / noise
-        enough = share >= LEAST_CLOSURE or left <= REST or (share >= HALF and left <= NEAR_REST)
-        if state.chosen.effects and not enough:
+        asked = float(np.interp(left, (NEAR_REST, FAR_REST), (HALF, LEAST_CLOSURE)))
+        if state.chosen.effects and share < asked and left > REST:
             reason = f"closes only {max(share, 0.0):.0%} of the squared error above the noise in {state.joint}"
             state = JointState(state.search, state.base, state.base, (), dict.fromkeys(state.chosen.effects, reason))
         found.append(state)

@@ -209,3 +209,15 @@ def test_limit_that_the_fit_trials_do_not_reach_is_where_the_others_have_it():
     assert last.chosen.effects == ("flow_saturation",)
     assert estimates(last.data, last.chosen, "flow_saturation")["limit"].value == pytest.approx(0.06, rel=0.05)
     assert last.chosen.error < 0.5 * last.base.error
+
+
+@pytest.mark.parametrize(
+    "left,closed,kept", [(1.1, 0.1, True), (1.3, 0.55, True), (1.3, 0.4, False), (1.7, 0.6, False)]
+)
+def test_less_must_be_closed_where_less_is_left(machine, left, closed, kept):
+    state = machine[0]
+    error = left * FLOOR
+    base = FLOOR + (error - FLOOR) / (1.0 - closed)
+    chosen = replace(state.chosen, heldout=np.full(4, error))
+    state = replace(state, base=replace(state.base, heldout=np.full(4, base)), chosen=chosen)
+    assert bool(close_gap([state], np.array([FLOOR]))[0].chosen.effects) == kept
