@@ -98,7 +98,8 @@ def pooled(parts: list[Estimate]) -> Estimate:
     value = float(weight @ values / weight.sum())
     spread = float(weight @ (values - value) ** 2 / max(len(parts) - 1, 1))
     deviation = float(np.sqrt(max(spread, 1.0) / weight.sum()))
-    half = float(np.mean([(p.high - p.low) / max(2.0 * p.deviation, 1e-300) for p in parts])) * deviation
+    factors = np.array([(p.high - p.low) / max(2.0 * p.deviation, 1e-300) for p in parts])
+    half = float(weight @ factors / weight.sum()) * deviation  # joints that know nothing do not widen it
     return Estimate(value, value - half, value + half, deviation)
 
 
