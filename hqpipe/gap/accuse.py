@@ -7,19 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hqpipe.gap.causes import (
-    Cause,
-    JointState,
-    Progress,
-    assemble,
-    close_gap,
-    drop_slight,
-    drop_trifles,
-    library,
-    pool_groups,
-    search_joints,
-    seek_consensus,
-)
+from hqpipe.gap.causes import Cause, assemble
 from hqpipe.gap.joint_data import (
     BY_SPEED,
     LOGGED,
@@ -31,13 +19,16 @@ from hqpipe.gap.joint_data import (
     output_of,
     row_lag,
 )
+from hqpipe.gap.joint_state import JointState, Progress, library, search_joints
 from hqpipe.gap.noise import free_run_floor
 from hqpipe.gap.replay import Replay
 from hqpipe.gap.row_model import RowModel, SpanRow, kept, replay_all
 from hqpipe.gap.set_fit import ROW_OFFSET, JointFitter
 from hqpipe.gap.shapley import Shrink, shapley
+from hqpipe.gap.sharing import pool_groups, seek_consensus
 from hqpipe.gap.signs import SignedLogs
 from hqpipe.gap.spans import Spans, search_spans
+from hqpipe.gap.worth import close_gap, drop_slight, drop_trifles
 from hqpipe.logs.trajectory import LogSet, recording_of
 from hqpipe.sysid.noise import difference_noise
 

@@ -9,8 +9,9 @@ import numpy as np
 from hqpipe.effects import EFFECTS
 from hqpipe.gap.accuse import WINDOWS_PER_BLOCK, Accusation
 from hqpipe.gap.bootstrap import block_weights, interval
-from hqpipe.gap.causes import Cause, JointState
+from hqpipe.gap.causes import Cause
 from hqpipe.gap.groups import scope_of
+from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.locate import Place, telling
 from hqpipe.gap.reference import Explained
 from hqpipe.gap.replay import persistence_error

@@ -10,9 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hqpipe.gap.causes import JointState, assemble, close_gap, drop_slight, pool_groups, search_joints, seek_consensus
+from hqpipe.gap.causes import assemble
 from hqpipe.gap.joint_data import JointData, Split
+from hqpipe.gap.joint_state import JointState, search_joints
 from hqpipe.gap.set_fit import JointFitter, SetFit, window_errors
+from hqpipe.gap.sharing import pool_groups, seek_consensus
+from hqpipe.gap.worth import close_gap, drop_slight
 from hqpipe.kernels.augmented_signals import Signals
 
 LEAST_INSIDE, LEAST_OUTSIDE = 5, 0.3  # windows, share of a trial's windows; assumption

@@ -9,23 +9,14 @@ import pytest
 from planted_logs import data_of, logs_of, size
 
 from hqpipe.effects import EFFECTS
-from hqpipe.gap.causes import (
-    LEAST_CLOSURE,
-    JointState,
-    assemble,
-    close_gap,
-    closure,
-    drop_slight,
-    drop_trifles,
-    library,
-    pool_groups,
-    search_joints,
-    seek_consensus,
-)
+from hqpipe.gap.causes import assemble
 from hqpipe.gap.estimate import estimates
+from hqpipe.gap.joint_state import JointState, library, search_joints
 from hqpipe.gap.search import JointSearch
 from hqpipe.gap.set_fit import JointFitter
+from hqpipe.gap.sharing import pool_groups, seek_consensus
 from hqpipe.gap.spans import restrict
+from hqpipe.gap.worth import LEAST_CLOSURE, close_gap, drop_slight, drop_trifles
 
 LIBRARY = ("command_delay", "valve_lag", "valve_deadband", "coulomb_friction", "direction_asymmetry")
 FLOOR = 10.0  # (N·m)²: of 3 N·m of noise in the reading and in the restart
@@ -105,7 +96,7 @@ def test_a_wrong_name_that_closes_little_is_dropped():
     names = ("valve_lag", "torque_bias", "gain_drift")
     states = searched([size("flow_saturation"), size("valve_lag")], names)
     floor = np.full(2, FLOOR)
-    shares = [closure(s, f) for s, f in zip(states, floor, strict=True)]
+    shares = [s.closure(f) for s, f in zip(states, floor, strict=True)]
     assert shares[0] < LEAST_CLOSURE < shares[1]
     kept = close_gap(states, floor)
     assert kept[0].chosen.effects == () and kept[0].chosen is kept[0].base
@@ -131,8 +122,8 @@ def test_effect_too_weak_in_single_joints_is_found_in_their_sum():
 
 
 def test_closure_of_a_joint_without_a_gap_is_nothing(machine):
-    assert closure(machine[0], machine[0].base.error + 1.0) == 0.0
-    assert 0.9 < closure(machine[0], FLOOR) < 1.1
+    assert machine[0].closure(machine[0].base.error + 1.0) == 0.0
+    assert 0.9 < machine[0].closure(FLOOR) < 1.1
 
 
 def test_joints_that_show_faintly_what_most_of_the_machine_has_are_asked_kindly():

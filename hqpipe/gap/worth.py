@@ -1,0 +1,89 @@
+"""Which names are worth keeping: those that close a joint's gap, are a fault at all, and matter to it or to the machine.
+
+A joint whose best set leaves most of what could be explained is not given a name at all: an effect that is not in
+the library makes several of those that are look useful.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hqpipe.effects import EFFECTS
+from hqpipe.effects.layout import slots
+from hqpipe.gap.causes import Cause
+from hqpipe.gap.joint_state import JointState
+
+LEAST_CLOSURE = 0.8  # of the squared error above the noise floor; assumption, between right and wrong names
+REST = 1.12  # squared error over the noise floor that is no gap worth a name, whatever share of it is left; assumption
+HALF, NEAR_REST, FAR_REST = 0.5, 1.4, 2.0
+"""Closure that is enough where no more than `NEAR_REST` times the floor is left; from `FAR_REST` on `LEAST_CLOSURE` is asked,
+and between them in proportion. Assumptions: what a library lacks leaves more than sticking and slipping do."""
+TRIFLE, NEEDED, NEEDED_Z = 0.025, 1.1, 2.5
+"""Share of the gap; squared error of a joint without the effect over that with it, and how sure that must be. Assumptions."""
+
+
+def close_gap(states: list[JointState], floor: np.ndarray) -> list[JointState]:
+    """Give up the names in joints where they close too little of what is above the noise floor.
+
+    Args:
+        states: one per joint. floor: (J,) mean squared error that noise alone leaves.
+    """
+    found = []
+    for state, noise in zip(states, floor, strict=True):
+        share, left = state.closure(noise), state.chosen.error / noise
+        asked = float(np.interp(left, (NEAR_REST, FAR_REST), (HALF, LEAST_CLOSURE)))
+        if state.chosen.effects and share < asked and left > REST:
+            reason = f"closes only {max(share, 0.0):.0%} of the squared error above the noise in {state.joint}"
+            state = JointState(state.search, state.base, state.base, (), dict.fromkeys(state.chosen.effects, reason))
+        found.append(state)
+    return found
+
+
+def drop_slight(states: list[JointState], causes: Sequence[Cause]) -> list[JointState]:
+    """Take back the names of effects so small that every machine has them."""
+    found = {state.joint: state for state in states}
+    for cause in causes:
+        if all(_slight(cause.effect, found[joint]) for joint in cause.joints):
+            _take_back(cause, found, "too small to be a fault")
+    return list(found.values())
+
+
+def drop_trifles(
+    states: list[JointState], causes: Sequence[Cause], shrink: np.ndarray, low: np.ndarray
+) -> list[JointState]:
+    """Take back names that shrink the machine's gap by next to nothing and that no joint needs.
+
+    Args:
+        causes: of the states. shrink, low: (C,) their shares and the lower ends of the intervals.
+    """
+    found = {state.joint: state for state in states}
+    for cause, share, least in zip(causes, shrink, low, strict=True):
+        members = [found[joint] for joint in cause.joints]
+        if least > 0.0 and share >= TRIFLE:
+            continue
+        if not _needed(cause, members):
+            _take_back(cause, found, f"shrinks the gap by {share:.1%} only")
+    return list(found.values())
+
+
+def _take_back(cause: Cause, states: dict[str, JointState], reason: str) -> None:
+    """Drop a cause from the states of its joints, in place."""
+    for joint in cause.joints:
+        state = states[joint]
+        fit = state.search.without(state.chosen, cause.effect)
+        dropped = {**state.dropped, cause.effect: reason}
+        states[joint] = JointState(state.search, state.base, fit, state.search.with_support(fit), dropped)
+
+
+def _needed(cause: Cause, states: list[JointState]) -> bool:
+    """Whether a joint would be clearly worse without the effect."""
+    supports = [s for state in states for s in state.support if s.effect == cause.effect]
+    return any(s.ratio >= NEEDED and s.z >= NEEDED_Z for s in supports)
+
+
+def _slight(effect: str, state: JointState) -> bool:
+    """Whether the effect is smaller than what its file calls worth a name."""
+    largest = float(np.abs(state.data.fit.signals.effort).max())
+    return bool(abs(state.chosen.row[slots(effect)[0]]) * largest < EFFECTS[effect].parameters[0].least)
