@@ -11,7 +11,7 @@ SECONDS = 6.0
 
 
 def size(*names):
-    return {name: TYPICAL[name] for name in names}
+    return {name: dict(TYPICAL[name]) for name in names}
 
 
 def named(content):

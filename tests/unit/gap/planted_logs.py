@@ -20,7 +20,7 @@ logs_of = planted.logs_of
 
 def size(*names: str) -> dict[str, dict[str, float]]:
     """Effects at their typical size."""
-    return {name: TYPICAL[name] for name in names}
+    return {name: dict(TYPICAL[name]) for name in names}
 
 
 def data_of(log_set: LogSet, j: int = 0, steps: int = STEPS) -> JointData:
