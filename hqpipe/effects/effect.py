@@ -21,6 +21,9 @@ SECOND, COMMAND, EFFORT, VELOCITY, SLOWNESS, DAMPING, STIFFNESS, ANGLE, NONE = (
 )
 
 
+SIMPLIFIED = 0.012  # see Parameter; measured on withheld cases of a plant of its own equations (docs/theory/diagnosis.md)
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One number of an effect.
@@ -38,6 +41,7 @@ class Parameter:
         inverse: the fit works on one over the value, so that "absent" is 0 instead of infinity; bounds and
             starts are those of the inverse, in multiples of one over the scale.
         counts: False for a shape parameter: it cannot show by itself that the effect is there.
+        simplified: standard deviation, as a share of the value, of what the effect's formula leaves out.
         yields_to: effects that say the same of most logs; beside one of them this number stays at its start.
         least: of an inverse torque, times the largest torque logged: below it in every joint the effect is no fault,
             because every machine has that much of it.
@@ -52,6 +56,7 @@ class Parameter:
     inverse: bool = False
     counts: bool = True
     least: float = 0.0
+    simplified: float = SIMPLIFIED
     yields_to: tuple[str, ...] = ()
 
 

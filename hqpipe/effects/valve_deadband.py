@@ -6,12 +6,16 @@ from numba import njit
 
 from hqpipe.effects.effect import COMMAND, NONE, Effect, Parameter
 
+# Through the clearance of its lands a spool passes oil before it opens, so that the width is defined no better than
+# that; Merritt's order of magnitude, and what withheld cases show.
+CLEARANCE = 0.035  # of the width
+
 EFFECT = Effect(
     name="valve_deadband",
     layer="actuator",
     stage="command",
     parameters=(
-        Parameter("half_width", "command", COMMAND, 0.0, 3.0, (0.05, 0.3, 0.8)),
+        Parameter("half_width", "command", COMMAND, 0.0, 3.0, (0.05, 0.3, 0.8), simplified=CLEARANCE),
         Parameter("rounding", "1", NONE, 0.0, 1.5, (0.1,), counts=False),
     ),
     meaning="overlap: small commands do nothing",

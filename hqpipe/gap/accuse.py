@@ -280,8 +280,10 @@ def _shrink(states: list[JointState], causes: list[Cause], lasting: int, spans: 
         names = [causes[i].effect for i in active]
         if active[0] >= lasting:
             inside = passing[state.joint]
-            return spans.errors(state.joint, inside.search.fit(names, [inside.chosen]).heldout)
-        return state.search.fit(names, [state.chosen]).heldout
+            left = spans.errors(state.joint, inside.search.fit(names, [inside.chosen]).heldout)
+        else:
+            left = state.search.fit(names, [state.chosen]).heldout
+        return left if np.isfinite(left).all() else state.base.heldout  # a set that runs away explains nothing
 
     def errors(subset: frozenset[int]) -> np.ndarray:
         return sum(np.add.reduceat(error(state, subset), edges) for state in states)

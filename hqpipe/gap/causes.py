@@ -76,7 +76,7 @@ def _cause(
         known = [parts[name][parameter.name] for name in names if parameter.name in parts[name]]
         if len(known) == len(names):
             one = pooled(known) if len(known) > 1 else known[0]
-            parameters[parameter.name] = stated(one, parameter.unit, members[0].data.row_dt)
+            parameters[parameter.name] = stated(one, parameter, members[0].data.row_dt)
     supports = [next(x for x in s.support if x.effect == effect) for s in members]
     rivals = [set(x.rivals) for x in supports]
     common = set.intersection(*rivals) if rivals else set()

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.effects import EFFECTS
+from hqpipe.effects.effect import Parameter
 from hqpipe.effects.layout import slots
 from hqpipe.gap.bootstrap import BLOCK_S
 from hqpipe.gap.joint_data import JointData
@@ -22,9 +23,7 @@ from hqpipe.gap.set_fit import SetFit
 from hqpipe.kernels.augmented_fit import residual_windows
 
 Z95 = 1.959964  # standard normal quantile at 97.5 %
-MODEL_SHARE, MODEL_ROWS = 0.012, 0.05
-"""Standard deviation of what the formulas simplify: share of a value, for times also samples. Measured on withheld cases
-of a plant of its own equations (docs/theory/diagnosis.md)."""
+SIMPLIFIED_ROWS = 0.05  # samples that the formulas of times simplify, beside a share of the value; measured likewise
 STEP = 1e-4  # relative to the standard deviation of the parameter as a first guess gives it
 
 
@@ -103,9 +102,9 @@ def pooled(parts: list[Estimate]) -> Estimate:
     return Estimate(value, value - half, value + half, deviation)
 
 
-def stated(part: Estimate, unit: str, dt: float) -> Estimate:
+def stated(part: Estimate, parameter: Parameter, dt: float) -> Estimate:
     """The estimate with the error of the effect's formula in its interval."""
-    model = np.hypot(MODEL_SHARE * part.value, MODEL_ROWS * dt if unit == "s" else 0.0)
+    model = np.hypot(parameter.simplified * part.value, SIMPLIFIED_ROWS * dt if parameter.unit == "s" else 0.0)
     low, high = np.hypot(part.value - part.low, Z95 * model), np.hypot(part.high - part.value, Z95 * model)
     deviation = float(np.hypot(part.deviation, model))
     return Estimate(part.value, part.value - float(low), part.value + float(high), deviation)

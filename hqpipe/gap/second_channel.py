@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from hqpipe.effects import EFFECTS
 from hqpipe.gap.causes import Cause
 from hqpipe.gap.cross_check import CrossCheck, cross_check
-from hqpipe.gap.estimate import Estimate, pooled
+from hqpipe.gap.estimate import Estimate, pooled, stated
 from hqpipe.gap.groups import scope_of
 from hqpipe.logs.trajectory import LogSet
 
@@ -29,7 +30,8 @@ def scale_causes(findings: Sequence[CrossCheck], joints: Sequence[str]) -> list[
         batch = [f for f in rest if abs(f.value - rest[0].value) <= SAME * abs(rest[0].value - 1.0) + 0.005]
         rest = [f for f in rest if f not in batch]
         parts = [Estimate(f.value, f.low, f.high, max(f.high - f.low, 1e-12) / 3.92) for f in batch]
-        ratio = pooled(parts) if len(parts) > 1 else parts[0]
+        one = pooled(parts) if len(parts) > 1 else parts[0]
+        ratio = stated(one, EFFECTS[SCALE].parameters[0], dt=0.0)
         names = tuple(f.joint for f in batch)
         causes.append(Cause(SCALE, names, scope_of(names, joints), CERTAIN, {"ratio": ratio}, ()))
     return causes

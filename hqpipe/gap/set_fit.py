@@ -70,8 +70,9 @@ def _settled(names: Names) -> list[tuple[int, Parameter]]:
 
 def window_errors(row: np.ndarray, split: Split) -> np.ndarray:
     """(W,) mean squared error of each window; infinite where the free run runs away."""
-    with np.errstate(over="ignore"):
-        return np.mean(residual_windows(row, split.signals) ** 2, axis=0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        errors = np.mean(residual_windows(row, split.signals) ** 2, axis=0)
+    return np.where(np.isfinite(errors), errors, np.inf)
 
 
 class JointFitter:

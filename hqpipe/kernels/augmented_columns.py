@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from hqpipe.effects.layout import BASE, SETTING, slot
+from hqpipe.effects.layout import BASE, SETTING, slot, slots
 
 POSITION: Final = 0
 TORQUE: Final = 1
@@ -26,7 +26,8 @@ BAND, ROUNDING = slot("valve_deadband", "half_width"), slot("valve_deadband", "r
 SATURATION = slot("flow_saturation", "limit")
 ASYMMETRY, DRIFT = slot("direction_asymmetry", "ratio"), slot("gain_drift", "rate_per_s")
 DROOP, RECOVERY = slot("supply_droop", "droop"), slot("supply_droop", "recovery_s")
-ORIFICE, SLOPE = slot("orifice_flow", "effort_max_nm"), slot("position_dependent_stiffness", "slope_per_rad")
+ORIFICE = slot("orifice_flow", "effort_max_nm")
+SLOPE, UNEVEN = slots("position_dependent_stiffness")
 COMPLIANCE, GAP = slot("transmission_compliance", "stiffness_nm_per_rad"), slot("backlash", "gap")
 COULOMB, COULOMB_ASYMMETRY = slot("coulomb_friction", "friction_nm"), slot("coulomb_friction", "asymmetry_nm")
 PRESLIDING = slot("coulomb_friction", "presliding_rad")

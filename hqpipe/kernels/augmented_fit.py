@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from hqpipe.effects.layout import FIELDS
-from hqpipe.kernels.augmented_columns import ALL, COMMAND, CORE, K1, K2, K3, KI
+from hqpipe.kernels.augmented_columns import ALL, COMMAND, CORE, KI
 from hqpipe.kernels.augmented_signals import Signals, Work, make_work
 from hqpipe.kernels.augmented_windows import simulate
 
@@ -33,6 +33,7 @@ _COMMAND = (
     "direction_asymmetry",
     "gain_drift",
     "torque_bias",
+    "position_dependent_stiffness",
 )
 CHANGES = np.array(
     [ALL if owner in _MOTION else COMMAND if owner in _COMMAND or name == "neutral" else CORE for owner, name in FIELDS]
@@ -82,8 +83,8 @@ def _jacobian(
         if p[at] + h > upper[i]:
             h = -h
         moved[at] = p[at] + h
-        # What the integrator holds at the start hangs on the gains, so the command side does too.
-        level = max(changes[at], COMMAND) if p[KI] != 0.0 and at in (K1, K2, K3) else changes[at]
+        # What the integrator holds at the start hangs on the core, so the command side does too.
+        level = max(changes[at], COMMAND) if p[KI] != 0.0 else changes[at]
         simulate(moved, s, work, trial, max(level, stale))
         stale = level
         moved[at] = p[at]

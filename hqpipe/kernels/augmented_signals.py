@@ -39,8 +39,8 @@ class Signals(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Scratch of one simulation: (steps + 1, W) each, then (T,) sequences and (W,) states; the last two are the
-    spool and the integrator of torque mode as the logged effort drives them, (T,)."""
+    """Scratch of one simulation: (steps + 1, W) each, then (T,) sequences and (W,) states; then, (T,), the spool and the
+    integrator of torque mode as the logged effort drives them, the loss of supply, and the stiffness."""
 
     opening: np.ndarray
     velocity: np.ndarray
@@ -55,6 +55,8 @@ class Work(NamedTuple):
     state: np.ndarray
     driven: np.ndarray
     summed: np.ndarray
+    sagged: np.ndarray
+    stiff: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -74,6 +76,8 @@ def make_work(signals: Signals) -> Work:
         np.empty(windows),
         np.empty(windows),
         np.empty(samples),
+        np.empty(samples),
+        np.zeros(samples),
         np.empty(samples),
     )
 

@@ -66,7 +66,9 @@ def _past(memory: np.ndarray, now: int, lag: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _wake(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: float, qd: float) -> None:
+def _wake(
+    p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: float, qd: float, demand: float
+) -> None:
     """States at the first sample, as if the joint had been held there."""
     half = 0.5 * p[GAP] * p[K3] / p[DT]
     lost = friction(p, torque, qd, 0.0)
@@ -75,13 +77,14 @@ def _wake(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: flo
     if half > 0.0:
         memory[WOUND] = wound_up(torque + half * np.sign(torque), torque, half, p[CLEAR]) + lost
     error = q_des - q + p[BIAS]
+    memory[LOSS] = p[DROOP] * demand
     memory[INTEGRAL] = 0.0
     if p[KI] != 0.0:
         limit = 1.0 / max(p[WINDUP], 1e-300)
-        held = (p[K2] * inner + p[K3] * qd) / max(p[K1], 1e-300) - error
+        needed = p[K2] * inner + p[K3] * qd
+        held = needed / max(p[K1] * orifice(needed, inner, p[ORIFICE], memory[LOSS]), 1e-300) - error
         memory[INTEGRAL] = min(max(held, -limit), limit)
     memory[SPOOL] = error + memory[INTEGRAL]
-    memory[LOSS] = 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -90,7 +93,7 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     now = int(memory[SAMPLES])
     memory[RING + now % RING_LENGTH] = q_des
     if now == 0:
-        _wake(p, memory, torque, q_des, q, qd)
+        _wake(p, memory, torque, q_des, q, qd, demand)
     dt = p[DT]
     error = _past(memory, now, p[DELAY] / dt) - q + p[BIAS]
     driven = error + memory[INTEGRAL]

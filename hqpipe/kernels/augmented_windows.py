@@ -3,7 +3,8 @@
 The chain, in this order (names as in hqpipe.effects):
 
     clock     channel_skew (all inputs), command_delay (command), position_bias → position error e
-    command   integral_action → valve_lag → valve_deadband → flow_saturation → direction_asymmetry → gain_drift → u
+    command   integral_action → valve_lag → valve_deadband → flow_saturation → direction_asymmetry (with what unequal
+              chambers add to it) → gain_drift → u
     core      τ' = τ + S · (k1 φ u − k2 τ − k3 q̇ + k4 h(τ, u)),  φ = orifice_flow with supply_droop,
               S = position_dependent_stiffness · transmission_compliance
     output    friction in front of the load cell, backlash, torque_bias: a seal rubs on the piston's side of the slack
@@ -27,7 +28,7 @@ from hqpipe.effects.gain_drift import drifted
 from hqpipe.effects.integral_action import integrate
 from hqpipe.effects.load_dependent_friction import load_friction
 from hqpipe.effects.orifice_flow import orifice
-from hqpipe.effects.position_dependent_stiffness import stiffness
+from hqpipe.effects.position_dependent_stiffness import stiffness, uneven
 from hqpipe.effects.stribeck_friction import stribeck
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
@@ -75,6 +76,7 @@ from hqpipe.kernels.augmented_columns import (
     STATIC,
     STRIBECK,
     TORQUE,
+    UNEVEN,
     VALVE,
     VISCOUS,
     WINDUP,
@@ -87,7 +89,7 @@ from hqpipe.kernels.laws import clip, impact
 def shape_opening(p: np.ndarray, opening: float, time: float) -> float:
     """The command side from the spool on."""
     opening = saturate(deadband(opening, p[BAND], p[ROUNDING]), p[SATURATION])
-    return drifted(asymmetric(opening, p[ASYMMETRY]), p[DRIFT], time)
+    return drifted(asymmetric(opening, p[ASYMMETRY] + uneven(p[SLOPE], p[UNEVEN])), p[DRIFT], time)
 
 
 @njit(cache=True, nogil=True)
@@ -136,12 +138,14 @@ def _held(p: np.ndarray, s: Signals, work: Work, first: int, last: int) -> float
     Logs begin in the middle of operation, so it is not zero, and a wrong start would last: until the integrator first
     stands at its limit, else through the whole trial.
     """
+    soft = softened(p[K3], p[COMPLIANCE], p[DT])
     for k in range(first, last):
         at = k - p[SKEW] / p[DT]
         here = delayed(s.position, first, last, at, 0.0) if s.mode == POSITION else s.effort[k]
         error = delayed(s.command, first, last, at, p[DELAY] / p[DT]) - here
         work.sequence[k] = error + (p[BIAS] if s.mode == POSITION else p[OFFSET])
-        work.other[k] = p[K2] * (s.effort[k] - p[OFFSET]) + p[K3] * s.velocity[k]
+        work.stiff[k] = soft * stiffness(p[SLOPE], s.position[k] - p[MIDDLE])
+        work.other[k] = work.stiff[k] * (p[K2] * (s.effort[k] - p[OFFSET]) + p[K3] * s.velocity[k])
     limit = 1.0 / max(p[WINDUP], 1e-300)
     low, high, start = -limit, limit, 0.0
     for _ in range(HELD_PASSES):
@@ -166,7 +170,7 @@ def _missing(p: np.ndarray, s: Signals, work: Work, first: int, last: int, start
     The spool's lag cancels in the sum.
     """
     integral, bent, change, end = start, shaped(p), 0.0, last
-    bent_flow = p[ORIFICE] != 0.0 or p[K4] != 0.0
+    bent_flow = p[ORIFICE] != 0.0 or p[DROOP] != 0.0 or p[K4] != 0.0
     limit = 1.0 / max(p[WINDUP], 1e-300)
     for k in range(first, last):
         error = work.sequence[k]
@@ -176,9 +180,10 @@ def _missing(p: np.ndarray, s: Signals, work: Work, first: int, last: int, start
         change -= work.other[k]
         if bent_flow:
             effort = s.effort[k] - p[OFFSET]
-            change += p[K1] * opening * orifice(opening, effort, p[ORIFICE], 0.0) + p[K4] * impact(effort, opening)
+            flow = p[K1] * opening * orifice(opening, effort, p[ORIFICE], work.sagged[k])
+            change += work.stiff[k] * (flow + p[K4] * impact(effort, opening))
         else:
-            change += p[K1] * opening
+            change += work.stiff[k] * p[K1] * opening
         integral = integrate(integral, error, p[KI], p[WINDUP], p[DT])
         if abs(integral) >= limit and k - first >= s.steps:
             end = k + 1
@@ -189,7 +194,8 @@ def _missing(p: np.ndarray, s: Signals, work: Work, first: int, last: int, start
 @njit(cache=True, nogil=True, inline="always")
 def shaped(p: np.ndarray) -> bool:
     """Whether the opening is anything but what the spool follows."""
-    return p[BAND] != 0.0 or p[SATURATION] != 0.0 or p[ASYMMETRY] != 0.0 or p[DRIFT] != 0.0
+    bent = p[BAND] != 0.0 or p[SATURATION] != 0.0 or p[ASYMMETRY] != 0.0 or p[DRIFT] != 0.0
+    return bent or p[UNEVEN] != 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -212,14 +218,15 @@ def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
         _turn(p, s, work)
     if p[DROOP] == 0.0:
         work.loss[:] = 0.0
+        work.sagged[:] = 0.0
         return
     share = lag_share(p[RECOVERY], dt)
     for trial in range(s.bounds.shape[0] - 1):
-        loss = 0.0
+        loss = p[DROOP] * s.demand[s.bounds[trial]]  # as if that had been drawn for long
         for k in range(s.bounds[trial], s.bounds[trial + 1]):
             loss = sag(loss, s.demand[k], p[DROOP], share)
-            work.sequence[k] = loss
-    lay_out(work.sequence, s.first, work.loss)
+            work.sagged[k] = loss
+    lay_out(work.sagged, s.first, work.loss)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -404,10 +411,10 @@ def simulate(p: np.ndarray, s: Signals, work: Work, out: np.ndarray, inputs: int
         out: (steps, W), overwritten; row k is the prediction of `target` row k + 1.
         inputs: what to compute anew: CORE only, the command side too (COMMAND), or the motion as well (ALL).
     """
-    if inputs >= COMMAND:
-        _command_side(p, s, work)
     if inputs >= ALL:
         _motion(p, s, work)
+    if inputs >= COMMAND:
+        _command_side(p, s, work)
     if s.mode == VALVE:
         _speed(p, s, work, out)
         return

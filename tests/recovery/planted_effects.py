@@ -31,7 +31,7 @@ TYPICAL: dict[str, dict[str, float]] = {
     "gain_drift": {"rate_per_s": 0.03},
     "supply_droop": {"droop": 0.1, "recovery_s": 0.15},
     "orifice_flow": {"effort_max_nm": 900.0},
-    "position_dependent_stiffness": {"slope_per_rad": 1.5},
+    "position_dependent_stiffness": {"slope_per_rad": 1.5, "unevenness": 0.05},
     "backlash": {"gap": 0.008},
     "coulomb_friction": {"friction_nm": 25.0, "asymmetry_nm": 5.0, "presliding_rad": 0.002},
     "stribeck_friction": {"static_nm": 30.0, "velocity_rad_s": 0.3, "exponent": 1.5},
@@ -138,6 +138,7 @@ def simulate(
         number("orifice_flow", "effort_max_nm", np.inf),
         number("position_dependent_stiffness", "slope_per_rad", 0),
     )
+    ratio = ratio + number("position_dependent_stiffness", "unevenness", 0.0)
     slack = 0.5 * number("backlash", "gap", 0.0) * k3 / DT
     dry, uneven = number("coulomb_friction", "friction_nm", 0.0), number("coulomb_friction", "asymmetry_nm", 0.0)
     creep = number("coulomb_friction", "presliding_rad", 1e-3)

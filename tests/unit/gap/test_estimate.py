@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from planted_logs import STEPS, data_of, logs_of, planted, size
 
+from hqpipe.effects import EFFECTS
+from hqpipe.effects.effect import SIMPLIFIED
 from hqpipe.effects.layout import slot
-from hqpipe.gap.estimate import MODEL_ROWS, MODEL_SHARE, Z95, Estimate, _covariance, agree, estimates, pooled, stated
+from hqpipe.gap.estimate import SIMPLIFIED_ROWS, Z95, Estimate, _covariance, agree, estimates, pooled, stated
 from hqpipe.gap.joint_data import joint_data
 from hqpipe.gap.set_fit import JointFitter
 
@@ -105,13 +107,15 @@ def test_joints_that_disagree_widen_the_interval():
 
 def test_stated_interval_holds_what_the_formula_simplifies():
     narrow = Estimate(0.002, 0.00199, 0.00201, 0.000005)
-    share, rows = stated(narrow, "1", 1e-3), stated(narrow, "s", 1e-3)
+    slope, delay = (EFFECTS[name].parameters[0] for name in ("position_dependent_stiffness", "command_delay"))
+    share, rows = stated(narrow, slope, 1e-3), stated(narrow, delay, 1e-3)
     assert share.value == rows.value == narrow.value
-    assert share.high - share.value == pytest.approx(np.hypot(1e-5, Z95 * MODEL_SHARE * 0.002))
-    model = np.hypot(MODEL_SHARE * 0.002, MODEL_ROWS * 1e-3)
+    assert share.high - share.value == pytest.approx(np.hypot(1e-5, Z95 * SIMPLIFIED * 0.002))
+    model = np.hypot(SIMPLIFIED * 0.002, SIMPLIFIED_ROWS * 1e-3)
     assert rows.value - rows.low == pytest.approx(np.hypot(1e-5, Z95 * model))
     wide = Estimate(1.0, 0.2, 3.0, 0.5)
-    assert stated(wide, "1", 1e-3).high == pytest.approx(3.0, rel=1e-3), "noise that is larger stays as it is"
+    assert stated(narrow, replace(slope, simplified=0.1), 1e-3).low == pytest.approx(0.002 * (1.0 - 0.1 * Z95), rel=1e-3)
+    assert stated(wide, slope, 1e-3).high == pytest.approx(3.0, rel=1e-3), "noise that is larger stays as it is"
 
 
 def test_agreement_is_within_a_quarter_or_within_the_intervals():

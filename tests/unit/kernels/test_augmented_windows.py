@@ -58,14 +58,24 @@ def test_its_own_row_predicts_independent_data(effect):
     assert base > 5.0 and base > 20.0 * left
 
 
-@pytest.mark.parametrize("others", [(), ("valve_deadband",), ("direction_asymmetry",)])
+@pytest.mark.parametrize("others", [(), ("valve_deadband",), ("direction_asymmetry",), ("position_dependent_stiffness",)])
 def test_an_integrator_that_ran_before_the_log_began_is_found_where_it_stands(others):
-    """The same with effects that bend the opening, so that the balance of a linear valve would be wrong."""
+    """The same with effects that bend the opening or its flow, so that the balance of a linear valve would be wrong."""
     effects = {name: planted.TYPICAL[name] for name in ("integral_action", *others)}
     late = planted.trajectory(planted.simulate(6.0, [effects], 0.0, 9)).section(2000, 6000)
     signals = cut([late], 0, "position", STEPS).signals
     rest = row({name: planted.TYPICAL[name] for name in others})
     assert rms(residual_windows(row(effects), signals)) < 1e-3 < 1e-4 * rms(residual_windows(rest, signals))
+
+
+def test_an_integrator_is_found_where_it_stands_on_a_sagging_supply():
+    effects = {name: planted.TYPICAL[name] for name in ("integral_action", "supply_droop")}
+    late = planted.trajectory(planted.simulate(6.0, [effects] * 3, 0.0, 9)).section(2000, 6000)
+    signals = cut([late], 0, "position", STEPS).signals
+    rest = row({"supply_droop": planted.TYPICAL["supply_droop"]})
+    after = slice(round(5 * planted.TYPICAL["supply_droop"]["recovery_s"] / planted.DT) // STEPS, None)
+    left, without = (residual_windows(p, signals)[:, after] for p in (row(effects), rest))
+    assert rms(left) < 0.03 * rms(without)
 
 
 def test_effects_together_predict_independent_data():
