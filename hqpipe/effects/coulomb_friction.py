@@ -1,7 +1,7 @@
 """Dry friction between the hydraulics and the load cell.
 
-The direction of the friction is a state of its own: it turns round over a small presliding distance and stays as it
-is while the joint rests. A sign of the measured speed would be noise at rest.
+The direction of the friction is a state of its own: it turns round over a small presliding distance, and while the joint
+rests it holds against what the hydraulics change. A sign of the measured speed would be noise at rest.
 """
 
 from __future__ import annotations
@@ -38,6 +38,15 @@ def direction(turned: float, travel: float, presliding: float) -> float:
     """Direction of the friction, −1 … 1, after the joint went `travel` rad further (Dahl's model, exact step)."""
     aim = 1.0 if travel > 0.0 else -1.0
     return aim + (turned - aim) * np.exp(-abs(travel) / presliding)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def stuck(turned: float, change: float, most: float) -> float:
+    """Direction of the friction while the joint rests: it takes up what the torque in front of it changes by, as far as `most`
+    N·m, so that the torque behind it stays what the load needs (Karnopp, J. Dyn. Sys. Meas. Control 107, 1985)."""
+    if most <= 0.0:
+        return turned
+    return min(max(turned + change / most, -1.0), 1.0)
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -39,8 +39,9 @@ class Signals(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Scratch of one simulation: (steps + 1, W) each, then (T,) sequences and (W,) states; then, (T,), the spool and the
-    integrator of torque mode as the logged effort drives them, the loss of supply, and the stiffness."""
+    """Scratch of one simulation: (steps + 1, W) each (`turned`, the direction of friction, (W,)), then (T,) sequences and (W,)
+    states; then, (T,), the spool and the integrator of torque mode as the logged effort drives them, the loss of supply, and
+    the stiffness."""
 
     opening: np.ndarray
     velocity: np.ndarray
@@ -67,7 +68,7 @@ def make_work(signals: Signals) -> Work:
         np.empty((rows, windows)),
         np.empty((rows, windows)),
         np.empty((rows, windows)),
-        np.zeros((rows, windows)),
+        np.zeros(windows),
         np.zeros((rows, windows)),
         np.empty(samples),
         np.empty(samples),

@@ -13,7 +13,6 @@ import numpy as np
 from numba import njit
 
 from hqpipe.effects.backlash import transmitted, wound_up
-from hqpipe.effects.coulomb_friction import direction
 from hqpipe.effects.integral_action import integrate
 from hqpipe.effects.orifice_flow import orifice
 from hqpipe.effects.position_dependent_stiffness import stiffness
@@ -39,12 +38,11 @@ from hqpipe.kernels.augmented_columns import (
     ORIFICE,
     PER_OPENING,
     PER_SPEED,
-    PRESLIDING,
     RECOVERY,
     SLOPE,
     WINDUP,
 )
-from hqpipe.kernels.augmented_windows import friction, shape_opening
+from hqpipe.kernels.augmented_windows import friction, shape_opening, slid
 from hqpipe.kernels.laws import clip, impact
 
 SAMPLES, SPOOL, INTEGRAL, WOUND, LOSS, TURNED, RING = range(
@@ -102,15 +100,17 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     memory[SPOOL] = follow(memory[SPOOL], driven, lag_share(p[LAG], dt))
     memory[LOSS] = sag(memory[LOSS], demand, p[DROOP], lag_share(p[RECOVERY], dt))
     half = 0.5 * p[GAP] * p[K3] / dt
-    lost = friction(p, transmitted(memory[WOUND], half), qd, memory[TURNED])
+    inner = transmitted(memory[WOUND], half)
+    lost = friction(p, inner, qd, memory[TURNED])
     effort = transmitted(memory[WOUND] - lost, half) + lost
     change = p[K1] * u * orifice(u, effort, p[ORIFICE], memory[LOSS]) - p[K2] * effort - p[K3] * qd
     change += p[K4] * impact(effort, u)
     change *= softened(p[K3], p[COMPLIANCE], dt) * stiffness(p[SLOPE], q - p[MIDDLE])
     memory[WOUND] = clip(memory[WOUND] + change, p[LIMIT])
     memory[SAMPLES] = now + 1.0
-    memory[TURNED] = direction(memory[TURNED], qd * dt, p[PRESLIDING])
-    lost = friction(p, transmitted(memory[WOUND], half), qd, memory[TURNED])
+    following = transmitted(memory[WOUND], half)
+    memory[TURNED] = slid(p, memory[TURNED], following - inner, following, qd)
+    lost = friction(p, following, qd, memory[TURNED])
     return clip(transmitted(memory[WOUND] - lost, half), p[LIMIT])
 
 

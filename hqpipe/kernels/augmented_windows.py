@@ -21,7 +21,7 @@ from numba import njit
 
 from hqpipe.effects.backlash import transmitted, wound_up
 from hqpipe.effects.command_delay import delayed
-from hqpipe.effects.coulomb_friction import coulomb, direction
+from hqpipe.effects.coulomb_friction import coulomb, direction, stuck
 from hqpipe.effects.direction_asymmetry import asymmetric
 from hqpipe.effects.flow_saturation import saturate
 from hqpipe.effects.gain_drift import drifted
@@ -200,7 +200,7 @@ def shaped(p: np.ndarray) -> bool:
 
 @njit(cache=True, nogil=True)
 def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
-    """Fill velocity and position as late as the torque is logged, the direction of friction, and supply loss."""
+    """Fill velocity and position as late as the torque is logged, and supply loss."""
     dt = p[DT]
     late = p[SKEW] / dt
     if late == 0.0:
@@ -214,8 +214,6 @@ def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
                 work.other[k] = delayed(s.position, first, last, float(k), late)
         lay_out(work.sequence, s.first, work.velocity)
         lay_out(work.other, s.first, work.offset)
-    if rubs(p):
-        _turn(p, s, work)
     if p[DROOP] == 0.0:
         work.loss[:] = 0.0
         work.sagged[:] = 0.0
@@ -230,29 +228,21 @@ def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
 
 
 @njit(cache=True, nogil=True, inline="always")
+def grips(p: np.ndarray) -> bool:
+    """Whether dry friction is active."""
+    return p[COULOMB] != 0.0 or p[STATIC] != 0.0 or p[LOAD] != 0.0
+
+
+@njit(cache=True, nogil=True, inline="always")
 def rubs(p: np.ndarray) -> bool:
     """Whether any friction is active."""
-    dry = p[COULOMB] != 0.0 or p[COULOMB_ASYMMETRY] != 0.0 or p[STATIC] != 0.0 or p[LOAD] != 0.0
-    return dry or p[VISCOUS] != 0.0
+    return grips(p) or p[VISCOUS] != 0.0
 
 
 @njit(cache=True, nogil=True, inline="always")
 def shapes(p: np.ndarray) -> bool:
     """Whether the core differs from the base model's."""
     return p[ORIFICE] != 0.0 or p[DROOP] != 0.0 or p[SLOPE] != 0.0 or p[GAP] != 0.0 or p[COMPLIANCE] != 0.0
-
-
-@njit(cache=True, nogil=True)
-def _turn(p: np.ndarray, s: Signals, work: Work) -> None:
-    """Direction of the friction, from the travel of the joint."""
-    late, dt = p[SKEW] / p[DT], p[DT]
-    for trial in range(s.bounds.shape[0] - 1):
-        first, last = s.bounds[trial], s.bounds[trial + 1] - 1
-        turned = 0.0
-        for k in range(first, last + 1):
-            work.sequence[k] = turned
-            turned = direction(turned, delayed(s.velocity, first, last, float(k), late) * dt, p[PRESLIDING])
-    lay_out(work.sequence, s.first, work.turned)
 
 
 @njit(cache=True, nogil=True)
@@ -265,42 +255,69 @@ def friction(p: np.ndarray, effort: float, velocity: float, turned: float) -> fl
 
 
 @njit(cache=True, nogil=True)
-def _restart(p: np.ndarray, s: Signals, work: Work) -> None:
-    """Inner torque at the start of each window from the logged one: the output side turned round."""
-    for w in range(s.first.shape[0]):
-        effort = s.target[0, w] - p[OFFSET]
-        turned = work.turned[0, w]
-        unloaded = effort + friction(p, 0.0, work.velocity[0, w], turned)
-        work.state[w] = unloaded / max(1.0 - p[LOAD] * turned * np.sign(unloaded), LEAST_PASSED)
-    half = 0.5 * p[GAP] * p[K3] / p[DT]
-    if half > 0.0:
-        _take_up(p, s, work, half)
+def unloaded(p: np.ndarray, effort: float, velocity: float, turned: float) -> float:
+    """Inner torque in front of the friction that leaves `effort`, N·m."""
+    inner = effort + friction(p, 0.0, velocity, turned)
+    return inner / max(1.0 - p[LOAD] * turned * np.sign(inner), LEAST_PASSED)
 
 
 @njit(cache=True, nogil=True)
-def _take_up(p: np.ndarray, s: Signals, work: Work, half: float) -> None:
-    """Where the chain stands in its slack at the start of each window, followed along with the logged torque."""
-    clear, mean, rubbed = p[CLEAR], mean_share(p[LAG], p[DT]), rubs(p)
+def slid(p: np.ndarray, turned: float, change: float, inner: float, velocity: float) -> float:
+    """Direction of the friction one sample later, when the inner torque has changed by `change` to `inner`."""
+    most = p[COULOMB] + p[STATIC] + p[LOAD] * abs(inner)
+    return direction(stuck(turned, change, most), velocity * p[DT], p[PRESLIDING])
+
+
+@njit(cache=True, nogil=True)
+def _restart(p: np.ndarray, s: Signals, work: Work) -> None:
+    """Inner torque at the start of each window from the logged one: the output side turned round."""
+    half = 0.5 * p[GAP] * p[K3] / p[DT]
+    if half > 0.0 or grips(p):
+        _follow(p, s, work, half)
+    for w in range(s.first.shape[0]):
+        effort, turned = s.target[0, w] - p[OFFSET], work.turned[w]
+        inner = unloaded(p, effort, work.velocity[0, w], turned)
+        if half > 0.0:
+            lost = inner - effort
+            inner = wound_up(work.other[s.first[w]] - lost, effort, half, p[CLEAR]) + lost
+        work.state[w] = inner
+
+
+@njit(cache=True, nogil=True)
+def _follow(p: np.ndarray, s: Signals, work: Work, half: float) -> None:
+    """Which way the friction points and where a slack chain stands, followed along with the logged torque: both hang on
+    what went before a window."""
+    mean, late, soft = mean_share(p[LAG], p[DT]), p[SKEW] / p[DT], softened(p[K3], p[COMPLIANCE], p[DT])
     for trial in range(s.bounds.shape[0] - 1):
         first, last = s.bounds[trial], s.bounds[trial + 1] - 1
-        wound, lost, turned = wound_up(0.0, s.effort[first], half, clear), 0.0, 0.0
-        for k in range(first, last):
-            work.other[k] = wound
-            if rubbed:
-                lost = friction(p, transmitted(wound, half), s.velocity[k], turned)
-                turned = direction(turned, s.velocity[k] * p[DT], p[PRESLIDING])
+        turned, velocity = 0.0, s.velocity[first]
+        inner = unloaded(p, s.effort[first] - p[OFFSET], velocity, turned)
+        wound = wound_up(0.0, inner, half, p[CLEAR]) if half > 0.0 else inner
+        for k in range(first, last + 1):
+            work.other[k], work.sequence[k] = wound, turned
+            if k == last:
+                break
+            inner = transmitted(wound, half)
+            lost = friction(p, inner, velocity, turned)
             effort = transmitted(wound - lost, half) + lost
             u = work.command[k]
             if s.mode == TORQUE:
                 driven = u - s.effort[k] + p[OFFSET] + work.summed[k]
                 u = shape_opening(p, follow(work.driven[k], driven, mean), s.time[k])
-            change = p[K1] * u - p[K2] * effort - p[K3] * s.velocity[k] + p[K4] * impact(effort, u)
-            wound = wound_up(wound - lost + change, s.effort[k + 1] - p[OFFSET], half, clear) + lost
-        work.other[last] = wound
+            change = p[K1] * u * orifice(u, effort, p[ORIFICE], work.sagged[k]) - p[K2] * effort - p[K3] * velocity
+            change += p[K4] * impact(effort, u)
+            wound += soft * stiffness(p[SLOPE], s.position[k] - p[MIDDLE]) * change
+            expected = transmitted(wound, half)
+            turned = slid(p, turned, expected - inner, expected, velocity)
+            velocity = s.velocity[k + 1] if late == 0.0 else delayed(s.velocity, first, last, k + 1.0, late)
+            logged = s.effort[k + 1] - p[OFFSET]
+            if half > 0.0:
+                lost = friction(p, expected, velocity, turned)
+                wound = wound_up(wound - lost, logged, half, p[CLEAR]) + lost
+            else:
+                wound = unloaded(p, logged, velocity, turned)
     for w in range(s.first.shape[0]):
-        effort = s.target[0, w] - p[OFFSET]
-        lost = work.state[w] - effort
-        work.state[w] = wound_up(work.other[s.first[w]] - lost, effort, half, clear) + lost
+        work.turned[w] = work.sequence[s.first[w]]
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "nsz", "arcp", "reassoc"})
@@ -341,15 +358,19 @@ def _slack(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
     """Core and output where friction acts on the piston's side of a slack chain."""
     half, soft = 0.5 * p[GAP] * p[K3] / p[DT], softened(p[K3], p[COMPLIANCE], p[DT])
     for w in range(work.state.shape[0]):
-        state = work.state[w]
-        lost = friction(p, transmitted(state, half), work.velocity[0, w], work.turned[0, w])
+        state, turned = work.state[w], work.turned[w]
+        inner = transmitted(state, half)
+        lost = friction(p, inner, work.velocity[0, w], turned)
         for k in range(s.steps):
             u, velocity = work.opening[k, w], work.velocity[k, w]
             effort = transmitted(state - lost, half) + lost
             change = p[K1] * u * orifice(u, effort, p[ORIFICE], work.loss[k, w]) - p[K2] * effort - p[K3] * velocity
             change += p[K4] * impact(effort, u)
             state = clip(state + soft * stiffness(p[SLOPE], work.offset[k, w] - p[MIDDLE]) * change, p[LIMIT])
-            lost = friction(p, transmitted(state, half), work.velocity[k + 1, w], work.turned[k + 1, w])
+            following = transmitted(state, half)
+            turned = slid(p, turned, following - inner, following, velocity)
+            inner = following
+            lost = friction(p, inner, work.velocity[k + 1, w], turned)
             out[k, w] = transmitted(state - lost, half) + p[OFFSET]
 
 
@@ -357,10 +378,16 @@ def _slack(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
 def _rub(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
     """Output side: friction and bias."""
     rubbed = rubs(p)
+    if rubbed:
+        for w in range(out.shape[1]):
+            work.state[w] = unloaded(p, s.target[0, w] - p[OFFSET], work.velocity[0, w], work.turned[w])
     for k in range(s.steps):
         for w in range(out.shape[1]):
             if rubbed:
-                out[k, w] -= friction(p, out[k, w], work.velocity[k + 1, w], work.turned[k + 1, w])
+                inner = out[k, w]
+                work.turned[w] = slid(p, work.turned[w], inner - work.state[w], inner, work.velocity[k, w])
+                work.state[w] = inner
+                out[k, w] -= friction(p, inner, work.velocity[k + 1, w], work.turned[w])
             out[k, w] += p[OFFSET]
 
 
@@ -373,8 +400,9 @@ def _torque_loop(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None
     for w in range(work.state.shape[0]):
         state, spool, integral = work.state[w], work.spool[w], work.integral[w]
         start, lost, rubbed = s.time[s.first[w]], 0.0, rubs(p)
+        inner, turned = transmitted(state, half), work.turned[w]
         if rubbed:
-            lost = friction(p, transmitted(state, half), work.velocity[0, w], work.turned[0, w])
+            lost = friction(p, inner, work.velocity[0, w], turned)
         for k in range(s.steps):
             felt = transmitted(state - lost, half)
             effort = felt + lost
@@ -386,7 +414,10 @@ def _torque_loop(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None
             change = k1 * u * orifice(u, effort, p[ORIFICE], work.loss[k, w]) - k2 * effort - k3 * work.velocity[k, w]
             state = clip(state + soft * stiffness(p[SLOPE], work.offset[k, w] - p[MIDDLE]) * change, limit)
             if rubbed:
-                lost = friction(p, transmitted(state, half), work.velocity[k + 1, w], work.turned[k + 1, w])
+                following = transmitted(state, half)
+                turned = slid(p, turned, following - inner, following, work.velocity[k, w])
+                inner = following
+                lost = friction(p, inner, work.velocity[k + 1, w], turned)
             out[k, w] = transmitted(state - lost, half) + p[OFFSET]
 
 
