@@ -34,19 +34,28 @@ UNEVEN = 0.5  # of the friction, by which directions may differ: more is an offs
 
 
 @njit(cache=True, nogil=True, inline="always")
-def direction(turned: float, travel: float, presliding: float) -> float:
+def direction(turned: float, travel: float, kept: float) -> float:
     """Direction of the friction, −1 … 1, after the joint went `travel` rad further (Dahl's model, exact step)."""
     aim = 1.0 if travel > 0.0 else -1.0
-    return aim + (turned - aim) * np.exp(-abs(travel) / presliding)
+    return aim + (turned - aim) * kept
 
 
 @njit(cache=True, nogil=True, inline="always")
-def stuck(turned: float, change: float, most: float) -> float:
-    """Direction of the friction while the joint rests: it takes up what the torque in front of it changes by, as far as `most`
-    N·m, so that the torque behind it stays what the load needs (Karnopp, J. Dyn. Sys. Meas. Control 107, 1985)."""
-    if most <= 0.0:
-        return turned
-    return min(max(turned + change / most, -1.0), 1.0)
+def kept_after(travel: float, presliding: float) -> float:
+    """Share of the friction's direction that is left after the joint went `travel` rad further."""
+    return np.exp(-abs(travel) / presliding)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def stuck(turned: float, change: float) -> float:
+    """Direction of the friction while the joint rests: it takes up what the torque in front of it changes by, so that the
+    torque behind it stays what the load needs (Karnopp, J. Dyn. Sys. Meas. Control 107, 1985).
+
+    Args:
+        turned: direction, −1 … 1.
+        change: of the torque in front, as a share of the most that friction can hold.
+    """
+    return min(max(turned + change, -1.0), 1.0)
 
 
 @njit(cache=True, nogil=True, inline="always")

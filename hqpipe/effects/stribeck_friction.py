@@ -25,6 +25,6 @@ EFFECT = Effect(
 
 
 @njit(cache=True, nogil=True, inline="always")
-def stribeck(turned: float, speed: float, static: float, velocity: float, exponent: float) -> float:
-    """Extra friction torque at a direction of the friction and a joint speed."""
-    return static * turned * np.exp(-((abs(speed) / velocity) ** exponent))
+def sticking(speed: float, velocity: float, exponent: float) -> float:
+    """Share of the extra friction torque that is there at a joint speed."""
+    return np.exp(-((abs(speed) / velocity) ** exponent))

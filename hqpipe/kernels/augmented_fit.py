@@ -10,19 +10,28 @@ import numpy as np
 from numba import njit
 
 from hqpipe.effects.layout import FIELDS
-from hqpipe.kernels.augmented_columns import ALL, COMMAND, CORE, KI
+from hqpipe.kernels.augmented_columns import (
+    ALL,
+    COMMAND,
+    COMPLIANCE,
+    CORE,
+    COULOMB,
+    COULOMB_ASYMMETRY,
+    K1,
+    K2,
+    K3,
+    K4,
+    KI,
+    LOAD,
+    ORIFICE,
+    SLOPE,
+    STATIC,
+)
 from hqpipe.kernels.augmented_signals import Signals, Work, make_work
 from hqpipe.kernels.augmented_windows import simulate
 
 STEP = 1e-4  # of a parameter's scale: above rounding, below curvature
-_MOTION = (
-    "channel_skew",
-    "supply_droop",
-    "coulomb_friction",
-    "stribeck_friction",
-    "viscous_friction",
-    "load_dependent_friction",
-)
+_MOTION = ("channel_skew", "supply_droop", "presliding_rad", "velocity_rad_s", "exponent")
 _COMMAND = (
     "command_delay",
     "position_bias",
@@ -33,12 +42,17 @@ _COMMAND = (
     "direction_asymmetry",
     "gain_drift",
     "torque_bias",
-    "position_dependent_stiffness",
+    "neutral",
+    "unevenness",
+    "friction_nm",
+    "asymmetry_nm",
+    "static_nm",
+    "coefficient",
 )
-CHANGES = np.array(
-    [ALL if owner in _MOTION else COMMAND if owner in _COMMAND or name == "neutral" else CORE for owner, name in FIELDS]
-)
+CHANGES = np.array([ALL if {*f} & {*_MOTION} else COMMAND if {*f} & {*_COMMAND} else CORE for f in FIELDS])
 """(WIDTH,) what a change of each column makes necessary, see `simulate`."""
+GRIPS = (COULOMB, COULOMB_ASYMMETRY, STATIC, LOAD)  # slopes leave out what they change before a window starts
+HOLDS = (K1, K2, K3, K4, ORIFICE, SLOPE, COMPLIANCE)  # columns of the core that tell what an integrator holds
 
 
 @njit(cache=True, nogil=True)
@@ -83,8 +97,9 @@ def _jacobian(
         if p[at] + h > upper[i]:
             h = -h
         moved[at] = p[at] + h
-        # What the integrator holds at the start hangs on the core, so the command side does too.
-        level = max(changes[at], COMMAND) if p[KI] != 0.0 else changes[at]
+        level = changes[at] if at not in GRIPS else CORE
+        if p[KI] != 0.0 and at in HOLDS:
+            level = max(level, COMMAND)  # what the integrator holds at the start hangs on the core
         simulate(moved, s, work, trial, max(level, stale))
         stale = level
         moved[at] = p[at]

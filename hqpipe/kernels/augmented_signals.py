@@ -39,14 +39,23 @@ class Signals(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Scratch of one simulation: (steps + 1, W) each (`turned`, the direction of friction, (W,)), then (T,) sequences and (W,)
-    states; then, (T,), the spool and the integrator of torque mode as the logged effort drives them, the loss of supply, and
-    the stiffness."""
+    """Scratch of one simulation.
+
+    Attributes:
+        opening, velocity, offset, loss: (steps + 1, W) inputs of the core.
+        kept, sticking: (steps + 1, W) what travel leaves of the direction of friction, and share of static friction.
+        turned, state: (W,) direction of friction and inner torque at the start of each window.
+        command, sequence, other, stiff: (T,) opening; scratch.
+        spool, integral: (W,), driven, summed: (T,) spool and integrator of torque mode as the logged effort drives them.
+        sagged, slid, slow, speed: (T,) of loss, kept, sticking and velocity.
+    """
 
     opening: np.ndarray
     velocity: np.ndarray
     offset: np.ndarray
     turned: np.ndarray
+    kept: np.ndarray
+    sticking: np.ndarray
     loss: np.ndarray
     command: np.ndarray
     sequence: np.ndarray
@@ -58,6 +67,9 @@ class Work(NamedTuple):
     summed: np.ndarray
     sagged: np.ndarray
     stiff: np.ndarray
+    slid: np.ndarray
+    slow: np.ndarray
+    speed: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -70,6 +82,8 @@ def make_work(signals: Signals) -> Work:
         np.empty((rows, windows)),
         np.zeros(windows),
         np.zeros((rows, windows)),
+        np.zeros((rows, windows)),
+        np.zeros((rows, windows)),
         np.empty(samples),
         np.empty(samples),
         np.empty(samples),
@@ -78,6 +92,9 @@ def make_work(signals: Signals) -> Work:
         np.empty(windows),
         np.empty(samples),
         np.empty(samples),
+        np.zeros(samples),
+        np.empty(samples),
+        np.zeros(samples),
         np.zeros(samples),
         np.empty(samples),
     )

@@ -13,9 +13,11 @@ import numpy as np
 from numba import njit
 
 from hqpipe.effects.backlash import transmitted, wound_up
+from hqpipe.effects.coulomb_friction import kept_after
 from hqpipe.effects.integral_action import integrate
 from hqpipe.effects.orifice_flow import orifice
 from hqpipe.effects.position_dependent_stiffness import stiffness
+from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import follow, lag_share, mean_share
@@ -26,6 +28,7 @@ from hqpipe.kernels.augmented_columns import (
     DELAY,
     DROOP,
     DT,
+    EXPONENT,
     GAP,
     K1,
     K2,
@@ -38,8 +41,11 @@ from hqpipe.kernels.augmented_columns import (
     ORIFICE,
     PER_OPENING,
     PER_SPEED,
+    PRESLIDING,
     RECOVERY,
     SLOPE,
+    STATIC,
+    STRIBECK,
     WINDUP,
 )
 from hqpipe.kernels.augmented_windows import friction, shape_opening, slid
@@ -69,7 +75,7 @@ def _wake(
 ) -> None:
     """States at the first sample, as if the joint had been held there."""
     half = 0.5 * p[GAP] * p[K3] / p[DT]
-    lost = friction(p, torque, qd, 0.0)
+    lost = friction(p, torque, qd, 0.0, 0.0)
     inner = torque + lost
     memory[WOUND] = inner
     if half > 0.0:
@@ -101,7 +107,8 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     memory[LOSS] = sag(memory[LOSS], demand, p[DROOP], lag_share(p[RECOVERY], dt))
     half = 0.5 * p[GAP] * p[K3] / dt
     inner = transmitted(memory[WOUND], half)
-    lost = friction(p, inner, qd, memory[TURNED])
+    slow = sticking(qd, p[STRIBECK], p[EXPONENT]) if p[STATIC] != 0.0 else 0.0
+    lost = friction(p, inner, qd, memory[TURNED], slow)
     effort = transmitted(memory[WOUND] - lost, half) + lost
     change = p[K1] * u * orifice(u, effort, p[ORIFICE], memory[LOSS]) - p[K2] * effort - p[K3] * qd
     change += p[K4] * impact(effort, u)
@@ -109,8 +116,10 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     memory[WOUND] = clip(memory[WOUND] + change, p[LIMIT])
     memory[SAMPLES] = now + 1.0
     following = transmitted(memory[WOUND], half)
-    memory[TURNED] = slid(p, memory[TURNED], following - inner, following, qd)
-    lost = friction(p, following, qd, memory[TURNED])
+    memory[TURNED] = slid(
+        p, memory[TURNED], following - inner, following, qd, kept_after(qd * dt, p[PRESLIDING])
+    )
+    lost = friction(p, following, qd, memory[TURNED], slow)
     return clip(transmitted(memory[WOUND] - lost, half), p[LIMIT])
 
 

@@ -21,7 +21,7 @@ from numba import njit
 
 from hqpipe.effects.backlash import transmitted, wound_up
 from hqpipe.effects.command_delay import delayed
-from hqpipe.effects.coulomb_friction import coulomb, direction, stuck
+from hqpipe.effects.coulomb_friction import coulomb, direction, kept_after, stuck
 from hqpipe.effects.direction_asymmetry import asymmetric
 from hqpipe.effects.flow_saturation import saturate
 from hqpipe.effects.gain_drift import drifted
@@ -29,7 +29,7 @@ from hqpipe.effects.integral_action import integrate
 from hqpipe.effects.load_dependent_friction import load_friction
 from hqpipe.effects.orifice_flow import orifice
 from hqpipe.effects.position_dependent_stiffness import stiffness, uneven
-from hqpipe.effects.stribeck_friction import stribeck
+from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_deadband import deadband
@@ -200,20 +200,22 @@ def shaped(p: np.ndarray) -> bool:
 
 @njit(cache=True, nogil=True)
 def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
-    """Fill velocity and position as late as the torque is logged, and supply loss."""
+    """Fill velocity and position as late as the torque is logged, what travel leaves of friction, and supply loss."""
     dt = p[DT]
     late = p[SKEW] / dt
     if late == 0.0:
-        lay_out(s.velocity, s.first, work.velocity)
+        work.speed[:] = s.velocity
         lay_out(s.position, s.first, work.offset)
     else:
         for trial in range(s.bounds.shape[0] - 1):
             first, last = s.bounds[trial], s.bounds[trial + 1] - 1
             for k in range(first, last + 1):
-                work.sequence[k] = delayed(s.velocity, first, last, float(k), late)
+                work.speed[k] = delayed(s.velocity, first, last, float(k), late)
                 work.other[k] = delayed(s.position, first, last, float(k), late)
-        lay_out(work.sequence, s.first, work.velocity)
         lay_out(work.other, s.first, work.offset)
+    lay_out(work.speed, s.first, work.velocity)
+    if grips(p):
+        _slide(p, s, work)
     if p[DROOP] == 0.0:
         work.loss[:] = 0.0
         work.sagged[:] = 0.0
@@ -246,37 +248,54 @@ def shapes(p: np.ndarray) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def friction(p: np.ndarray, effort: float, velocity: float, turned: float) -> float:
-    """Torque lost between hydraulics and load cell, N·m."""
-    lost = coulomb(turned, p[COULOMB], p[COULOMB_ASYMMETRY]) + viscous(velocity, p[VISCOUS])
+def _slide(p: np.ndarray, s: Signals, work: Work) -> None:
+    """Share of the friction's direction that the travel of each sample leaves, and that of sticking at each speed."""
+    for k in range(work.speed.shape[0]):
+        work.slid[k] = kept_after(work.speed[k] * p[DT], p[PRESLIDING])
+    lay_out(work.slid, s.first, work.kept)
     if p[STATIC] != 0.0:
-        lost += stribeck(turned, velocity, p[STATIC], p[STRIBECK], p[EXPONENT])
-    return lost + load_friction(turned, effort, p[LOAD])
+        for k in range(work.speed.shape[0]):
+            work.slow[k] = sticking(work.speed[k], p[STRIBECK], p[EXPONENT])
+        lay_out(work.slow, s.first, work.sticking)
 
 
-@njit(cache=True, nogil=True)
-def unloaded(p: np.ndarray, effort: float, velocity: float, turned: float) -> float:
+@njit(cache=True, nogil=True, inline="always")
+def friction(p: np.ndarray, effort: float, velocity: float, turned: float, slow: float) -> float:
+    """Torque lost between hydraulics and load cell, N·m; `slow` is the share of sticking at that speed."""
+    lost = coulomb(turned, p[COULOMB], p[COULOMB_ASYMMETRY]) + viscous(velocity, p[VISCOUS])
+    return lost + p[STATIC] * turned * slow + load_friction(turned, effort, p[LOAD])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def unloaded(p: np.ndarray, effort: float, velocity: float, turned: float, slow: float) -> float:
     """Inner torque in front of the friction that leaves `effort`, N·m."""
-    inner = effort + friction(p, 0.0, velocity, turned)
+    inner = effort + friction(p, 0.0, velocity, turned, slow)
+    if p[LOAD] == 0.0:
+        return inner
     return inner / max(1.0 - p[LOAD] * turned * np.sign(inner), LEAST_PASSED)
 
 
-@njit(cache=True, nogil=True)
-def slid(p: np.ndarray, turned: float, change: float, inner: float, velocity: float) -> float:
+@njit(cache=True, nogil=True, inline="always")
+def slid(p: np.ndarray, turned: float, change: float, inner: float, velocity: float, kept: float) -> float:
     """Direction of the friction one sample later, when the inner torque has changed by `change` to `inner`."""
     most = p[COULOMB] + p[STATIC] + p[LOAD] * abs(inner)
-    return direction(stuck(turned, change, most), velocity * p[DT], p[PRESLIDING])
+    if most <= 0.0:
+        return turned
+    return direction(stuck(turned, change / most), velocity, kept)
 
 
 @njit(cache=True, nogil=True)
-def _restart(p: np.ndarray, s: Signals, work: Work) -> None:
-    """Inner torque at the start of each window from the logged one: the output side turned round."""
+def _restart(p: np.ndarray, s: Signals, work: Work, anew: bool) -> None:
+    """Inner torque at the start of each window from the logged one: the output side turned round.
+
+    The way that friction points there hangs on the core so little that it is found `anew` with the inputs only.
+    """
     half = 0.5 * p[GAP] * p[K3] / p[DT]
-    if half > 0.0 or grips(p):
+    if half > 0.0 or (anew and grips(p)):
         _follow(p, s, work, half)
     for w in range(s.first.shape[0]):
         effort, turned = s.target[0, w] - p[OFFSET], work.turned[w]
-        inner = unloaded(p, effort, work.velocity[0, w], turned)
+        inner = unloaded(p, effort, work.velocity[0, w], turned, work.sticking[0, w])
         if half > 0.0:
             lost = inner - effort
             inner = wound_up(work.other[s.first[w]] - lost, effort, half, p[CLEAR]) + lost
@@ -287,43 +306,80 @@ def _restart(p: np.ndarray, s: Signals, work: Work) -> None:
 def _follow(p: np.ndarray, s: Signals, work: Work, half: float) -> None:
     """Which way the friction points and where a slack chain stands, followed along with the logged torque: both hang on
     what went before a window."""
-    mean, late, soft = mean_share(p[LAG], p[DT]), p[SKEW] / p[DT], softened(p[K3], p[COMPLIANCE], p[DT])
+    opened, mean = work.command, mean_share(p[LAG], p[DT])
+    if s.mode == TORQUE:
+        opened = work.stiff
+        for k in range(opened.shape[0]):
+            driven = work.command[k] - s.effort[k] + p[OFFSET] + work.summed[k]
+            opened[k] = shape_opening(p, follow(work.driven[k], driven, mean), s.time[k])
     for trial in range(s.bounds.shape[0] - 1):
         first, last = s.bounds[trial], s.bounds[trial + 1] - 1
-        turned, velocity = 0.0, s.velocity[first]
-        inner = unloaded(p, s.effort[first] - p[OFFSET], velocity, turned)
-        wound = wound_up(0.0, inner, half, p[CLEAR]) if half > 0.0 else inner
-        for k in range(first, last + 1):
-            work.other[k], work.sequence[k] = wound, turned
-            if k == last:
-                break
-            inner = transmitted(wound, half)
-            lost = friction(p, inner, velocity, turned)
-            effort = transmitted(wound - lost, half) + lost
-            u = work.command[k]
-            if s.mode == TORQUE:
-                driven = u - s.effort[k] + p[OFFSET] + work.summed[k]
-                u = shape_opening(p, follow(work.driven[k], driven, mean), s.time[k])
-            change = p[K1] * u * orifice(u, effort, p[ORIFICE], work.sagged[k]) - p[K2] * effort - p[K3] * velocity
-            change += p[K4] * impact(effort, u)
-            wound += soft * stiffness(p[SLOPE], s.position[k] - p[MIDDLE]) * change
-            expected = transmitted(wound, half)
-            turned = slid(p, turned, expected - inner, expected, velocity)
-            velocity = s.velocity[k + 1] if late == 0.0 else delayed(s.velocity, first, last, k + 1.0, late)
-            logged = s.effort[k + 1] - p[OFFSET]
-            if half > 0.0:
-                lost = friction(p, expected, velocity, turned)
-                wound = wound_up(wound - lost, logged, half, p[CLEAR]) + lost
-            else:
-                wound = unloaded(p, logged, velocity, turned)
+        if half > 0.0:
+            _take_up(p, s, work, opened, half, first, last)
+        else:
+            _turn(p, s, work, opened, first, last)
     for w in range(s.first.shape[0]):
         work.turned[w] = work.sequence[s.first[w]]
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def _turn(p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, first: int, last: int) -> None:
+    """Direction of the friction before each sample of a trial."""
+    coulomb_, static, load, offset = p[COULOMB], p[STATIC], p[LOAD], p[OFFSET]
+    most, per = coulomb_ + static, 1.0 / max(coulomb_ + static, 1e-300)
+    bent, uneven_, viscous_ = p[ORIFICE] != 0.0 or p[DROOP] != 0.0, p[COULOMB_ASYMMETRY], p[VISCOUS]
+    k1, k2, k3, k4, slope = p[K1], p[K2], p[K3], p[K4], p[SLOPE]
+    soft = softened(k3, p[COMPLIANCE], p[DT])
+    turned = 0.0
+    for k in range(first, last):
+        work.sequence[k] = turned
+        effort, velocity, u = s.effort[k] - offset, work.speed[k], opened[k]
+        lost = coulomb(turned, coulomb_, uneven_) + viscous(velocity, viscous_) + static * turned * work.slow[k]
+        inner = effort + lost
+        if load != 0.0:
+            inner /= max(1.0 - load * turned * np.sign(inner), LEAST_PASSED)
+        passed = orifice(u, inner, p[ORIFICE], work.sagged[k]) if bent else 1.0
+        change = k1 * u * passed - k2 * inner - k3 * velocity + k4 * impact(inner, u)
+        change *= soft * stiffness(slope, s.position[k] - p[MIDDLE])
+        if load != 0.0:
+            most = coulomb_ + static + load * abs(inner + change)
+            per = 1.0 / max(most, 1e-300)
+        if most > 0.0:
+            turned = direction(stuck(turned, change * per), velocity, work.slid[k])
+    work.sequence[last] = turned
+
+
+@njit(cache=True, nogil=True)
+def _take_up(
+    p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, half: float, first: int, last: int
+) -> None:
+    """Where a slack chain stands before each sample of a trial, and the direction of the friction on its piston's side."""
+    bent, rubbed, offset, clear = p[ORIFICE] != 0.0 or p[DROOP] != 0.0, rubs(p), p[OFFSET], p[CLEAR]
+    k1, k2, k3, k4, slope, middle = p[K1], p[K2], p[K3], p[K4], p[SLOPE], p[MIDDLE]
+    soft, turned, lost = softened(k3, p[COMPLIANCE], p[DT]), 0.0, 0.0
+    wound = wound_up(0.0, s.effort[first], half, clear)
+    for k in range(first, last):
+        work.other[k], work.sequence[k] = wound, turned
+        inner, velocity, u = transmitted(wound, half), work.speed[k], opened[k]
+        effort = inner
+        if rubbed:
+            lost = friction(p, inner, velocity, turned, work.slow[k])
+            effort = transmitted(wound - lost, half) + lost
+        passed = orifice(u, effort, p[ORIFICE], work.sagged[k]) if bent else 1.0
+        change = k1 * u * passed - k2 * effort - k3 * velocity + k4 * impact(effort, u)
+        wound += soft * stiffness(slope, s.position[k] - middle) * change
+        if rubbed:
+            following = transmitted(wound, half)
+            turned = slid(p, turned, following - inner, following, velocity, work.slid[k])
+            lost = friction(p, following, work.speed[k + 1], turned, work.slow[k + 1])
+        wound = wound_up(wound - lost, s.effort[k + 1] - offset, half, clear) + lost
+    work.other[last], work.sequence[last] = wound, turned
+
+
 @njit(cache=True, nogil=True, fastmath={"contract", "nsz", "arcp", "reassoc"})
-def _plain(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
-    """Core and output without orifice, droop, stiffness, backlash and friction."""
-    k1, keep, k3, k4, limit, bias = p[K1], 1.0 - p[K2], p[K3], p[K4], p[LIMIT], p[OFFSET]
+def _plain(p: np.ndarray, s: Signals, work: Work, out: np.ndarray, bias: float) -> None:
+    """Core without orifice, droop, stiffness and backlash, plus a bias."""
+    k1, keep, k3, k4, limit = p[K1], 1.0 - p[K2], p[K3], p[K4], p[LIMIT]
     state = work.state
     for k in range(s.steps):
         opening, velocity, row = work.opening[k], work.velocity[k], out[k]
@@ -360,7 +416,7 @@ def _slack(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
     for w in range(work.state.shape[0]):
         state, turned = work.state[w], work.turned[w]
         inner = transmitted(state, half)
-        lost = friction(p, inner, work.velocity[0, w], turned)
+        lost = friction(p, inner, work.velocity[0, w], turned, work.sticking[0, w])
         for k in range(s.steps):
             u, velocity = work.opening[k, w], work.velocity[k, w]
             effort = transmitted(state - lost, half) + lost
@@ -368,27 +424,26 @@ def _slack(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
             change += p[K4] * impact(effort, u)
             state = clip(state + soft * stiffness(p[SLOPE], work.offset[k, w] - p[MIDDLE]) * change, p[LIMIT])
             following = transmitted(state, half)
-            turned = slid(p, turned, following - inner, following, velocity)
+            turned = slid(p, turned, following - inner, following, velocity, work.kept[k, w])
             inner = following
-            lost = friction(p, inner, work.velocity[k + 1, w], turned)
+            lost = friction(p, inner, work.velocity[k + 1, w], turned, work.sticking[k + 1, w])
             out[k, w] = transmitted(state - lost, half) + p[OFFSET]
 
 
 @njit(cache=True, nogil=True)
 def _rub(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
     """Output side: friction and bias."""
-    rubbed = rubs(p)
-    if rubbed:
-        for w in range(out.shape[1]):
-            work.state[w] = unloaded(p, s.target[0, w] - p[OFFSET], work.velocity[0, w], work.turned[w])
-    for k in range(s.steps):
-        for w in range(out.shape[1]):
-            if rubbed:
-                inner = out[k, w]
-                work.turned[w] = slid(p, work.turned[w], inner - work.state[w], inner, work.velocity[k, w])
-                work.state[w] = inner
-                out[k, w] -= friction(p, inner, work.velocity[k + 1, w], work.turned[w])
-            out[k, w] += p[OFFSET]
+    dry = grips(p)
+    for w in range(out.shape[1]):
+        turned, velocity = work.turned[w], work.velocity[0, w]
+        before = unloaded(p, s.target[0, w] - p[OFFSET], velocity, turned, work.sticking[0, w])
+        for k in range(s.steps):
+            inner = out[k, w]
+            if dry:
+                turned = slid(p, turned, inner - before, inner, velocity, work.kept[k, w])
+                before = inner
+            velocity = work.velocity[k + 1, w]
+            out[k, w] = inner - friction(p, inner, velocity, turned, work.sticking[k + 1, w]) + p[OFFSET]
 
 
 @njit(cache=True, nogil=True)
@@ -402,7 +457,7 @@ def _torque_loop(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None
         start, lost, rubbed = s.time[s.first[w]], 0.0, rubs(p)
         inner, turned = transmitted(state, half), work.turned[w]
         if rubbed:
-            lost = friction(p, inner, work.velocity[0, w], turned)
+            lost = friction(p, inner, work.velocity[0, w], turned, work.sticking[0, w])
         for k in range(s.steps):
             felt = transmitted(state - lost, half)
             effort = felt + lost
@@ -415,9 +470,9 @@ def _torque_loop(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None
             state = clip(state + soft * stiffness(p[SLOPE], work.offset[k, w] - p[MIDDLE]) * change, limit)
             if rubbed:
                 following = transmitted(state, half)
-                turned = slid(p, turned, following - inner, following, work.velocity[k, w])
+                turned = slid(p, turned, following - inner, following, work.velocity[k, w], work.kept[k, w])
                 inner = following
-                lost = friction(p, inner, work.velocity[k + 1, w], turned)
+                lost = friction(p, inner, work.velocity[k + 1, w], turned, work.sticking[k + 1, w])
             out[k, w] = transmitted(state - lost, half) + p[OFFSET]
 
 
@@ -449,13 +504,16 @@ def simulate(p: np.ndarray, s: Signals, work: Work, out: np.ndarray, inputs: int
     if s.mode == VALVE:
         _speed(p, s, work, out)
         return
-    _restart(p, s, work)
+    _restart(p, s, work, inputs >= COMMAND)
     if s.mode == TORQUE:
         _torque_loop(p, s, work, out)
     elif rubs(p) and p[GAP] != 0.0:
         _slack(p, s, work, out)
-    elif rubs(p) or shapes(p):
+    elif shapes(p):
         _full(p, s, work, out)
         _rub(p, s, work, out)
+    elif rubs(p):
+        _plain(p, s, work, out, 0.0)
+        _rub(p, s, work, out)
     else:
-        _plain(p, s, work, out)
+        _plain(p, s, work, out, p[OFFSET])

@@ -9,7 +9,7 @@ from hqpipe.effects import EFFECTS
 from hqpipe.effects import effect as scales
 from hqpipe.effects.backlash import transmitted, wound_up
 from hqpipe.effects.command_delay import delayed
-from hqpipe.effects.coulomb_friction import coulomb, direction
+from hqpipe.effects.coulomb_friction import coulomb, direction, kept_after, stuck
 from hqpipe.effects.direction_asymmetry import asymmetric
 from hqpipe.effects.flow_saturation import saturate
 from hqpipe.effects.gain_drift import drifted
@@ -18,7 +18,7 @@ from hqpipe.effects.layout import FIELDS, NOT_IN_THE_LOOP, WIDTH, neutral_row, s
 from hqpipe.effects.load_dependent_friction import load_friction
 from hqpipe.effects.orifice_flow import orifice
 from hqpipe.effects.position_dependent_stiffness import LEAST, stiffness
-from hqpipe.effects.stribeck_friction import stribeck
+from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_deadband import deadband
@@ -226,18 +226,34 @@ def test_chatter_within_the_slack_does_not_tighten_the_chain():
     assert wound_up(25.0, -2.0, 20.0, 5.0) == 20.0
 
 
+def went(turned, travel, presliding):
+    return direction(turned, travel, kept_after(travel, presliding))
+
+
 def test_direction_of_friction_is_dahls_model():
-    assert direction(0.3, 0.0, 1e-3) == pytest.approx(0.3), "at rest it stays"
-    assert direction(0.0, 1e-3, 1e-3) == pytest.approx(1.0 - np.exp(-1.0))
-    assert direction(1.0, -1.0, 1e-3) == pytest.approx(-1.0)
-    one = direction(-0.7, 6e-4, 1e-3)
-    two = direction(direction(-0.7, 2e-4, 1e-3), 4e-4, 1e-3)
+    assert went(0.3, 0.0, 1e-3) == pytest.approx(0.3), "at rest it stays"
+    assert went(0.0, 1e-3, 1e-3) == pytest.approx(1.0 - np.exp(-1.0))
+    assert went(1.0, -1.0, 1e-3) == pytest.approx(-1.0)
+    one = went(-0.7, 6e-4, 1e-3)
+    two = went(went(-0.7, 2e-4, 1e-3), 4e-4, 1e-3)
     assert one == pytest.approx(two), "an exact step does not depend on the sample time"
     fine, z = 20000, -0.7
     for _ in range(fine):
         z += (1.0 - z) * 6e-4 / fine / 1e-3
     assert one == pytest.approx(z, abs=1e-4)
-    assert direction(0.7, -6e-4, 1e-3) == pytest.approx(-one)
+    assert went(0.7, -6e-4, 1e-3) == pytest.approx(-one)
+
+
+def test_a_resting_joint_keeps_its_torque_until_friction_can_hold_no_more():
+    friction, load = 20.0, 50.0
+    turned, oil = 0.5, load + 0.5 * friction
+    for step in (4.0, 4.0, -15.0, -20.0, -5.0):
+        oil += step
+        turned = stuck(turned, step / friction)
+        wanted = min(max(oil - load, -friction), friction)
+        assert friction * turned == pytest.approx(wanted)
+        load = oil - friction * turned
+    assert load == pytest.approx(28.0 + friction), "it held until the oil pulled 20 N·m less than the load needs"
 
 
 def test_friction_laws():
@@ -246,7 +262,7 @@ def test_friction_laws():
     assert viscous(-2.0, 3.0) == -6.0
     assert load_friction(-1.0, -100.0, 0.1) == pytest.approx(-10.0)
     assert load_friction(1.0, -100.0, 0.1) == pytest.approx(10.0)
-    assert stribeck(1.0, 0.0, 30.0, 0.2, 2.0) == 30.0
-    assert stribeck(-1.0, -0.2, 30.0, 0.2, 0.5) == pytest.approx(-30.0 / np.e)
-    assert stribeck(1.0, 5.0, 30.0, 0.2, 2.0) == pytest.approx(0.0, abs=1e-12)
-    assert stribeck(1.0, 0.4, 30.0, 0.2, 0.5) > stribeck(1.0, 0.4, 30.0, 0.2, 2.0), "the tail"
+    assert sticking(0.0, 0.2, 2.0) == 1.0
+    assert sticking(-0.2, 0.2, 0.5) == pytest.approx(1.0 / np.e)
+    assert sticking(5.0, 0.2, 2.0) == pytest.approx(0.0, abs=1e-12)
+    assert sticking(0.4, 0.2, 0.5) > sticking(0.4, 0.2, 2.0), "the tail"
