@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,6 +13,9 @@ from hqpipe.gap.estimate import Estimate, agree, estimates, pooled, stated
 from hqpipe.gap.groups import scope_of
 from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.search import Support
+
+
+MOST = 0.5  # share of a cause's joints that must not tell a rival from it; assumption
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +82,8 @@ def _cause(
             one = pooled(known) if len(known) > 1 else known[0]
             parameters[parameter.name] = stated(one, parameter, members[0].data.row_dt)
     supports = [next(x for x in s.support if x.effect == effect) for s in members]
-    rivals = [set(x.rivals) for x in supports]
-    common = set.intersection(*rivals) if rivals else set()
+    counted = Counter(name for x in supports for name in x.rivals)
+    common = {name for name, count in counted.items() if count > MOST * len(supports)}
     odds = [_log_odds(x, s.closure(floor[s.joint]), len(common)) for x, s in zip(supports, members, strict=True)]
     probability = float(1.0 / (1.0 + np.exp(-max(odds))))
     scope = "machine" if EFFECTS[effect].machine else scope_of(names, joints)
