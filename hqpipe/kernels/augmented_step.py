@@ -16,7 +16,7 @@ from hqpipe.effects.backlash import transmitted, wound_up
 from hqpipe.effects.coulomb_friction import kept_after
 from hqpipe.effects.integral_action import integrate
 from hqpipe.effects.orifice_flow import orifice
-from hqpipe.effects.position_dependent_stiffness import stiffness
+from hqpipe.effects.position_dependent_stiffness import fed, stiffness
 from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
@@ -110,7 +110,8 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     slow = sticking(qd, p[STRIBECK], p[EXPONENT]) if p[STATIC] != 0.0 else 0.0
     lost = friction(p, inner, qd, memory[TURNED], slow)
     effort = transmitted(memory[WOUND] - lost, half) + lost
-    change = p[K1] * u * orifice(u, effort, p[ORIFICE], memory[LOSS]) - p[K2] * effort - p[K3] * qd
+    passed = orifice(u, effort, p[ORIFICE], memory[LOSS]) * fed(u, p[SLOPE], memory[LOSS])
+    change = p[K1] * u * passed - p[K2] * effort - p[K3] * qd
     change += p[K4] * impact(effort, u)
     change *= softened(p[K3], p[COMPLIANCE], dt) * stiffness(p[SLOPE], q - p[MIDDLE])
     memory[WOUND] = clip(memory[WOUND] + change, p[LIMIT])

@@ -28,7 +28,7 @@ from hqpipe.effects.gain_drift import drifted
 from hqpipe.effects.integral_action import integrate
 from hqpipe.effects.load_dependent_friction import load_friction
 from hqpipe.effects.orifice_flow import orifice
-from hqpipe.effects.position_dependent_stiffness import stiffness, uneven
+from hqpipe.effects.position_dependent_stiffness import fed, stiffness, uneven
 from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
@@ -181,6 +181,7 @@ def _missing(p: np.ndarray, s: Signals, work: Work, first: int, last: int, start
         if bent_flow:
             effort = s.effort[k] - p[OFFSET]
             flow = p[K1] * opening * orifice(opening, effort, p[ORIFICE], work.sagged[k])
+            flow *= fed(opening, p[SLOPE], work.sagged[k])
             change += work.stiff[k] * (flow + p[K4] * impact(effort, opening))
         else:
             change += work.stiff[k] * p[K1] * opening
@@ -338,7 +339,9 @@ def _turn(p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, first: int,
         inner = effort + lost
         if load != 0.0:
             inner /= max(1.0 - load * turned * np.sign(inner), LEAST_PASSED)
-        passed = orifice(u, inner, p[ORIFICE], work.sagged[k]) if bent else 1.0
+        passed = 1.0
+        if bent:
+            passed = orifice(u, inner, p[ORIFICE], work.sagged[k]) * fed(u, slope, work.sagged[k])
         change = k1 * u * passed - k2 * inner - k3 * velocity + k4 * impact(inner, u)
         change *= soft * stiffness(slope, s.position[k] - p[MIDDLE])
         if load != 0.0:
@@ -365,7 +368,9 @@ def _take_up(
         if rubbed:
             lost = friction(p, inner, velocity, turned, work.slow[k])
             effort = transmitted(wound - lost, half) + lost
-        passed = orifice(u, effort, p[ORIFICE], work.sagged[k]) if bent else 1.0
+        passed = 1.0
+        if bent:
+            passed = orifice(u, effort, p[ORIFICE], work.sagged[k]) * fed(u, slope, work.sagged[k])
         change = k1 * u * passed - k2 * effort - k3 * velocity + k4 * impact(effort, u)
         wound += soft * stiffness(slope, s.position[k] - middle) * change
         if rubbed:
@@ -402,7 +407,8 @@ def _full(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
         for w in range(state.shape[0]):
             u = opening[w]
             effort = transmitted(state[w], half)
-            change = k1 * u * orifice(u, effort, inverse, loss[w]) - k2 * effort - k3 * velocity[w]
+            passed = orifice(u, effort, inverse, loss[w]) * fed(u, slope, loss[w])
+            change = k1 * u * passed - k2 * effort - k3 * velocity[w]
             change += k4 * impact(effort, u)
             following = clip(state[w] + soft * stiffness(slope, offset[w] - middle) * change, limit)
             state[w] = following
@@ -420,7 +426,8 @@ def _slack(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
         for k in range(s.steps):
             u, velocity = work.opening[k, w], work.velocity[k, w]
             effort = transmitted(state - lost, half) + lost
-            change = p[K1] * u * orifice(u, effort, p[ORIFICE], work.loss[k, w]) - p[K2] * effort - p[K3] * velocity
+            passed = orifice(u, effort, p[ORIFICE], work.loss[k, w]) * fed(u, p[SLOPE], work.loss[k, w])
+            change = p[K1] * u * passed - p[K2] * effort - p[K3] * velocity
             change += p[K4] * impact(effort, u)
             state = clip(state + soft * stiffness(p[SLOPE], work.offset[k, w] - p[MIDDLE]) * change, p[LIMIT])
             following = transmitted(state, half)
@@ -466,7 +473,8 @@ def _torque_loop(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None
             integral = integrate(integral, error, p[KI], p[WINDUP], dt)
             u = shape_opening(p, follow(spool, driven, mean), start + k * dt)
             spool = follow(spool, driven, share)
-            change = k1 * u * orifice(u, effort, p[ORIFICE], work.loss[k, w]) - k2 * effort - k3 * work.velocity[k, w]
+            passed = orifice(u, effort, p[ORIFICE], work.loss[k, w]) * fed(u, p[SLOPE], work.loss[k, w])
+            change = k1 * u * passed - k2 * effort - k3 * work.velocity[k, w]
             state = clip(state + soft * stiffness(p[SLOPE], work.offset[k, w] - p[MIDDLE]) * change, limit)
             if rubbed:
                 following = transmitted(state, half)

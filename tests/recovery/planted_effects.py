@@ -31,7 +31,7 @@ TYPICAL: dict[str, dict[str, float]] = {
     "gain_drift": {"rate_per_s": 0.03},
     "supply_droop": {"droop": 0.1, "recovery_s": 0.15},
     "orifice_flow": {"effort_max_nm": 900.0},
-    "position_dependent_stiffness": {"slope_per_rad": 1.5, "unevenness": 0.05},
+    "position_dependent_stiffness": {"slope_per_rad": 1.5, "unevenness": 0.02},
     "backlash": {"gap": 0.008},
     "coulomb_friction": {"friction_nm": 25.0, "asymmetry_nm": 5.0, "presliding_rad": 0.002},
     "stribeck_friction": {"static_nm": 30.0, "velocity_rad_s": 0.3, "exponent": 1.5},
@@ -184,6 +184,7 @@ def simulate(
         drawn = flow[0] * np.abs(qd).sum() + flow[1] * np.abs(target[k] - q).sum()
         loss = loss - np.expm1(-DT / recovery) * (droop * drawn - loss)
         fed = x * np.sqrt(np.maximum(1.0 - loss - np.sign(x) * inner / most, 0.0))
+        fed = fed * (1.0 + 0.4 * slope * loss * np.sign(x))  # unequal chambers: the fed port feels the supply alone
         braked = k4 * np.where(inner * x < 0.0, np.abs(inner), 0.0) * x
         pulling = beyond(wound, slack)
         wound = wound + np.maximum(1.0 + slope * (q - middle), 0.05) * (k1 * fed - k2 * inner - k3 * qd + braked)
