@@ -21,7 +21,9 @@ SECOND, COMMAND, EFFORT, VELOCITY, SLOWNESS, DAMPING, STIFFNESS, ANGLE, NONE = (
 )
 
 
-SIMPLIFIED = 0.012  # see Parameter; measured on withheld cases of a plant of its own equations (docs/theory/diagnosis.md)
+SIMPLIFIED = (
+    0.012  # see Parameter; measured on withheld cases of a plant of its own equations (docs/theory/diagnosis.md)
+)
 
 
 @dataclass(frozen=True)

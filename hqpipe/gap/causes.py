@@ -14,7 +14,6 @@ from hqpipe.gap.groups import scope_of
 from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.search import Support
 
-
 MOST = 0.5  # share of a cause's joints that must not tell a rival from it; assumption
 
 

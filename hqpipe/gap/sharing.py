@@ -24,7 +24,9 @@ WORTH_POOLED = 1.07  # mean of that ratio where no joint of the group has shown 
 MOST_OF, LIKE = 0.5, 0.5  # share of a group from which the rest is asked kindly; how near its parameter must come
 KIND_RATIO, KIND_Z = 1.003, 0.5  # what counts as showing it then
 CONSENSUS, MOST_SETS = 1.02, 4  # error ratio that a shared set may cost a joint; sets that are tried
-SPLIT = 1.5  # the same where the fit trials prefer the shared set, no larger, and only the held-out ones do not; assumption
+SPLIT = (
+    1.5  # the same where the fit trials prefer the shared set, no larger, and only the held-out ones do not; assumption
+)
 
 
 def seek_consensus(states: list[JointState]) -> list[JointState]:

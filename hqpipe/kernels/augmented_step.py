@@ -48,7 +48,8 @@ from hqpipe.kernels.augmented_columns import (
     STRIBECK,
     WINDUP,
 )
-from hqpipe.kernels.augmented_windows import friction, shape_opening, slid
+from hqpipe.kernels.augmented_command import shape_opening
+from hqpipe.kernels.augmented_output import friction, slid
 from hqpipe.kernels.laws import clip, impact
 
 SAMPLES, SPOOL, INTEGRAL, WOUND, LOSS, TURNED, RING = range(
@@ -70,9 +71,7 @@ def _past(memory: np.ndarray, now: int, lag: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _wake(
-    p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: float, qd: float, demand: float
-) -> None:
+def _wake(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: float, qd: float, demand: float) -> None:
     """States at the first sample, as if the joint had been held there."""
     half = 0.5 * p[GAP] * p[K3] / p[DT]
     lost = friction(p, torque, qd, 0.0, 0.0)
@@ -117,9 +116,7 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     memory[WOUND] = clip(memory[WOUND] + change, p[LIMIT])
     memory[SAMPLES] = now + 1.0
     following = transmitted(memory[WOUND], half)
-    memory[TURNED] = slid(
-        p, memory[TURNED], following - inner, following, qd, kept_after(qd * dt, p[PRESLIDING])
-    )
+    memory[TURNED] = slid(p, memory[TURNED], following - inner, following, qd, kept_after(qd * dt, p[PRESLIDING]))
     lost = friction(p, following, qd, memory[TURNED], slow)
     return clip(transmitted(memory[WOUND] - lost, half), p[LIMIT])
 

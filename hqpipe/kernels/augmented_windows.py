@@ -21,182 +21,41 @@ from numba import njit
 
 from hqpipe.effects.backlash import transmitted, wound_up
 from hqpipe.effects.command_delay import delayed
-from hqpipe.effects.coulomb_friction import coulomb, direction, kept_after, stuck
-from hqpipe.effects.direction_asymmetry import asymmetric
-from hqpipe.effects.flow_saturation import saturate
-from hqpipe.effects.gain_drift import drifted
 from hqpipe.effects.integral_action import integrate
-from hqpipe.effects.load_dependent_friction import load_friction
 from hqpipe.effects.orifice_flow import orifice
-from hqpipe.effects.position_dependent_stiffness import fed, stiffness, uneven
-from hqpipe.effects.stribeck_friction import sticking
+from hqpipe.effects.position_dependent_stiffness import fed, stiffness
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
-from hqpipe.effects.valve_deadband import deadband
 from hqpipe.effects.valve_lag import follow, lag_share, mean_share
-from hqpipe.effects.viscous_friction import viscous
 from hqpipe.kernels.augmented_columns import (
     ALL,
-    ASYMMETRY,
-    BAND,
-    BIAS,
     CLEAR,
     COMMAND,
     COMPLIANCE,
-    COULOMB,
-    COULOMB_ASYMMETRY,
-    DELAY,
-    DRIFT,
     DROOP,
     DT,
-    EXPONENT,
     GAP,
-    HELD_CLOSE,
-    HELD_PASSES,
     K1,
     K2,
     K3,
     K4,
     KI,
     LAG,
-    LEAST_PASSED,
     LIMIT,
-    LOAD,
     MIDDLE,
-    NEUTRAL,
     OFFSET,
     ORIFICE,
-    POSITION,
-    PRESLIDING,
     RECOVERY,
-    ROUNDING,
-    SATURATION,
     SKEW,
     SLOPE,
-    STATIC,
-    STRIBECK,
     TORQUE,
-    UNEVEN,
     VALVE,
-    VISCOUS,
     WINDUP,
 )
+from hqpipe.kernels.augmented_command import command_side, shape_opening
+from hqpipe.kernels.augmented_output import follow_along, friction, grips, rub, rubs, slid, slide, unloaded
 from hqpipe.kernels.augmented_signals import Signals, Work, lay_out
 from hqpipe.kernels.laws import clip, impact
-
-
-@njit(cache=True, nogil=True, inline="always")
-def shape_opening(p: np.ndarray, opening: float, time: float) -> float:
-    """The command side from the spool on."""
-    opening = saturate(deadband(opening, p[BAND], p[ROUNDING]), p[SATURATION])
-    return drifted(asymmetric(opening, p[ASYMMETRY] + uneven(p[SLOPE], p[UNEVEN])), p[DRIFT], time)
-
-
-@njit(cache=True, nogil=True)
-def _command_side(p: np.ndarray, s: Signals, work: Work) -> None:
-    """Fill `opening`: u in position and valve mode; in torque mode the delayed command, and the states at the
-    start of each window as the logged effort drives them."""
-    dt, sequence = p[DT], work.command
-    share, mean = lag_share(p[LAG], dt), mean_share(p[LAG], dt)
-    prompt = p[SKEW] == 0.0 and p[DELAY] == 0.0
-    bent = shaped(p)
-    for trial in range(s.bounds.shape[0] - 1):
-        first, last = s.bounds[trial], s.bounds[trial + 1] - 1
-        integral, spool = 0.0, 0.0
-        if p[KI] != 0.0 and s.mode != VALVE:
-            integral = _held(p, s, work, first, last)
-        for k in range(first, last + 1):
-            at = k - p[SKEW] / dt
-            wanted = s.command[k] if prompt else delayed(s.command, first, last, at, p[DELAY] / dt)
-            if s.mode == POSITION:
-                here = s.position[k] if p[SKEW] == 0.0 else delayed(s.position, first, last, at, 0.0)
-                error = wanted - here + p[BIAS]
-            elif s.mode == TORQUE:
-                error = wanted - s.effort[k] + p[OFFSET]
-            else:
-                error = wanted - p[NEUTRAL]
-            driven = error + integral
-            spool = driven if k == first else spool
-            if s.mode == TORQUE:
-                sequence[k], work.driven[k], work.summed[k] = wanted, spool, integral
-            else:
-                opening = follow(spool, driven, mean)
-                sequence[k] = shape_opening(p, opening, s.time[k]) if bent else opening
-            integral = integrate(integral, error, p[KI], p[WINDUP], dt)
-            spool = follow(spool, driven, share)
-    lay_out(work.command, s.first, work.opening)
-    if s.mode == TORQUE:
-        for w in range(s.first.shape[0]):
-            work.spool[w] = work.driven[s.first[w]]
-            work.integral[w] = work.summed[s.first[w]]
-
-
-@njit(cache=True, nogil=True)
-def _held(p: np.ndarray, s: Signals, work: Work, first: int, last: int) -> float:
-    """What the integrator holds when a trial starts: what makes the openings add up to the change of torque.
-
-    Logs begin in the middle of operation, so it is not zero, and a wrong start would last: until the integrator first
-    stands at its limit, else through the whole trial.
-    """
-    soft = softened(p[K3], p[COMPLIANCE], p[DT])
-    for k in range(first, last):
-        at = k - p[SKEW] / p[DT]
-        here = delayed(s.position, first, last, at, 0.0) if s.mode == POSITION else s.effort[k]
-        error = delayed(s.command, first, last, at, p[DELAY] / p[DT]) - here
-        work.sequence[k] = error + (p[BIAS] if s.mode == POSITION else p[OFFSET])
-        work.stiff[k] = soft * stiffness(p[SLOPE], s.position[k] - p[MIDDLE])
-        work.other[k] = work.stiff[k] * (p[K2] * (s.effort[k] - p[OFFSET]) + p[K3] * s.velocity[k])
-    limit = 1.0 / max(p[WINDUP], 1e-300)
-    low, high, start = -limit, limit, 0.0
-    for _ in range(HELD_PASSES):
-        missing, samples = _missing(p, s, work, first, last, start)
-        if missing > 0.0:
-            low = start
-        else:
-            high = start
-        wanted = start + missing / max(p[K1] * samples, 1e-300)
-        if wanted <= low or wanted >= high:  # the limit takes from what the start is worth
-            wanted = 0.5 * (low + high)
-        if abs(wanted - start) < HELD_CLOSE * abs(wanted):
-            return wanted
-        start = wanted
-    return start
-
-
-@njit(cache=True, nogil=True)
-def _missing(p: np.ndarray, s: Signals, work: Work, first: int, last: int, start: float) -> tuple[float, int]:
-    """Change of torque that an integrator which starts at `start` leaves open, N·m, and over how many samples.
-
-    The spool's lag cancels in the sum.
-    """
-    integral, bent, change, end = start, shaped(p), 0.0, last
-    bent_flow = p[ORIFICE] != 0.0 or p[DROOP] != 0.0 or p[K4] != 0.0
-    limit = 1.0 / max(p[WINDUP], 1e-300)
-    for k in range(first, last):
-        error = work.sequence[k]
-        opening = error + integral
-        if bent:
-            opening = shape_opening(p, opening, s.time[k])
-        change -= work.other[k]
-        if bent_flow:
-            effort = s.effort[k] - p[OFFSET]
-            flow = p[K1] * opening * orifice(opening, effort, p[ORIFICE], work.sagged[k])
-            flow *= fed(opening, p[SLOPE], work.sagged[k])
-            change += work.stiff[k] * (flow + p[K4] * impact(effort, opening))
-        else:
-            change += work.stiff[k] * p[K1] * opening
-        integral = integrate(integral, error, p[KI], p[WINDUP], p[DT])
-        if abs(integral) >= limit and k - first >= s.steps:
-            end = k + 1
-            break
-    return s.effort[end] - s.effort[first] - change, end - first
-
-
-@njit(cache=True, nogil=True, inline="always")
-def shaped(p: np.ndarray) -> bool:
-    """Whether the opening is anything but what the spool follows."""
-    bent = p[BAND] != 0.0 or p[SATURATION] != 0.0 or p[ASYMMETRY] != 0.0 or p[DRIFT] != 0.0
-    return bent or p[UNEVEN] != 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -216,7 +75,7 @@ def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
         lay_out(work.other, s.first, work.offset)
     lay_out(work.speed, s.first, work.velocity)
     if grips(p):
-        _slide(p, s, work)
+        slide(p, s, work)
     if p[DROOP] == 0.0:
         work.loss[:] = 0.0
         work.sagged[:] = 0.0
@@ -231,58 +90,9 @@ def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def grips(p: np.ndarray) -> bool:
-    """Whether dry friction is active."""
-    return p[COULOMB] != 0.0 or p[STATIC] != 0.0 or p[LOAD] != 0.0
-
-
-@njit(cache=True, nogil=True, inline="always")
-def rubs(p: np.ndarray) -> bool:
-    """Whether any friction is active."""
-    return grips(p) or p[VISCOUS] != 0.0
-
-
-@njit(cache=True, nogil=True, inline="always")
 def shapes(p: np.ndarray) -> bool:
     """Whether the core differs from the base model's."""
     return p[ORIFICE] != 0.0 or p[DROOP] != 0.0 or p[SLOPE] != 0.0 or p[GAP] != 0.0 or p[COMPLIANCE] != 0.0
-
-
-@njit(cache=True, nogil=True)
-def _slide(p: np.ndarray, s: Signals, work: Work) -> None:
-    """Share of the friction's direction that the travel of each sample leaves, and that of sticking at each speed."""
-    for k in range(work.speed.shape[0]):
-        work.slid[k] = kept_after(work.speed[k] * p[DT], p[PRESLIDING])
-    lay_out(work.slid, s.first, work.kept)
-    if p[STATIC] != 0.0:
-        for k in range(work.speed.shape[0]):
-            work.slow[k] = sticking(work.speed[k], p[STRIBECK], p[EXPONENT])
-        lay_out(work.slow, s.first, work.sticking)
-
-
-@njit(cache=True, nogil=True, inline="always")
-def friction(p: np.ndarray, effort: float, velocity: float, turned: float, slow: float) -> float:
-    """Torque lost between hydraulics and load cell, N·m; `slow` is the share of sticking at that speed."""
-    lost = coulomb(turned, p[COULOMB], p[COULOMB_ASYMMETRY]) + viscous(velocity, p[VISCOUS])
-    return lost + p[STATIC] * turned * slow + load_friction(turned, effort, p[LOAD])
-
-
-@njit(cache=True, nogil=True, inline="always")
-def unloaded(p: np.ndarray, effort: float, velocity: float, turned: float, slow: float) -> float:
-    """Inner torque in front of the friction that leaves `effort`, N·m."""
-    inner = effort + friction(p, 0.0, velocity, turned, slow)
-    if p[LOAD] == 0.0:
-        return inner
-    return inner / max(1.0 - p[LOAD] * turned * np.sign(inner), LEAST_PASSED)
-
-
-@njit(cache=True, nogil=True, inline="always")
-def slid(p: np.ndarray, turned: float, change: float, inner: float, velocity: float, kept: float) -> float:
-    """Direction of the friction one sample later, when the inner torque has changed by `change` to `inner`."""
-    most = p[COULOMB] + p[STATIC] + p[LOAD] * abs(inner)
-    if most <= 0.0:
-        return turned
-    return direction(stuck(turned, change / most), velocity, kept)
 
 
 @njit(cache=True, nogil=True)
@@ -293,7 +103,7 @@ def _restart(p: np.ndarray, s: Signals, work: Work, anew: bool) -> None:
     """
     half = 0.5 * p[GAP] * p[K3] / p[DT]
     if half > 0.0 or (anew and grips(p)):
-        _follow(p, s, work, half)
+        follow_along(p, s, work, half)
     for w in range(s.first.shape[0]):
         effort, turned = s.target[0, w] - p[OFFSET], work.turned[w]
         inner = unloaded(p, effort, work.velocity[0, w], turned, work.sticking[0, w])
@@ -301,84 +111,6 @@ def _restart(p: np.ndarray, s: Signals, work: Work, anew: bool) -> None:
             lost = inner - effort
             inner = wound_up(work.other[s.first[w]] - lost, effort, half, p[CLEAR]) + lost
         work.state[w] = inner
-
-
-@njit(cache=True, nogil=True)
-def _follow(p: np.ndarray, s: Signals, work: Work, half: float) -> None:
-    """Which way the friction points and where a slack chain stands, followed along with the logged torque: both hang on
-    what went before a window."""
-    opened, mean = work.command, mean_share(p[LAG], p[DT])
-    if s.mode == TORQUE:
-        opened = work.stiff
-        for k in range(opened.shape[0]):
-            driven = work.command[k] - s.effort[k] + p[OFFSET] + work.summed[k]
-            opened[k] = shape_opening(p, follow(work.driven[k], driven, mean), s.time[k])
-    for trial in range(s.bounds.shape[0] - 1):
-        first, last = s.bounds[trial], s.bounds[trial + 1] - 1
-        if half > 0.0:
-            _take_up(p, s, work, opened, half, first, last)
-        else:
-            _turn(p, s, work, opened, first, last)
-    for w in range(s.first.shape[0]):
-        work.turned[w] = work.sequence[s.first[w]]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _turn(p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, first: int, last: int) -> None:
-    """Direction of the friction before each sample of a trial."""
-    coulomb_, static, load, offset = p[COULOMB], p[STATIC], p[LOAD], p[OFFSET]
-    most, per = coulomb_ + static, 1.0 / max(coulomb_ + static, 1e-300)
-    bent, uneven_, viscous_ = p[ORIFICE] != 0.0 or p[DROOP] != 0.0, p[COULOMB_ASYMMETRY], p[VISCOUS]
-    k1, k2, k3, k4, slope = p[K1], p[K2], p[K3], p[K4], p[SLOPE]
-    soft = softened(k3, p[COMPLIANCE], p[DT])
-    turned = 0.0
-    for k in range(first, last):
-        work.sequence[k] = turned
-        effort, velocity, u = s.effort[k] - offset, work.speed[k], opened[k]
-        lost = coulomb(turned, coulomb_, uneven_) + viscous(velocity, viscous_) + static * turned * work.slow[k]
-        inner = effort + lost
-        if load != 0.0:
-            inner /= max(1.0 - load * turned * np.sign(inner), LEAST_PASSED)
-        passed = 1.0
-        if bent:
-            passed = orifice(u, inner, p[ORIFICE], work.sagged[k]) * fed(u, slope, work.sagged[k])
-        change = k1 * u * passed - k2 * inner - k3 * velocity + k4 * impact(inner, u)
-        change *= soft * stiffness(slope, s.position[k] - p[MIDDLE])
-        if load != 0.0:
-            most = coulomb_ + static + load * abs(inner + change)
-            per = 1.0 / max(most, 1e-300)
-        if most > 0.0:
-            turned = direction(stuck(turned, change * per), velocity, work.slid[k])
-    work.sequence[last] = turned
-
-
-@njit(cache=True, nogil=True)
-def _take_up(
-    p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, half: float, first: int, last: int
-) -> None:
-    """Where a slack chain stands before each sample of a trial, and the direction of the friction on its piston's side."""
-    bent, rubbed, offset, clear = p[ORIFICE] != 0.0 or p[DROOP] != 0.0, rubs(p), p[OFFSET], p[CLEAR]
-    k1, k2, k3, k4, slope, middle = p[K1], p[K2], p[K3], p[K4], p[SLOPE], p[MIDDLE]
-    soft, turned, lost = softened(k3, p[COMPLIANCE], p[DT]), 0.0, 0.0
-    wound = wound_up(0.0, s.effort[first], half, clear)
-    for k in range(first, last):
-        work.other[k], work.sequence[k] = wound, turned
-        inner, velocity, u = transmitted(wound, half), work.speed[k], opened[k]
-        effort = inner
-        if rubbed:
-            lost = friction(p, inner, velocity, turned, work.slow[k])
-            effort = transmitted(wound - lost, half) + lost
-        passed = 1.0
-        if bent:
-            passed = orifice(u, effort, p[ORIFICE], work.sagged[k]) * fed(u, slope, work.sagged[k])
-        change = k1 * u * passed - k2 * effort - k3 * velocity + k4 * impact(effort, u)
-        wound += soft * stiffness(slope, s.position[k] - middle) * change
-        if rubbed:
-            following = transmitted(wound, half)
-            turned = slid(p, turned, following - inner, following, velocity, work.slid[k])
-            lost = friction(p, following, work.speed[k + 1], turned, work.slow[k + 1])
-        wound = wound_up(wound - lost, s.effort[k + 1] - offset, half, clear) + lost
-    work.other[last], work.sequence[last] = wound, turned
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "nsz", "arcp", "reassoc"})
@@ -397,7 +129,7 @@ def _plain(p: np.ndarray, s: Signals, work: Work, out: np.ndarray, bias: float) 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "nsz", "arcp", "reassoc"})
 def _full(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
-    """Core with every effect, backlash without friction; the friction of the output side follows in `_rub`."""
+    """Core with every effect, backlash without friction; the friction of the output side follows in `rub`."""
     k1, k2, k3, k4, limit = p[K1], p[K2], p[K3], p[K4], p[LIMIT]
     inverse, slope, half = p[ORIFICE], p[SLOPE], 0.5 * p[GAP] * p[K3] / p[DT]
     soft, middle = softened(k3, p[COMPLIANCE], p[DT]), p[MIDDLE]
@@ -435,22 +167,6 @@ def _slack(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
             inner = following
             lost = friction(p, inner, work.velocity[k + 1, w], turned, work.sticking[k + 1, w])
             out[k, w] = transmitted(state - lost, half) + p[OFFSET]
-
-
-@njit(cache=True, nogil=True)
-def _rub(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
-    """Output side: friction and bias."""
-    dry = grips(p)
-    for w in range(out.shape[1]):
-        turned, velocity = work.turned[w], work.velocity[0, w]
-        before = unloaded(p, s.target[0, w] - p[OFFSET], velocity, turned, work.sticking[0, w])
-        for k in range(s.steps):
-            inner = out[k, w]
-            if dry:
-                turned = slid(p, turned, inner - before, inner, velocity, work.kept[k, w])
-                before = inner
-            velocity = work.velocity[k + 1, w]
-            out[k, w] = inner - friction(p, inner, velocity, turned, work.sticking[k + 1, w]) + p[OFFSET]
 
 
 @njit(cache=True, nogil=True)
@@ -508,7 +224,7 @@ def simulate(p: np.ndarray, s: Signals, work: Work, out: np.ndarray, inputs: int
     if inputs >= ALL:
         _motion(p, s, work)
     if inputs >= COMMAND:
-        _command_side(p, s, work)
+        command_side(p, s, work)
     if s.mode == VALVE:
         _speed(p, s, work, out)
         return
@@ -519,9 +235,9 @@ def simulate(p: np.ndarray, s: Signals, work: Work, out: np.ndarray, inputs: int
         _slack(p, s, work, out)
     elif shapes(p):
         _full(p, s, work, out)
-        _rub(p, s, work, out)
+        rub(p, s, work, out)
     elif rubs(p):
         _plain(p, s, work, out, 0.0)
-        _rub(p, s, work, out)
+        rub(p, s, work, out)
     else:
         _plain(p, s, work, out, p[OFFSET])

@@ -188,7 +188,9 @@ def simulate(
         braked = k4 * np.where(inner * x < 0.0, np.abs(inner), 0.0) * x
         pulling = beyond(wound, slack)
         wound = wound + np.maximum(1.0 + slope * (q - middle), 0.05) * (k1 * fed - k2 * inner - k3 * qd + braked)
-        grip = dry + static + load * np.abs(beyond(wound, slack))  # while a joint rests, friction holds against the change
+        grip = (
+            dry + static + load * np.abs(beyond(wound, slack))
+        )  # while a joint rests, friction holds against the change
         bristle = bristle + np.where(grip > 0.0, (beyond(wound, slack) - pulling) / np.maximum(grip, 1e-30), 0.0)
         bristle = np.clip(bristle, -1.0, 1.0)
         moved = DT * qd

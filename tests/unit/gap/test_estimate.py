@@ -114,7 +114,9 @@ def test_stated_interval_holds_what_the_formula_simplifies():
     model = np.hypot(SIMPLIFIED * 0.002, SIMPLIFIED_ROWS * 1e-3)
     assert rows.value - rows.low == pytest.approx(np.hypot(1e-5, Z95 * model))
     wide = Estimate(1.0, 0.2, 3.0, 0.5)
-    assert stated(narrow, replace(slope, simplified=0.1), 1e-3).low == pytest.approx(0.002 * (1.0 - 0.1 * Z95), rel=1e-3)
+    assert stated(narrow, replace(slope, simplified=0.1), 1e-3).low == pytest.approx(
+        0.002 * (1.0 - 0.1 * Z95), rel=1e-3
+    )
     assert stated(wide, slope, 1e-3).high == pytest.approx(3.0, rel=1e-3), "noise that is larger stays as it is"
 
 

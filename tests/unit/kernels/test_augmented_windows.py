@@ -58,7 +58,9 @@ def test_its_own_row_predicts_independent_data(effect):
     assert base > 5.0 and base > 20.0 * left
 
 
-@pytest.mark.parametrize("others", [(), ("valve_deadband",), ("direction_asymmetry",), ("position_dependent_stiffness",)])
+@pytest.mark.parametrize(
+    "others", [(), ("valve_deadband",), ("direction_asymmetry",), ("position_dependent_stiffness",)]
+)
 def test_an_integrator_that_ran_before_the_log_began_is_found_where_it_stands(others):
     """The same with effects that bend the opening or its flow, so that the balance of a linear valve would be wrong."""
     effects = {name: planted.TYPICAL[name] for name in ("integral_action", *others)}

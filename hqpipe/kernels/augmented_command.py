@@ -1,0 +1,164 @@
+"""The command side of an actuator with effects, from the logged command to the opening of the valve."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from hqpipe.effects.command_delay import delayed
+from hqpipe.effects.direction_asymmetry import asymmetric
+from hqpipe.effects.flow_saturation import saturate
+from hqpipe.effects.gain_drift import drifted
+from hqpipe.effects.integral_action import integrate
+from hqpipe.effects.orifice_flow import orifice
+from hqpipe.effects.position_dependent_stiffness import fed, stiffness, uneven
+from hqpipe.effects.transmission_compliance import softened
+from hqpipe.effects.valve_deadband import deadband
+from hqpipe.effects.valve_lag import follow, lag_share, mean_share
+from hqpipe.kernels.augmented_columns import (
+    ASYMMETRY,
+    BAND,
+    BIAS,
+    COMPLIANCE,
+    DELAY,
+    DRIFT,
+    DROOP,
+    DT,
+    HELD_CLOSE,
+    HELD_PASSES,
+    K1,
+    K2,
+    K3,
+    K4,
+    KI,
+    LAG,
+    MIDDLE,
+    NEUTRAL,
+    OFFSET,
+    ORIFICE,
+    POSITION,
+    ROUNDING,
+    SATURATION,
+    SKEW,
+    SLOPE,
+    TORQUE,
+    UNEVEN,
+    VALVE,
+    WINDUP,
+)
+from hqpipe.kernels.augmented_signals import Signals, Work, lay_out
+from hqpipe.kernels.laws import impact
+
+
+@njit(cache=True, nogil=True, inline="always")
+def shape_opening(p: np.ndarray, opening: float, time: float) -> float:
+    """The command side from the spool on."""
+    opening = saturate(deadband(opening, p[BAND], p[ROUNDING]), p[SATURATION])
+    return drifted(asymmetric(opening, p[ASYMMETRY] + uneven(p[SLOPE], p[UNEVEN])), p[DRIFT], time)
+
+
+@njit(cache=True, nogil=True)
+def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
+    """Fill `opening`: u in position and valve mode; in torque mode the delayed command, and the states at the
+    start of each window as the logged effort drives them."""
+    dt, sequence = p[DT], work.command
+    share, mean = lag_share(p[LAG], dt), mean_share(p[LAG], dt)
+    prompt = p[SKEW] == 0.0 and p[DELAY] == 0.0
+    bent = shaped(p)
+    for trial in range(s.bounds.shape[0] - 1):
+        first, last = s.bounds[trial], s.bounds[trial + 1] - 1
+        integral, spool = 0.0, 0.0
+        if p[KI] != 0.0 and s.mode != VALVE:
+            integral = _held(p, s, work, first, last)
+        for k in range(first, last + 1):
+            at = k - p[SKEW] / dt
+            wanted = s.command[k] if prompt else delayed(s.command, first, last, at, p[DELAY] / dt)
+            if s.mode == POSITION:
+                here = s.position[k] if p[SKEW] == 0.0 else delayed(s.position, first, last, at, 0.0)
+                error = wanted - here + p[BIAS]
+            elif s.mode == TORQUE:
+                error = wanted - s.effort[k] + p[OFFSET]
+            else:
+                error = wanted - p[NEUTRAL]
+            driven = error + integral
+            spool = driven if k == first else spool
+            if s.mode == TORQUE:
+                sequence[k], work.driven[k], work.summed[k] = wanted, spool, integral
+            else:
+                opening = follow(spool, driven, mean)
+                sequence[k] = shape_opening(p, opening, s.time[k]) if bent else opening
+            integral = integrate(integral, error, p[KI], p[WINDUP], dt)
+            spool = follow(spool, driven, share)
+    lay_out(work.command, s.first, work.opening)
+    if s.mode == TORQUE:
+        for w in range(s.first.shape[0]):
+            work.spool[w] = work.driven[s.first[w]]
+            work.integral[w] = work.summed[s.first[w]]
+
+
+@njit(cache=True, nogil=True)
+def _held(p: np.ndarray, s: Signals, work: Work, first: int, last: int) -> float:
+    """What the integrator holds when a trial starts: what makes the openings add up to the change of torque.
+
+    Logs begin in the middle of operation, so it is not zero, and a wrong start would last: until the integrator first
+    stands at its limit, else through the whole trial.
+    """
+    soft = softened(p[K3], p[COMPLIANCE], p[DT])
+    for k in range(first, last):
+        at = k - p[SKEW] / p[DT]
+        here = delayed(s.position, first, last, at, 0.0) if s.mode == POSITION else s.effort[k]
+        error = delayed(s.command, first, last, at, p[DELAY] / p[DT]) - here
+        work.sequence[k] = error + (p[BIAS] if s.mode == POSITION else p[OFFSET])
+        work.stiff[k] = soft * stiffness(p[SLOPE], s.position[k] - p[MIDDLE])
+        work.other[k] = work.stiff[k] * (p[K2] * (s.effort[k] - p[OFFSET]) + p[K3] * s.velocity[k])
+    limit = 1.0 / max(p[WINDUP], 1e-300)
+    low, high, start = -limit, limit, 0.0
+    for _ in range(HELD_PASSES):
+        missing, samples = _missing(p, s, work, first, last, start)
+        if missing > 0.0:
+            low = start
+        else:
+            high = start
+        wanted = start + missing / max(p[K1] * samples, 1e-300)
+        if wanted <= low or wanted >= high:  # the limit takes from what the start is worth
+            wanted = 0.5 * (low + high)
+        if abs(wanted - start) < HELD_CLOSE * abs(wanted):
+            return wanted
+        start = wanted
+    return start
+
+
+@njit(cache=True, nogil=True)
+def _missing(p: np.ndarray, s: Signals, work: Work, first: int, last: int, start: float) -> tuple[float, int]:
+    """Change of torque that an integrator which starts at `start` leaves open, N·m, and over how many samples.
+
+    The spool's lag cancels in the sum.
+    """
+    integral, bent, change, end = start, shaped(p), 0.0, last
+    bent_flow = p[ORIFICE] != 0.0 or p[DROOP] != 0.0 or p[K4] != 0.0
+    limit = 1.0 / max(p[WINDUP], 1e-300)
+    for k in range(first, last):
+        error = work.sequence[k]
+        opening = error + integral
+        if bent:
+            opening = shape_opening(p, opening, s.time[k])
+        change -= work.other[k]
+        if bent_flow:
+            effort = s.effort[k] - p[OFFSET]
+            flow = p[K1] * opening * orifice(opening, effort, p[ORIFICE], work.sagged[k])
+            flow *= fed(opening, p[SLOPE], work.sagged[k])
+            change += work.stiff[k] * (flow + p[K4] * impact(effort, opening))
+        else:
+            change += work.stiff[k] * p[K1] * opening
+        integral = integrate(integral, error, p[KI], p[WINDUP], p[DT])
+        if abs(integral) >= limit and k - first >= s.steps:
+            end = k + 1
+            break
+    return s.effort[end] - s.effort[first] - change, end - first
+
+
+@njit(cache=True, nogil=True, inline="always")
+def shaped(p: np.ndarray) -> bool:
+    """Whether the opening is anything but what the spool follows."""
+    bent = p[BAND] != 0.0 or p[SATURATION] != 0.0 or p[ASYMMETRY] != 0.0 or p[DRIFT] != 0.0
+    return bent or p[UNEVEN] != 0.0
