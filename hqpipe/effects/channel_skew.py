@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from hqpipe.effects.effect import POSITION, SECOND, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import ALL_INPUTS, POSITION, SECOND, TORQUE, Effect, Parameter
 
 EFFECT = Effect(
     name="channel_skew",
     layer="sensing",
     stage="clock",
-    parameters=(Parameter("skew_s", "s", SECOND, -0.02, 0.05, (0.003, 0.012, -0.003)),),
+    parameters=(Parameter("skew_s", "s", SECOND, -0.02, 0.05, (0.003, 0.012, -0.003), anew=ALL_INPUTS),),
     meaning="torque logged later than position",
     source="time stamps taken at the logger instead of at the sensor; e.g. the CANopen SYNC specification CiA 301",
     experiment="a fast motion that the load causes, not the command: push the joint, or step a neighbouring one",

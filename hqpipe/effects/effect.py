@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 POSITION, TORQUE, VALVE = "position", "torque", "valve"
 MODES = (POSITION, TORQUE, VALVE)
+CORE, COMMAND_SIDE, ALL_INPUTS = "core", "command side", "all inputs"  # of the loops, see Parameter.anew
 
 # What a bound or a start value is a multiple of; the numbers come from the fit trials.
 SECOND, COMMAND, EFFORT, VELOCITY, SLOWNESS, DAMPING, STIFFNESS, ANGLE, NONE = (
@@ -44,6 +45,9 @@ class Parameter:
             starts are those of the inverse, in multiples of one over the scale.
         counts: False for a shape parameter: it cannot show by itself that the effect is there.
         simplified: standard deviation, as a share of the value, of what the effect's formula leaves out.
+        neutral: value in the rows of joints without the effect; the first parameter's is 0.
+        anew: what the loops compute anew when it changes: the core only, the command side too, or all inputs (motion,
+            supply, what went before a window); None: by the effect's stage, COMMAND_SIDE up to "command", then CORE.
         yields_to: effects that say the same of most logs; beside one of them this number stays at its start.
         least: of an inverse torque, times the largest torque logged: below it in every joint the effect is no fault,
             because every machine has that much of it.
@@ -60,6 +64,8 @@ class Parameter:
     least: float = 0.0
     simplified: float = SIMPLIFIED
     yields_to: tuple[str, ...] = ()
+    neutral: float = 0.0
+    anew: str | None = None
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,6 @@ from hqpipe.effects import EFFECTS
 BASE = ("k1", "k2", "k3", "k4", "neutral")  # joint-space gains; neutral point of a valve command
 SETTING = ("sample_time", "middle", "clear", "effort_limit", "flow_per_speed", "flow_per_opening")
 NOT_IN_THE_LOOP = ("torque_scale", "unsigned_sensor")  # read off other channels, see hqpipe.gap
-_SHAPES = {
-    ("supply_droop", "recovery_s"): 0.1,
-    ("stribeck_friction", "velocity_rad_s"): 1.0,
-    ("stribeck_friction", "exponent"): 1.0,
-    ("coulomb_friction", "presliding_rad"): 1e-3,
-}
 
 FIELDS: tuple[tuple[str, str], ...] = (
     *(("base", name) for name in BASE),
@@ -41,8 +35,10 @@ def slots(effect: str) -> list[int]:
 def neutral_row() -> np.ndarray:
     """(WIDTH,) a row without any effect; base gains are zero, settings those of 1 kHz."""
     row = np.zeros(WIDTH)
-    for key, value in _SHAPES.items():
-        row[FIELDS.index(key)] = value
+    for effect in EFFECTS.values():
+        for parameter in effect.parameters:
+            if effect.name not in NOT_IN_THE_LOOP:
+                row[slot(effect.name, parameter.name)] = parameter.neutral
     row[slot("setting", "sample_time")] = 1e-3
     row[slot("setting", "clear")] = 1.0
     row[slot("setting", "effort_limit")] = np.inf

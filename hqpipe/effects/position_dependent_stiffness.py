@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from hqpipe.effects.effect import NONE, POSITION, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import COMMAND_SIDE, NONE, POSITION, TORQUE, Effect, Parameter
 
 EFFECT = Effect(
     name="position_dependent_stiffness",
@@ -16,7 +16,17 @@ EFFECT = Effect(
     stage="core",
     parameters=(
         Parameter("slope_per_rad", "1/rad", NONE, -4.0, 4.0, (0.3, -0.3)),
-        Parameter("unevenness", "1", NONE, -0.2, 0.2, (0.0,), counts=False, yields_to=("direction_asymmetry",)),
+        Parameter(
+            "unevenness",
+            "1",
+            NONE,
+            -0.2,
+            0.2,
+            (0.0,),
+            counts=False,
+            yields_to=("direction_asymmetry",),
+            anew=COMMAND_SIDE,
+        ),
     ),
     meaning="chamber volume changes with q: change of torque × (1 + slope · (q − mean q)); |unevenness| ≤ |slope| · 0.02 rad",
     source="eqs. (4), (5) of the paper: bulk modulus over chamber volume",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from hqpipe.effects import EFFECTS, effect
 from hqpipe.effects.layout import FIELDS
 from hqpipe.kernels.augmented_columns import (
     ALL,
@@ -31,25 +32,18 @@ from hqpipe.kernels.augmented_signals import Signals, Work, make_work
 from hqpipe.kernels.augmented_windows import simulate
 
 STEP = 1e-4  # of a parameter's scale: above rounding, below curvature
-_MOTION = ("channel_skew", "supply_droop", "presliding_rad", "velocity_rad_s", "exponent")
-_COMMAND = (
-    "command_delay",
-    "position_bias",
-    "integral_action",
-    "valve_lag",
-    "valve_deadband",
-    "flow_saturation",
-    "direction_asymmetry",
-    "gain_drift",
-    "torque_bias",
-    "neutral",
-    "unevenness",
-    "friction_nm",
-    "asymmetry_nm",
-    "static_nm",
-    "coefficient",
-)
-CHANGES = np.array([ALL if {*f} & {*_MOTION} else COMMAND if {*f} & {*_COMMAND} else CORE for f in FIELDS])
+_LEVELS = {effect.CORE: CORE, effect.COMMAND_SIDE: COMMAND, effect.ALL_INPUTS: ALL}
+_BY_STAGE = {"clock": COMMAND, "command": COMMAND, "core": CORE, "output": CORE}
+
+
+def _level(owner: str, name: str) -> int:
+    if owner not in EFFECTS:
+        return COMMAND if name == "neutral" else CORE
+    anew = next(p.anew for p in EFFECTS[owner].parameters if p.name == name)
+    return _LEVELS[anew] if anew else _BY_STAGE[EFFECTS[owner].stage]
+
+
+CHANGES = np.array([_level(*field) for field in FIELDS])
 """(WIDTH,) what a change of each column makes necessary, see `simulate`."""
 GRIPS = (COULOMB, COULOMB_ASYMMETRY, STATIC, LOAD)  # slopes leave out what they change before a window starts
 HOLDS = (K1, K2, K3, K4, ORIFICE, SLOPE, COMPLIANCE)  # columns of the core that tell what an integrator holds
