@@ -81,7 +81,8 @@ def answer(
         for i, cause in enumerate(found.causes)
     ]
     verdict = _verdict(bool(causes), bool(gap_before.any()), unexplained, left)
-    where = [_place(p) for p in (telling(places[0]) if gap_before.any() else [])]
+    passing = {joint for cause in found.passing for joint in cause.joints}
+    where = [_place(p) for p in (telling(places[0], passing) if gap_before.any() else [])]
     remaining = [_place(p) for p in (telling(places[1]) if unexplained else [])]
     content = _head(log_set, verdict) | {
         "gap": _gap(log_set, window_s, found, evidence),

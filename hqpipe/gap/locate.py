@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from hqpipe.gap.tally import ALL, FREQUENCY, Tally
 
 CONCENTRATED = 1.2  # assumption: a regime is named if it holds 20 % more of the gap than of the samples
 BAND_CONCENTRATED = 2.0  # assumption: more for a frequency band, for restarting the windows moves energy
+TIME = "time_span"
 MAX_PLACES = 12
 MIN_SHARE = 0.02  # assumption: smaller places are left to residuals.csv
 
@@ -145,11 +147,14 @@ def _weights(share: np.ndarray, expected: np.ndarray, groups: list[list[int]]) -
     return weight
 
 
-def telling(places: list[Place]) -> list[Place]:
+def telling(places: list[Place], passing: Collection[str] = ()) -> list[Place]:
     """The places worth naming, most telling first.
 
     A regime is named only if it holds more of its joint's gap than is expected of it, for certain; the joint
     as a whole is named beside it.
+
+    Args:
+        passing: joints in which a cause acts for some time only; of them the largest time is named in any case.
     """
     named = []
     for place in places:
@@ -158,4 +163,7 @@ def telling(places: list[Place]) -> list[Place]:
         needed = BAND_CONCENTRATED if place.family == FREQUENCY else CONCENTRATED
         if place.family == ALL or place.lift_low > needed:
             named.append(place)
+    times = [p for p in places if p.family == TIME and p.joint in passing]
+    if times and not any(p.family == TIME for p in named[:MAX_PLACES]):
+        named = [*named[: MAX_PLACES - 1], max(times, key=lambda p: p.share)]
     return named[:MAX_PLACES]

@@ -20,6 +20,7 @@ REST = 1.12  # squared error over the noise floor that is no gap worth a name, w
 HALF, NEAR_REST, FAR_REST = 0.5, 1.4, 2.0
 """Closure that is enough where no more than `NEAR_REST` times the floor is left; from `FAR_REST` on `LEAST_CLOSURE` is asked,
 and between them in proportion. Assumptions: what a library lacks leaves more than sticking and slipping do."""
+FEW = 2  # effects of a joint that are believed where more than HALF of the machine's gap stays open; assumption
 TRIFLE, NEEDED, NEEDED_Z = 0.025, 1.1, 2.5
 """Share of the gap; squared error of a joint without the effect over that with it, and how sure that must be. Assumptions."""
 
@@ -36,9 +37,25 @@ def close_gap(states: list[JointState], floor: np.ndarray) -> list[JointState]:
         asked = float(np.interp(left, (NEAR_REST, FAR_REST), (HALF, LEAST_CLOSURE)))
         if state.chosen.effects and share < asked and left > REST:
             reason = f"closes only {max(share, 0.0):.0%} of the squared error above the noise in {state.joint}"
-            state = JointState(state.search, state.base, state.base, (), dict.fromkeys(state.chosen.effects, reason))
+            state = _bare(state, reason)
         found.append(state)
-    return found
+    return _believed(found, floor)
+
+
+def _believed(states: list[JointState], floor: np.ndarray) -> list[JointState]:
+    """Without the large sets of a machine most of whose gap stays open: what the library lacks there is likely to act
+    here too, and enough names imitate anything."""
+    before, after = (sum(fit.error for fit in fits) for fits in ([s.base for s in states], [s.chosen for s in states]))
+    noise = float(np.sum(floor))
+    if after <= REST * noise or before - after >= HALF * (before - noise):
+        return states
+    reason = f"more than {FEW} names in one joint of a machine whose gap stays open"
+    return [_bare(state, reason) if len(state.chosen.effects) > FEW else state for state in states]
+
+
+def _bare(state: JointState, reason: str) -> JointState:
+    """The joint without names."""
+    return JointState(state.search, state.base, state.base, (), dict.fromkeys(state.chosen.effects, reason))
 
 
 def drop_slight(states: list[JointState], causes: Sequence[Cause]) -> list[JointState]:

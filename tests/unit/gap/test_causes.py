@@ -212,3 +212,15 @@ def test_less_must_be_closed_where_less_is_left(machine, left, closed, kept):
     chosen = replace(state.chosen, heldout=np.full(4, error))
     state = replace(state, base=replace(state.base, heldout=np.full(4, base)), chosen=chosen)
     assert bool(close_gap([state], np.array([FLOOR]))[0].chosen.effects) == kept
+
+
+@pytest.mark.parametrize("names,others,kept", [(3, 20.0, False), (2, 20.0, True), (3, 1.05, True)])
+def test_large_sets_are_not_believed_where_most_of_the_gap_stays_open(machine, names, others, kept):
+    effects = ("command_delay", "valve_lag", "valve_deadband")[:names]
+    chosen = replace(machine[0].chosen, effects=effects, heldout=np.full(4, FLOOR))
+    told = replace(machine[0], base=replace(machine[0].base, heldout=np.full(4, 9.0 * FLOOR)), chosen=chosen)
+    open_ = replace(machine[0].base, heldout=np.full(4, others * FLOOR))
+    states = [told, *(replace(state, base=open_, chosen=open_) for state in machine[1:3])]
+    found = close_gap(states, np.full(3, FLOOR))[0]
+    assert bool(found.chosen.effects) == kept
+    assert kept or all("stays open" in found.dropped[name] for name in effects)

@@ -59,6 +59,15 @@ def test_late_error_comes_first(sums):
     assert telling(locate(found, np.full(2, 4.2), logs.joints))[0].regime == "quarter_4"
 
 
+def test_time_of_a_passing_cause_is_named_beside_more_telling_places(sums):
+    logs, found = sums(joints=3, seconds=10.0, effect=fast_only)
+    places = locate(found, np.full(3, 4.2), logs.joints)
+    assert not any(p.regime.startswith("quarter") for p in telling(places))
+    added = [p for p in telling(places, ["LFP"]) if p.regime.startswith("quarter")]
+    assert len(added) == 1 and added[0].joint == "LFP"
+    assert added[0].share == max(p.share for p in places if p.family == "time_span" and p.joint == "LFP")
+
+
 def test_nothing_above_the_floor_has_no_share(sums):
     logs, found = sums(joints=2)
     assert telling(locate(found, np.full(2, 1e6), logs.joints)) == []
