@@ -18,8 +18,10 @@ EFFECT = Effect(
     layer="actuator",
     stage="output",
     parameters=(
-        Parameter("friction_nm", "N·m", EFFORT, 0.0, 2.0, (0.05, 0.2), anew=COMMAND_SIDE),
-        Parameter("asymmetry_nm", "N·m", EFFORT, -1.0, 1.0, (0.0,), counts=False, yields_to=OFFSETS, anew=COMMAND_SIDE),
+        Parameter("friction_nm", "N·m", EFFORT, 0.0, 20.0, (0.05, 0.2), anew=COMMAND_SIDE),
+        Parameter(
+            "asymmetry_nm", "N·m", EFFORT, -10.0, 10.0, (0.0,), counts=False, yields_to=OFFSETS, anew=COMMAND_SIDE
+        ),
         Parameter("presliding_rad", "rad", ANGLE, 5e-5, 0.3, (0.001,), counts=False, neutral=1e-3, anew=ALL_INPUTS),
     ),
     meaning="dry friction: friction + asymmetry when q rises, friction − asymmetry when it falls; asymmetry ≤ friction/2",

@@ -11,7 +11,7 @@ import numpy as np
 from hqpipe.effects import EFFECTS
 
 BASE = ("k1", "k2", "k3", "k4", "neutral")  # joint-space gains; neutral point of a valve command
-SETTING = ("sample_time", "middle", "clear", "effort_limit", "flow_per_speed", "flow_per_opening")
+SETTING = ("sample_time", "middle", "clear", "effort_limit", "flow_per_speed", "flow_per_opening", "speed_late")
 NOT_IN_THE_LOOP = ("torque_scale", "unsigned_sensor")  # read off other channels, see hqpipe.gap
 
 FIELDS: tuple[tuple[str, str], ...] = (

@@ -12,7 +12,7 @@ EFFECT = Effect(
     layer="actuator",
     stage="output",
     parameters=(
-        Parameter("static_nm", "N·m", EFFORT, 0.0, 2.0, (0.1,), anew=COMMAND_SIDE),
+        Parameter("static_nm", "N·m", EFFORT, 0.0, 20.0, (0.1,), anew=COMMAND_SIDE),
         Parameter(
             "velocity_rad_s", "rad/s", VELOCITY, 0.02, 1.0, (0.1, 0.4), counts=False, neutral=1.0, anew=ALL_INPUTS
         ),

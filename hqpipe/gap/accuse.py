@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hqpipe.effects.layout import slot
 from hqpipe.gap.causes import Cause, assemble
 from hqpipe.gap.joint_data import (
     BY_SPEED,
@@ -35,6 +36,9 @@ from hqpipe.sysid.noise import difference_noise
 BLURRED = ("backlash",)  # a size is noise round zero torque, which looks like slack once the sign is restored
 FILTERED_ROWS = 1.25  # a logged speed later than that was filtered, which would pass for a lag of the valve; assumption
 SHARED = "supply_droop"  # the effect that reads what other joints do
+RUBBING = "viscous_friction"  # the effect that shows to which instant a row's torque belongs
+EARLIER_OR_LATER = (0.0, -0.25, 0.25, -0.5, 0.5)
+"""Samples: a torque may be that of an instant, or a mean of the step before or behind it."""
 OPEN_ROWS = 0.6  # half a sample on both sides, and what the speed's own rows are misjudged by; assumption
 WINDOWS_PER_BLOCK = 5  # of 0.1 s: errors of neighbouring windows are correlated
 
@@ -140,7 +144,7 @@ def prepare(
 ) -> tuple[list[JointData], str, float]:
     """Windows of every joint with the speed that the base model fits better, that speed, and how late the logged one is.
 
-    What a sagging supply would feel, speeds or valve openings, is chosen likewise.
+    What a sagging supply would feel, speeds or valve openings, is chosen likewise, and the instant at which friction acts.
 
     Returns:
         (J,) data, one of `hqpipe.gap.joint_data.SPEEDS`, and rows by which the logged speed lags (valve mode; else 0).
@@ -165,9 +169,20 @@ def prepare(
         if _misfit(logged, known) < _misfit(data, known):
             speed, data = LOGGED, logged
         del logged
+    shift = 0.0
+    if RUBBING in names:
+        shift = min(EARLIER_OR_LATER, key=lambda rows: _misfit(_timed(data, rows), (RUBBING,)))
+        data = _timed(data, shift)
     if SHARED in names:
-        data = min(data, cut_up(speed, by_opening(fit, mode)), key=lambda option: _misfit(option, (SHARED,)))
+        opened = _timed(cut_up(speed, by_opening(fit, mode)), shift)
+        data = min(data, opened, key=lambda option: _misfit(option, (SHARED,)))
     return data, speed, late
+
+
+def _timed(data: Sequence[JointData], rows: float) -> list[JointData]:
+    """The joints with speeds that belong `rows` samples later than assumed."""
+    column = slot("setting", "speed_late")
+    return [replace(d, row=np.where(np.arange(len(d.row)) == column, d.row + rows, d.row)) for d in data]
 
 
 def _misfit(data: Sequence[JointData], names: tuple[str, ...]) -> float:

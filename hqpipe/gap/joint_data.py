@@ -20,6 +20,8 @@ CLEAR_SHARE = 0.5  # of the RMS torque: more than a chain chatters within its sl
 MOVED, LOGGED = SPEEDS = ("moved", "logged")
 """Speed from one position to the next, or the logged channel. The first adds up to the travel however coarse the
 encoder is, and no filter delays it; the second is right where the controller computes with it."""
+LATE = {MOVED: 0.5, LOGGED: 0.0}
+"""Samples by which a speed belongs later than its row: the mean speed of the step that begins there, half a one."""
 Flow = tuple[float, float]
 """What a joint's speed, and what the opening of its valve (1/s per unit of the command's error), count in the flow that
 it draws from the supply, in rad/s."""
@@ -98,6 +100,7 @@ def joint_data(
     row[slot("setting", "middle")] = float(np.mean(np.concatenate([t.position[:, j] for t in fit])))
     row[slot("setting", "effort_limit")] = effort_limit
     row[[slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]] = flow
+    row[slot("setting", "speed_late")] = LATE[speed]
     size = _sizes(fit, j, mode)
     row[slot("setting", "clear")] = CLEAR_SHARE * size[scales.EFFORT]
     row[slot("coulomb_friction", "presliding_rad")] = PRESLIDING_SHARE * size[scales.ANGLE]

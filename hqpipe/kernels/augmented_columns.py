@@ -18,7 +18,7 @@ LEAST_PASSED: Final = 0.05  # of the inner torque that friction lets pass, howev
 MODES: Final = {"position": POSITION, "torque": TORQUE, "valve": VALVE}
 
 K1, K2, K3, K4, NEUTRAL = (slot("base", name) for name in BASE)
-DT, MIDDLE, CLEAR, LIMIT, PER_SPEED, PER_OPENING = (slot("setting", name) for name in SETTING)
+DT, MIDDLE, CLEAR, LIMIT, PER_SPEED, PER_OPENING, SPEED_LATE = (slot("setting", name) for name in SETTING)
 DELAY, SKEW, BIAS = slot("command_delay", "delay_s"), slot("channel_skew", "skew_s"), slot("position_bias", "rad")
 KI, WINDUP = slot("integral_action", "ki"), slot("integral_action", "limit")
 LAG = slot("valve_lag", "time_constant_s")

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from hqpipe.effects.backlash import transmitted, wound_up
+from hqpipe.effects.command_delay import delayed
 from hqpipe.effects.coulomb_friction import coulomb, direction, kept_after, stuck
 from hqpipe.effects.load_dependent_friction import load_friction
 from hqpipe.effects.orifice_flow import orifice
@@ -33,7 +34,9 @@ from hqpipe.kernels.augmented_columns import (
     OFFSET,
     ORIFICE,
     PRESLIDING,
+    SKEW,
     SLOPE,
+    SPEED_LATE,
     STATIC,
     STRIBECK,
     TORQUE,
@@ -58,13 +61,20 @@ def rubs(p: np.ndarray) -> bool:
 
 @njit(cache=True, nogil=True)
 def slide(p: np.ndarray, s: Signals, work: Work) -> None:
-    """Share of the friction's direction that the travel of each sample leaves, and that of sticking at each speed."""
-    for k in range(work.speed.shape[0]):
-        work.slid[k] = kept_after(work.speed[k] * p[DT], p[PRESLIDING])
-    lay_out(work.slid, s.first, work.kept)
-    if p[STATIC] != 0.0:
+    """Speed at each sample, share of friction's direction that the travel to the next one leaves, and share of sticking."""
+    late = p[SKEW] / p[DT] + p[SPEED_LATE]
+    for trial in range(s.bounds.shape[0] - 1):
+        first, last = s.bounds[trial], s.bounds[trial + 1] - 1
+        for k in range(first, last + 1):
+            work.moving[k] = s.velocity[k] if late == 0.0 else delayed(s.velocity, first, last, float(k), late)
+    lay_out(work.moving, s.first, work.sliding)
+    if grips(p):
         for k in range(work.speed.shape[0]):
-            work.slow[k] = sticking(work.speed[k], p[STRIBECK], p[EXPONENT])
+            work.slid[k] = kept_after(work.speed[k] * p[DT], p[PRESLIDING])
+        lay_out(work.slid, s.first, work.kept)
+    if p[STATIC] != 0.0:
+        for k in range(work.moving.shape[0]):
+            work.slow[k] = sticking(work.moving[k], p[STRIBECK], p[EXPONENT])
         lay_out(work.slow, s.first, work.sticking)
 
 
@@ -125,7 +135,7 @@ def _turn(p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, first: int,
     for k in range(first, last):
         work.sequence[k] = turned
         effort, velocity, u = s.effort[k] - offset, work.speed[k], opened[k]
-        lost = coulomb(turned, coulomb_, uneven_) + viscous(velocity, viscous_) + static * turned * work.slow[k]
+        lost = coulomb(turned, coulomb_, uneven_) + viscous(work.moving[k], viscous_) + static * turned * work.slow[k]
         inner = effort + lost
         if load != 0.0:
             inner /= max(1.0 - load * turned * np.sign(inner), LEAST_PASSED)
@@ -154,7 +164,7 @@ def _take_up(p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, half: fl
         inner, velocity, u = transmitted(wound, half), work.speed[k], opened[k]
         effort = inner
         if rubbed:
-            lost = friction(p, inner, velocity, turned, work.slow[k])
+            lost = friction(p, inner, work.moving[k], turned, work.slow[k])
             effort = transmitted(wound - lost, half) + lost
         passed = 1.0
         if bent:
@@ -164,7 +174,7 @@ def _take_up(p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, half: fl
         if rubbed:
             following = transmitted(wound, half)
             turned = slid(p, turned, following - inner, following, velocity, work.slid[k])
-            lost = friction(p, following, work.speed[k + 1], turned, work.slow[k + 1])
+            lost = friction(p, following, work.moving[k + 1], turned, work.slow[k + 1])
         wound = wound_up(wound - lost, s.effort[k + 1] - offset, half, clear) + lost
     work.other[last], work.sequence[last] = wound, turned
 
@@ -174,12 +184,12 @@ def rub(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
     """Output side: friction and bias."""
     dry = grips(p)
     for w in range(out.shape[1]):
-        turned, velocity = work.turned[w], work.velocity[0, w]
-        before = unloaded(p, s.target[0, w] - p[OFFSET], velocity, turned, work.sticking[0, w])
+        turned = work.turned[w]
+        before = unloaded(p, s.target[0, w] - p[OFFSET], work.sliding[0, w], turned, work.sticking[0, w])
         for k in range(s.steps):
             inner = out[k, w]
             if dry:
-                turned = slid(p, turned, inner - before, inner, velocity, work.kept[k, w])
+                turned = slid(p, turned, inner - before, inner, work.velocity[k, w], work.kept[k, w])
                 before = inner
-            velocity = work.velocity[k + 1, w]
-            out[k, w] = inner - friction(p, inner, velocity, turned, work.sticking[k + 1, w]) + p[OFFSET]
+            lost = friction(p, inner, work.sliding[k + 1, w], turned, work.sticking[k + 1, w])
+            out[k, w] = inner - lost + p[OFFSET]

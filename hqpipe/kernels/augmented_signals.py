@@ -43,11 +43,12 @@ class Work(NamedTuple):
 
     Attributes:
         opening, velocity, offset, loss: (steps + 1, W) inputs of the core.
-        kept, sticking: (steps + 1, W) what travel leaves of the direction of friction, and share of static friction.
+        kept, sticking, sliding: (steps + 1, W) what travel leaves of the direction of friction, share of static friction, and
+            speed at the sample.
         turned, state: (W,) direction of friction and inner torque at the start of each window.
         command, sequence, other, stiff: (T,) opening; scratch.
         spool, integral: (W,), driven, summed: (T,) spool and integrator of torque mode as the logged effort drives them.
-        sagged, slid, slow, speed: (T,) of loss, kept, sticking and velocity.
+        sagged, slid, slow, moving, speed: (T,) of loss, kept, sticking, sliding and velocity.
     """
 
     opening: np.ndarray
@@ -56,6 +57,7 @@ class Work(NamedTuple):
     turned: np.ndarray
     kept: np.ndarray
     sticking: np.ndarray
+    sliding: np.ndarray
     loss: np.ndarray
     command: np.ndarray
     sequence: np.ndarray
@@ -70,6 +72,7 @@ class Work(NamedTuple):
     slid: np.ndarray
     slow: np.ndarray
     speed: np.ndarray
+    moving: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -84,6 +87,7 @@ def make_work(signals: Signals) -> Work:
         np.zeros((rows, windows)),
         np.zeros((rows, windows)),
         np.zeros((rows, windows)),
+        np.zeros((rows, windows)),
         np.empty(samples),
         np.empty(samples),
         np.empty(samples),
@@ -97,6 +101,7 @@ def make_work(signals: Signals) -> Work:
         np.zeros(samples),
         np.zeros(samples),
         np.empty(samples),
+        np.zeros(samples),
     )
 
 

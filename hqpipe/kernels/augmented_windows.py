@@ -74,8 +74,7 @@ def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
                 work.other[k] = delayed(s.position, first, last, float(k), late)
         lay_out(work.other, s.first, work.offset)
     lay_out(work.speed, s.first, work.velocity)
-    if grips(p):
-        slide(p, s, work)
+    slide(p, s, work)
     if p[DROOP] == 0.0:
         work.loss[:] = 0.0
         work.sagged[:] = 0.0
@@ -106,7 +105,7 @@ def _restart(p: np.ndarray, s: Signals, work: Work, anew: bool) -> None:
         follow_along(p, s, work, half)
     for w in range(s.first.shape[0]):
         effort, turned = s.target[0, w] - p[OFFSET], work.turned[w]
-        inner = unloaded(p, effort, work.velocity[0, w], turned, work.sticking[0, w])
+        inner = unloaded(p, effort, work.sliding[0, w], turned, work.sticking[0, w])
         if half > 0.0:
             lost = inner - effort
             inner = wound_up(work.other[s.first[w]] - lost, effort, half, p[CLEAR]) + lost
@@ -154,7 +153,7 @@ def _slack(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
     for w in range(work.state.shape[0]):
         state, turned = work.state[w], work.turned[w]
         inner = transmitted(state, half)
-        lost = friction(p, inner, work.velocity[0, w], turned, work.sticking[0, w])
+        lost = friction(p, inner, work.sliding[0, w], turned, work.sticking[0, w])
         for k in range(s.steps):
             u, velocity = work.opening[k, w], work.velocity[k, w]
             effort = transmitted(state - lost, half) + lost
@@ -165,7 +164,7 @@ def _slack(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
             following = transmitted(state, half)
             turned = slid(p, turned, following - inner, following, velocity, work.kept[k, w])
             inner = following
-            lost = friction(p, inner, work.velocity[k + 1, w], turned, work.sticking[k + 1, w])
+            lost = friction(p, inner, work.sliding[k + 1, w], turned, work.sticking[k + 1, w])
             out[k, w] = transmitted(state - lost, half) + p[OFFSET]
 
 
@@ -180,7 +179,7 @@ def _torque_loop(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None
         start, lost, rubbed = s.time[s.first[w]], 0.0, rubs(p)
         inner, turned = transmitted(state, half), work.turned[w]
         if rubbed:
-            lost = friction(p, inner, work.velocity[0, w], turned, work.sticking[0, w])
+            lost = friction(p, inner, work.sliding[0, w], turned, work.sticking[0, w])
         for k in range(s.steps):
             felt = transmitted(state - lost, half)
             effort = felt + lost
@@ -196,7 +195,7 @@ def _torque_loop(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None
                 following = transmitted(state, half)
                 turned = slid(p, turned, following - inner, following, work.velocity[k, w], work.kept[k, w])
                 inner = following
-                lost = friction(p, inner, work.velocity[k + 1, w], turned, work.sticking[k + 1, w])
+                lost = friction(p, inner, work.sliding[k + 1, w], turned, work.sticking[k + 1, w])
             out[k, w] = transmitted(state - lost, half) + p[OFFSET]
 
 

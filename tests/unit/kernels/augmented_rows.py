@@ -10,7 +10,7 @@ import numpy as np
 
 from hqpipe.effects import EFFECTS
 from hqpipe.effects.layout import neutral_row, slot
-from hqpipe.gap.joint_data import cut
+from hqpipe.gap.joint_data import LOGGED, cut
 from hqpipe.logs.trajectory import Trajectory
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "recovery"))
@@ -54,6 +54,6 @@ def drooping(noise: float = 0.0, seconds: float = 4.0) -> Trajectory:
 def signals_of(effect: str | None, noise: float = 0.0, seconds: float = 4.0):
     """Windows of the joint with one planted effect (None: the sound one)."""
     if effect == "supply_droop":
-        return cut([drooping(noise, seconds)], 0, "position", STEPS).signals
+        return cut([drooping(noise, seconds)], 0, "position", STEPS, speed=LOGGED).signals
     j = len(ALONE) if effect is None else ALONE.index(effect)
-    return cut([trial(noise, seconds)], j, "position", STEPS).signals
+    return cut([trial(noise, seconds)], j, "position", STEPS, speed=LOGGED).signals

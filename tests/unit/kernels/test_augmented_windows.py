@@ -10,7 +10,7 @@ from augmented_rows import EXACT, STEPS, planted, row, signals_of, trial
 
 from hqpipe.effects import EFFECTS
 from hqpipe.effects.layout import NOT_IN_THE_LOOP, slot
-from hqpipe.gap.joint_data import LOGGED, cut
+from hqpipe.gap.joint_data import LOGGED, MOVED, cut
 from hqpipe.kernels.actuator_step import HYDRAULIC
 from hqpipe.kernels.augmented_columns import MODES
 from hqpipe.kernels.augmented_fit import residual_windows
@@ -85,11 +85,23 @@ def test_effects_together_predict_independent_data():
     sizes = {name: dict(planted.TYPICAL[name]) for name in names}
     sizes["flow_saturation"]["limit"] = 0.1
     data = planted.trajectory(planted.simulate(4.0, [sizes, sizes], 0.0, 5, middle=0.1))
-    signals = cut([data], 0, "position", STEPS).signals
+    signals = cut([data], 0, "position", STEPS, speed=LOGGED).signals
     assert rms(residual_windows(row(sizes, middle=0.1), signals)) < EXACT
     for name in names:
         fewer = {key: value for key, value in sizes.items() if key != name}
         assert rms(residual_windows(row(fewer, middle=0.1), signals)) > 0.5, name
+
+
+def test_friction_acts_at_the_speed_of_its_sample():
+    """A mean speed of the step that begins at a row belongs half a sample later; a smooth motion shows it."""
+    time = np.arange(2000) * planted.DT
+    q, qd = 0.3 * np.sin(8.0 * time), 2.4 * np.cos(8.0 * time)
+    t = planted.trajectory(planted.Planted(time, q[:, None], q[:, None], qd[:, None], np.zeros((2000, 1))))
+    friction = row({"viscous_friction": {"nm_s_per_rad": 20.0}}, k1=0.0, k2=1.0, k3=0.0, k4=0.0)
+    friction[slot("setting", "speed_late")] = 0.5
+    means = cut([t], 0, "position", STEPS, speed=MOVED).signals
+    at = means.first[None, :] + np.arange(1, STEPS + 1)[:, None]
+    np.testing.assert_allclose(predicted(friction, means), -20.0 * qd[at], atol=20.0 * 2.4 * 64.0 * planted.DT**2)
 
 
 CHAIN = ("lag", "deadband", "saturation", "asymmetry", "drift")
