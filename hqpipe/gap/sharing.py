@@ -24,9 +24,9 @@ WORTH_POOLED = 1.07  # mean of that ratio where no joint of the group has shown 
 MOST_OF, LIKE = 0.5, 0.5  # share of a group from which the rest is asked kindly; how near its parameter must come
 KIND_RATIO, KIND_Z = 1.003, 0.5  # what counts as showing it then
 CONSENSUS, MOST_SETS = 1.02, 4  # error ratio that a shared set may cost a joint; sets that are tried
-SPLIT = (
-    1.5  # the same where the fit trials prefer the shared set, no larger, and only the held-out ones do not; assumption
-)
+SPLIT = 1.5
+"""The same for a set that is no larger, where only the held-out trials are against it or the torque's sign had to be restored;
+assumption."""
 
 
 def seek_consensus(states: list[JointState]) -> list[JointState]:
@@ -61,7 +61,8 @@ def _shared_sets(states: list[JointState]) -> list[JointState]:
             if count > popular[better.effects] and set(names) <= set(state.search.library):
                 fit = _as_sharers(state, state.search.fit(names, [state.chosen]), states)
                 ratio, z = state.search.gain(fit, state.chosen)
-                split = fit.loss < better.loss and len(names) <= len(better.effects) and ratio <= SPLIT
+                split = fit.loss < better.loss or bool(state.data.barred)  # a restored sign errs as no effect does
+                split = split and len(names) <= len(better.effects) and ratio <= SPLIT
                 if (ratio <= CONSENSUS or (z < RIVAL_Z and ratio <= WORTH) or split) and _all_earn(state, fit):
                     better = fit
                     break
