@@ -27,7 +27,7 @@ STAGES = StageTable(
         Stage("fit-actuator", "actuator", "hqpipe.stages.fit_actuator",
               "Fit the actuator model to the logs.", version=1, inputs=(LOGS,)),
         Stage("diagnose", "diagnosis", "hqpipe.stages.diagnose",
-              "Find where the gap lies, what causes it and how far it shrinks.", version=5,
+              "Find where the gap lies, what causes it and how far it shrinks.", version=6,
               inputs=(LOGS, WALKER)),
         Stage("retrain", "policy", "hqpipe.stages.retrain",
               "Train the policy with the actuator model.", version=1, inputs=(ACTUATOR,)),
