@@ -123,32 +123,21 @@ def follow_along(p: np.ndarray, s: Signals, work: Work, half: float) -> None:
         work.turned[w] = work.sequence[s.first[w]]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True)
 def _turn(p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, first: int, last: int) -> None:
     """Direction of the friction before each sample of a trial."""
-    coulomb_, static, load, offset = p[COULOMB], p[STATIC], p[LOAD], p[OFFSET]
-    most, per = coulomb_ + static, 1.0 / max(coulomb_ + static, 1e-300)
-    bent, uneven_, viscous_ = p[ORIFICE] != 0.0 or p[DROOP] != 0.0, p[COULOMB_ASYMMETRY], p[VISCOUS]
-    k1, k2, k3, k4, slope = p[K1], p[K2], p[K3], p[K4], p[SLOPE]
-    soft = softened(k3, p[COMPLIANCE], p[DT])
-    turned = 0.0
+    bent, offset, middle, slope = p[ORIFICE] != 0.0 or p[DROOP] != 0.0, p[OFFSET], p[MIDDLE], p[SLOPE]
+    k1, k2, k3, k4, soft, turned = p[K1], p[K2], p[K3], p[K4], softened(p[K3], p[COMPLIANCE], p[DT]), 0.0
     for k in range(first, last):
         work.sequence[k] = turned
-        effort, velocity, u = s.effort[k] - offset, work.speed[k], opened[k]
-        lost = coulomb(turned, coulomb_, uneven_) + viscous(work.moving[k], viscous_) + static * turned * work.slow[k]
-        inner = effort + lost
-        if load != 0.0:
-            inner /= max(1.0 - load * turned * np.sign(inner), LEAST_PASSED)
+        velocity, u = work.speed[k], opened[k]
+        inner = unloaded(p, s.effort[k] - offset, work.moving[k], turned, work.slow[k])
         passed = 1.0
         if bent:
             passed = orifice(u, inner, p[ORIFICE], work.sagged[k]) * fed(u, slope, work.sagged[k])
         change = k1 * u * passed - k2 * inner - k3 * velocity + k4 * impact(inner, u)
-        change *= soft * stiffness(slope, s.position[k] - p[MIDDLE])
-        if load != 0.0:
-            most = coulomb_ + static + load * abs(inner + change)
-            per = 1.0 / max(most, 1e-300)
-        if most > 0.0:
-            turned = direction(stuck(turned, change * per), velocity, work.slid[k])
+        change *= soft * stiffness(slope, s.position[k] - middle)
+        turned = slid(p, turned, change, inner + change, velocity, work.slid[k])
     work.sequence[last] = turned
 
 
