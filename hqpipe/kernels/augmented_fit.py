@@ -82,7 +82,7 @@ def _jacobian(
     weight: np.ndarray,
     jacobian: np.ndarray,
 ) -> None:
-    """Weighted derivatives of the output, (n, steps · W)."""
+    """Weighted derivatives of the output, (n, steps · W); `work` holds what `simulate` left there for `p`."""
     moved = p.copy()
     stale = CORE
     for i in range(free.shape[0]):
@@ -178,8 +178,6 @@ def fit_windows(
     damping, hessian = 1e-3, np.zeros((n, n))
     fresh = False
     for _ in range(iterations):
-        if level > CORE:
-            simulate(p, s, work, out, level)  # the work arrays still hold the last step that was tried
         _jacobian(p, s, work, out, trial, free, scale, upper, changes, weight, jacobian)
         hessian = jacobian @ jacobian.T
         gradient = jacobian @ (weight * residual)
@@ -207,8 +205,6 @@ def fit_windows(
         if fell <= tolerance * cost:
             break
     if not fresh:
-        cost = _cost(out, s.target, outlier, residual, weight)
-        simulate(p, s, work, out, ALL)
         _jacobian(p, s, work, out, trial, free, scale, upper, changes, weight, jacobian)
         hessian = jacobian @ jacobian.T
         if not np.isfinite(hessian).all():
