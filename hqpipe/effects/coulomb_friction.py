@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.effects.effect import ALL_INPUTS, ANGLE, COMMAND_SIDE, EFFORT, POSITION, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import ANGLE, EFFORT, FRICTION, POSITION, SLIDING, TORQUE, Effect, Parameter
 
 OFFSETS = ("torque_bias", "position_bias")
 
@@ -18,11 +18,9 @@ EFFECT = Effect(
     layer="actuator",
     stage="output",
     parameters=(
-        Parameter("friction_nm", "N·m", EFFORT, 0.0, 20.0, (0.05, 0.2), anew=COMMAND_SIDE),
-        Parameter(
-            "asymmetry_nm", "N·m", EFFORT, -10.0, 10.0, (0.0,), counts=False, yields_to=OFFSETS, anew=COMMAND_SIDE
-        ),
-        Parameter("presliding_rad", "rad", ANGLE, 5e-5, 0.3, (0.001,), counts=False, neutral=1e-3, anew=ALL_INPUTS),
+        Parameter("friction_nm", "N·m", EFFORT, 0.0, 20.0, (0.05, 0.2), anew=FRICTION),
+        Parameter("asymmetry_nm", "N·m", EFFORT, -10.0, 10.0, (0.0,), counts=False, yields_to=OFFSETS, anew=FRICTION),
+        Parameter("presliding_rad", "rad", ANGLE, 5e-5, 0.3, (0.001,), counts=False, neutral=1e-3, anew=SLIDING),
     ),
     meaning="dry friction: friction + asymmetry when q rises, friction − asymmetry when it falls; asymmetry ≤ friction/2",
     source="Dahl, Aerospace Corp. TOR-158, 1968: presliding; Jelali & Kroll, Hydraulic Servo-systems, 2003",

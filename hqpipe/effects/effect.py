@@ -6,7 +6,14 @@ from dataclasses import dataclass, field
 
 POSITION, TORQUE, VALVE = "position", "torque", "valve"
 MODES = (POSITION, TORQUE, VALVE)
-CORE, COMMAND_SIDE, ALL_INPUTS = "core", "command side", "all inputs"  # of the loops, see Parameter.anew
+CORE, FRICTION, SLIDING, SUPPLY, COMMAND_SIDE, ALL_INPUTS = (  # of the loops, see Parameter.anew
+    "core",
+    "friction",
+    "sliding",
+    "supply",
+    "command side",
+    "all inputs",
+)
 
 # What a bound or a start value is a multiple of; the numbers come from the fit trials.
 SECOND, COMMAND, EFFORT, VELOCITY, SLOWNESS, DAMPING, STIFFNESS, ANGLE, NONE = (
@@ -46,8 +53,9 @@ class Parameter:
         counts: False for a shape parameter: it cannot show by itself that the effect is there.
         simplified: standard deviation, as a share of the value, of what the effect's formula leaves out.
         neutral: value in the rows of joints without the effect; the first parameter's is 0.
-        anew: what the loops compute anew when it changes: the core only, the command side too, or all inputs (motion,
-            supply, what went before a window); None: by the effect's stage, COMMAND_SIDE up to "command", then CORE.
+        anew: what the loops compute anew when it changes, beside the core: where the friction points before each window
+            (FRICTION), what travel leaves of that too (SLIDING), the command side (COMMAND_SIDE), the supply too
+            (SUPPLY), or everything (ALL_INPUTS). None: by the effect's stage, COMMAND_SIDE up to "command", then CORE.
         yields_to: effects that say the same of most logs; beside one of them this number stays at its start.
         least: of an inverse torque, times the largest torque logged: below it in every joint the effect is no fault,
             because every machine has that much of it.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from numba import njit
 
-from hqpipe.effects.effect import COMMAND_SIDE, NONE, POSITION, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import FRICTION, NONE, POSITION, TORQUE, Effect, Parameter
 
 EFFECT = Effect(
     name="load_dependent_friction",
     layer="actuator",
     stage="output",
-    parameters=(Parameter("coefficient", "1", NONE, 0.0, 0.8, (0.05,), anew=COMMAND_SIDE),),
+    parameters=(Parameter("coefficient", "1", NONE, 0.0, 0.8, (0.05,), anew=FRICTION),),
     meaning="friction grows with the transmitted torque",
     source="Duclusaud et al., arXiv 2410.08650, 2024: load-dependent friction of servo actuators",
     experiment="the same slow motion with and without a payload",

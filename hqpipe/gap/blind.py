@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from hqpipe.gap.blind_case import Judged
@@ -15,9 +15,9 @@ from hqpipe.gap.share import tally
 FORMAT = "hqpipe-blind-score/1"
 BINS = 5  # of the reliability curve: with some hundred causes each keeps enough to be judged
 MIXTURE = "mixture"
-ORACLE_KINDS = (FAINT, MIXTURE)
-"""Kinds of cases that an oracle answers too: the same diagnosis with a library of the true effects alone. What it cannot
-name from a mixture is not lost among other effects, but hidden in these logs from this method."""
+ORACLE_KINDS = (FAINT, MIXTURE, "single", "place")
+"""Kinds of cases that an oracle answers too: the same diagnosis with a library of the true effects alone. What it does not
+name, or not in every joint, is not lost among other effects, but hidden in these logs from this method."""
 NO_NAME = "(no name)"
 NO_EFFECT = "(no effect)"
 
@@ -37,7 +37,7 @@ def score(judged: Sequence[Judged], oracle: Sequence[Judged] = ()) -> dict[str, 
     rows = [row for case in clear for row in case.parameters()]
     aims += _parameter_aims(rows)
     limit = limits(faint, [case for case in oracle if case.answer.kind == FAINT]) if faint else None
-    known = [case for case in oracle if case.answer.kind == MIXTURE]
+    known = [case for case in oracle if case.answer.kind != FAINT]
     return {
         "format": FORMAT,
         "cases": len(judged),
@@ -50,7 +50,7 @@ def score(judged: Sequence[Judged], oracle: Sequence[Judged] = ()) -> dict[str, 
         "confusion": confusion(clear),
         "parameters": rows,
         "shrink": [row for case in clear if (row := _shrink_row(case))],
-        "misses": misses(judged, {case.answer.case for case in known if not case.exact()}),
+        "misses": misses(judged, {case.answer.case: case for case in known}),
     }
 
 
@@ -148,7 +148,7 @@ def _parameter_aims(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _more(judged: Sequence[Judged], faint: Sequence[Judged], known: Sequence[Judged]) -> list[dict[str, Any]]:
-    """Measures without an aim; `judged` without the faint cases, `known`: mixtures with the oracle's diagnosis."""
+    """Measures without an aim; `judged` without the faint cases, `known`: the others with the oracle's diagnosis."""
     nameable = [c for c in judged if c.namable]
     worth = [(c, e) for c in nameable for e in c.namable if must_be_named(c.gaps, e)]
     causes = [(case, cause) for case in judged for cause in case.causes]
@@ -170,10 +170,19 @@ def _more(judged: Sequence[Judged], faint: Sequence[Judged], known: Sequence[Jud
             c.exact() for c in nameable if c.answer.kind == MIXTURE and len(c.answer.effects) == count
         ]
     if known:
-        definitions["exact set, mixtures of 2–4, by an oracle that knows which effects it may be"] = [
-            c.exact() for c in known
-        ]
+        asked = {c.answer.case for c in known}
+        definitions |= {
+            "exact set, mixtures of 2–4, by an oracle that knows which effects it may be": [
+                c.exact() for c in known if c.answer.kind == MIXTURE
+            ],
+            "place right by that oracle, which is not asked for effects outside the library": _places(known),
+            "place right in the same cases": _places([c for c in judged if c.answer.case in asked]),
+        }
     return [{"measure": name, **tally(outcomes)} for name, outcomes in definitions.items()]
+
+
+def _places(judged: Sequence[Judged]) -> list[bool]:
+    return [right for case in judged if (right := case.place_is_right()) is not None]
 
 
 def _is_right(case: Judged, cause: Any) -> bool:
@@ -242,13 +251,13 @@ def confusion(judged: Sequence[Judged]) -> dict[str, Any]:
     return {"truth": truths, "named": named, "counts": [[counts[t, n] for n in named] for t in truths]}
 
 
-def misses(judged: Sequence[Judged], hidden: Collection[str] = ()) -> list[dict[str, str]]:
+def misses(judged: Sequence[Judged], known: Mapping[str, Judged] | None = None) -> list[dict[str, str]]:
     """Every case that fails one of the measures that have an aim: case, kind, truth, answer, and which.
 
     Args:
-        hidden: cases whose set the oracle misses too.
+        known: case → the same with the oracle's diagnosis.
     """
-    found = []
+    found, known = [], known or {}
     for case in judged:
         failed = [text for text, _, _, selects, right in MEASURES if selects(case) and not right(case, False)]
         if case.answer.kind == "single" and not failed and not case.unnamable and not case.exact():
@@ -257,8 +266,8 @@ def misses(judged: Sequence[Judged], hidden: Collection[str] = ()) -> list[dict[
             failed = ["a false name beside a faint effect"] if case.false_names() else []
         if case.content is None:
             failed = ["the diagnosis failed"]
-        if failed and case.answer.case in hidden:
-            failed.append("the oracle misses the set too")
+        if failed and case.answer.case in known:
+            failed += _hidden(known[case.answer.case])
         if failed:
             found.append(
                 {
@@ -270,3 +279,9 @@ def misses(judged: Sequence[Judged], hidden: Collection[str] = ()) -> list[dict[
                 }
             )
     return found
+
+
+def _hidden(known: Judged) -> list[str]:
+    """What the oracle does not see either."""
+    missed = {"set": not known.exact(), "place": known.place_is_right() is False}
+    return [f"the oracle misses the {name} too" for name, true in missed.items() if true]

@@ -9,9 +9,13 @@ from hqpipe.effects.layout import BASE, SETTING, slot, slots
 POSITION: Final = 0
 TORQUE: Final = 1
 VALVE: Final = 2
-CORE: Final = 0
-COMMAND: Final = 1
-ALL: Final = 2
+CORE: Final = 0  # what is computed anew; beside the core, any of
+FOLLOW: Final = 1  # where the friction points before each window
+COMMAND: Final = 2  # the command side
+SLIDE: Final = 4  # what travel leaves of the direction of the friction
+SUPPLY: Final = 8  # loss of supply pressure
+MOTION: Final = 16  # position and speed at the instant of the torque
+ALL: Final = 31
 HELD_PASSES: Final = 10  # of the search for what an integrator holds
 HELD_CLOSE: Final = 1e-4  # relative: where it ends
 LEAST_PASSED: Final = 0.05  # of the inner torque that friction lets pass, however large its coefficient; assumption

@@ -18,6 +18,7 @@ from hqpipe.kernels.augmented_columns import (
     CORE,
     COULOMB,
     COULOMB_ASYMMETRY,
+    FOLLOW,
     K1,
     K2,
     K3,
@@ -25,25 +26,35 @@ from hqpipe.kernels.augmented_columns import (
     KI,
     LOAD,
     ORIFICE,
+    SLIDE,
     SLOPE,
     STATIC,
+    SUPPLY,
 )
 from hqpipe.kernels.augmented_signals import Signals, Work, make_work
 from hqpipe.kernels.augmented_windows import simulate
 
 STEP = 1e-4  # of a parameter's scale: above rounding, below curvature
-_LEVELS = {effect.CORE: CORE, effect.COMMAND_SIDE: COMMAND, effect.ALL_INPUTS: ALL}
-_BY_STAGE = {"clock": COMMAND, "command": COMMAND, "core": CORE, "output": CORE}
+_DRIVEN = COMMAND | FOLLOW
+_INPUTS = {
+    effect.CORE: CORE,
+    effect.FRICTION: FOLLOW,
+    effect.SLIDING: SLIDE | FOLLOW,
+    effect.COMMAND_SIDE: _DRIVEN,
+    effect.SUPPLY: SUPPLY | _DRIVEN,
+    effect.ALL_INPUTS: ALL,
+}
+_BY_STAGE = {"clock": _DRIVEN, "command": _DRIVEN, "core": CORE, "output": CORE}
 
 
-def _level(owner: str, name: str) -> int:
+def _inputs(owner: str, name: str) -> int:
     if owner not in EFFECTS:
-        return COMMAND if name == "neutral" else CORE
+        return _DRIVEN if name == "neutral" else CORE
     anew = next(p.anew for p in EFFECTS[owner].parameters if p.name == name)
-    return _LEVELS[anew] if anew else _BY_STAGE[EFFECTS[owner].stage]
+    return _INPUTS[anew] if anew else _BY_STAGE[EFFECTS[owner].stage]
 
 
-CHANGES = np.array([_level(*field) for field in FIELDS])
+CHANGES = np.array([_inputs(*field) for field in FIELDS])
 """(WIDTH,) what a change of each column makes necessary, see `simulate`."""
 GRIPS = (COULOMB, COULOMB_ASYMMETRY, STATIC, LOAD)  # slopes leave out what they change before a window starts
 HOLDS = (K1, K2, K3, K4, ORIFICE, SLOPE, COMPLIANCE)  # columns of the core that tell what an integrator holds
@@ -91,11 +102,11 @@ def _jacobian(
         if p[at] + h > upper[i]:
             h = -h
         moved[at] = p[at] + h
-        level = changes[at] if at not in GRIPS else CORE
+        inputs = changes[at] if at not in GRIPS else CORE
         if p[KI] != 0.0 and at in HOLDS:
-            level = max(level, COMMAND)  # what the integrator holds at the start hangs on the core
-        simulate(moved, s, work, trial, max(level, stale))
-        stale = level
+            inputs |= _DRIVEN  # what the integrator holds at the start hangs on the core
+        simulate(moved, s, work, trial, inputs | stale)
+        stale = inputs
         moved[at] = p[at]
         row = jacobian[i]
         n = 0
@@ -170,9 +181,9 @@ def fit_windows(
     residual, weight, following = np.empty(size), np.empty(size), np.empty(size)
     jacobian = np.empty((n, size))
     p = start.copy()
-    level = CORE
+    inputs = CORE
     for i in range(n):
-        level = max(level, changes[free[i]])
+        inputs |= changes[free[i]]
     simulate(p, s, work, out, ALL)
     cost = _cost(out, s.target, outlier, residual, weight)
     damping, hessian = 1e-3, np.zeros((n, n))
@@ -192,7 +203,7 @@ def fit_windows(
             moved = p.copy()
             for i in range(n):
                 moved[free[i]] = min(max(p[free[i]] + step[i], lower[i]), upper[i])
-            simulate(moved, s, work, trial, level)
+            simulate(moved, s, work, trial, inputs)
             next_cost = _cost(trial, s.target, outlier, following, weight)
             if next_cost < cost:
                 fell = cost - next_cost

@@ -28,12 +28,12 @@ from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import follow, lag_share, mean_share
 from hqpipe.kernels.augmented_columns import (
-    ALL,
     CLEAR,
     COMMAND,
     COMPLIANCE,
     DROOP,
     DT,
+    FOLLOW,
     GAP,
     K1,
     K2,
@@ -43,11 +43,14 @@ from hqpipe.kernels.augmented_columns import (
     LAG,
     LIMIT,
     MIDDLE,
+    MOTION,
     OFFSET,
     ORIFICE,
     RECOVERY,
     SKEW,
+    SLIDE,
     SLOPE,
+    SUPPLY,
     TORQUE,
     VALVE,
     WINDUP,
@@ -60,7 +63,7 @@ from hqpipe.kernels.laws import clip, impact
 
 @njit(cache=True, nogil=True)
 def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
-    """Fill velocity and position as late as the torque is logged, what travel leaves of friction, and supply loss."""
+    """Fill velocity and position as late as the torque is logged."""
     dt = p[DT]
     late = p[SKEW] / dt
     if late == 0.0:
@@ -74,12 +77,16 @@ def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
                 work.other[k] = delayed(s.position, first, last, float(k), late)
         lay_out(work.other, s.first, work.offset)
     lay_out(work.speed, s.first, work.velocity)
-    slide(p, s, work)
+
+
+@njit(cache=True, nogil=True)
+def _supply(p: np.ndarray, s: Signals, work: Work) -> None:
+    """Fill the loss of supply pressure."""
     if p[DROOP] == 0.0:
         work.loss[:] = 0.0
         work.sagged[:] = 0.0
         return
-    share = lag_share(p[RECOVERY], dt)
+    share = lag_share(p[RECOVERY], p[DT])
     for trial in range(s.bounds.shape[0] - 1):
         loss = p[DROOP] * s.demand[s.bounds[trial]]  # as if that had been drawn for long
         for k in range(s.bounds[trial], s.bounds[trial + 1]):
@@ -95,13 +102,13 @@ def shapes(p: np.ndarray) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _restart(p: np.ndarray, s: Signals, work: Work, anew: bool) -> None:
+def _restart(p: np.ndarray, s: Signals, work: Work, anew: int) -> None:
     """Inner torque at the start of each window from the logged one: the output side turned round.
 
     The way that friction points there hangs on the core so little that it is found `anew` with the inputs only.
     """
     half = 0.5 * p[GAP] * p[K3] / p[DT]
-    if half > 0.0 or (anew and grips(p)):
+    if half > 0.0 or (anew != 0 and grips(p)):
         follow_along(p, s, work, half)
     for w in range(s.first.shape[0]):
         effort, turned = s.target[0, w] - p[OFFSET], work.turned[w]
@@ -218,16 +225,20 @@ def simulate(p: np.ndarray, s: Signals, work: Work, out: np.ndarray, inputs: int
         p: (WIDTH,) row of parameters, see hqpipe.effects.layout.
         s, work: data and scratch.
         out: (steps, W), overwritten; row k is the prediction of `target` row k + 1.
-        inputs: what to compute anew: CORE only, the command side too (COMMAND), or the motion as well (ALL).
+        inputs: what to compute anew beside the core, any of FOLLOW, COMMAND, SLIDE, SUPPLY and MOTION.
     """
-    if inputs >= ALL:
+    if inputs & MOTION:
         _motion(p, s, work)
-    if inputs >= COMMAND:
+    if inputs & SLIDE:
+        slide(p, s, work)
+    if inputs & SUPPLY:
+        _supply(p, s, work)
+    if inputs & COMMAND:
         command_side(p, s, work)
     if s.mode == VALVE:
         _speed(p, s, work, out)
         return
-    _restart(p, s, work, inputs >= COMMAND)
+    _restart(p, s, work, inputs & FOLLOW)
     if s.mode == TORQUE:
         _torque_loop(p, s, work, out)
     elif rubs(p) and p[GAP] != 0.0:

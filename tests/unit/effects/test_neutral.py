@@ -8,7 +8,7 @@ import pytest
 from hqpipe.effects import EFFECTS
 from hqpipe.effects.layout import NOT_IN_THE_LOOP, neutral_row, slot, slots
 from hqpipe.gap.joint_data import cut
-from hqpipe.kernels.augmented_columns import MODES
+from hqpipe.kernels.augmented_columns import ALL, MODES
 from hqpipe.kernels.augmented_signals import make_work
 from hqpipe.kernels.augmented_windows import simulate
 from hqpipe.logs.trajectory import Trajectory
@@ -41,7 +41,7 @@ def motion():
 
 def output(p, signals):
     out = np.empty((signals.steps, len(signals.first)))
-    simulate(p, signals, make_work(signals), out, 2)
+    simulate(p, signals, make_work(signals), out, ALL)
     return out
 
 

@@ -371,3 +371,19 @@ def test_oracle_of_mixtures_tells_what_these_logs_hide():
     hidden = {row["case"]: "the oracle misses the set too" in row["missed"] for row in found["misses"]}
     assert hidden == {"case_000": True, "case_001": False}
     assert not any("oracle" in row["measure"] for row in score(cases)["more"])
+
+
+def test_oracle_of_places_tells_what_these_logs_hide():
+    """Three joints of twelve left out, by the diagnosis or by both; a case without the oracle is not compared."""
+    some = diagnosis(cause("backlash", ALL[:9]))
+    answers = (some, some, diagnosis(cause("backlash")), some)
+    cases = [judged("single", [effect("backlash")], said, case=f"case_{i:03d}") for i, said in enumerate(answers)]
+    seen = (some, diagnosis(cause("backlash")), diagnosis(cause("backlash")))
+    oracle = [judged("single", [effect("backlash")], said, case=f"case_{i:03d}") for i, said in enumerate(seen)]
+    found = score(cases, oracle)
+    more = {row["measure"]: (row["right"], row["of"]) for row in found["more"]}
+    assert more["place right by that oracle, which is not asked for effects outside the library"] == (2, 3)
+    assert more["place right in the same cases"] == (1, 3)
+    hidden = {row["case"]: "the oracle misses the place too" in row["missed"] for row in found["misses"]}
+    assert hidden == {"case_000": True, "case_001": False, "case_003": False}
+    assert share(cases, PLACE) == (1, 1, 4)

@@ -12,7 +12,7 @@ from hqpipe.effects import EFFECTS
 from hqpipe.effects.layout import NOT_IN_THE_LOOP, slot
 from hqpipe.gap.joint_data import LOGGED, MOVED, cut
 from hqpipe.kernels.actuator_step import HYDRAULIC
-from hqpipe.kernels.augmented_columns import MODES
+from hqpipe.kernels.augmented_columns import ALL, MODES
 from hqpipe.kernels.augmented_fit import residual_windows
 from hqpipe.kernels.augmented_signals import make_work
 from hqpipe.kernels.augmented_windows import simulate
@@ -32,7 +32,7 @@ def rms(values):
 def predicted(p, signals, mode=None):
     signals = signals if mode is None else signals._replace(mode=MODES[mode])
     out = np.empty((signals.steps, len(signals.first)))
-    simulate(p, signals, make_work(signals), out, 2)
+    simulate(p, signals, make_work(signals), out, ALL)
     return out
 
 
