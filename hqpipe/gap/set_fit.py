@@ -70,8 +70,13 @@ def _settled(names: Names) -> list[tuple[int, Parameter]]:
 
 def window_errors(row: np.ndarray, split: Split) -> np.ndarray:
     """(W,) mean squared error of each window; infinite where the free run runs away."""
+    return _squared(residual_windows(row, split.signals))
+
+
+def _squared(residuals: np.ndarray) -> np.ndarray:
+    """(W,) mean squares of (steps, W) residuals; infinite where the free run ran away."""
     with np.errstate(over="ignore", invalid="ignore"):
-        errors = np.mean(residual_windows(row, split.signals) ** 2, axis=0)
+        errors = np.mean(residuals**2, axis=0)
     return np.where(np.isfinite(errors), errors, np.inf)
 
 
@@ -124,11 +129,11 @@ class JointFitter:
         looks = [self._run(names, row, FIRST_LOOK) for row in rows]
         return min(looks, key=lambda found: found[1])[0]
 
-    def _result(self, names: Names, row: np.ndarray, loss: float, hessian: np.ndarray) -> SetFit:
-        heldout, fitted = window_errors(row, self.data.heldout), window_errors(row, self.data.fit)
-        return SetFit(names, row, loss, hessian, self._columns(names)[0], heldout, fitted)
+    def _result(self, names: Names, row: np.ndarray, loss: float, hessian: np.ndarray, residuals: np.ndarray) -> SetFit:
+        heldout = window_errors(row, self.data.heldout)
+        return SetFit(names, row, loss, hessian, self._columns(names)[0], heldout, _squared(residuals))
 
-    def _run(self, names: Names, row: np.ndarray, iterations: int) -> tuple[np.ndarray, float, np.ndarray]:
+    def _run(self, names: Names, row: np.ndarray, iterations: int) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
         free, lower, upper, scale = self._columns(names)
         row = row.copy()
         for column, parameter in _settled(names):

@@ -103,12 +103,15 @@ def _held(p: np.ndarray, s: Signals, work: Work, first: int, last: int) -> float
     Logs begin in the middle of operation, so it is not zero, and a wrong start would last: until the integrator first
     stands at its limit, else through the whole trial.
     """
-    soft = softened(p[K3], p[COMPLIANCE], p[DT])
+    soft, offset = softened(p[K3], p[COMPLIANCE], p[DT]), p[BIAS] if s.mode == POSITION else p[OFFSET]
+    prompt = p[SKEW] == 0.0 and p[DELAY] == 0.0
     for k in range(first, last):
-        at = k - p[SKEW] / p[DT]
-        here = delayed(s.position, first, last, at, 0.0) if s.mode == POSITION else s.effort[k]
-        error = delayed(s.command, first, last, at, p[DELAY] / p[DT]) - here
-        work.sequence[k] = error + (p[BIAS] if s.mode == POSITION else p[OFFSET])
+        wanted, here = s.command[k], s.position[k] if s.mode == POSITION else s.effort[k]
+        if not prompt:
+            at = k - p[SKEW] / p[DT]
+            here = delayed(s.position, first, last, at, 0.0) if s.mode == POSITION else here
+            wanted = delayed(s.command, first, last, at, p[DELAY] / p[DT])
+        work.sequence[k] = wanted - here + offset
         work.stiff[k] = soft * stiffness(p[SLOPE], s.position[k] - p[MIDDLE])
         work.other[k] = work.stiff[k] * (p[K2] * (s.effort[k] - p[OFFSET]) + p[K3] * s.velocity[k])
     limit = 1.0 / max(p[WINDUP], 1e-300)

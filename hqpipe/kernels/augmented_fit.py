@@ -159,7 +159,7 @@ def fit_windows(
     outlier: float,
     iterations: int,
     tolerance: float,
-) -> tuple[np.ndarray, float, np.ndarray]:
+) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
     """Fit the free columns of a row.
 
     Args:
@@ -172,8 +172,8 @@ def fit_windows(
         tolerance: stop when the loss falls by less than this share.
 
     Returns:
-        The row, the Huber loss per sample, and the Gauss-Newton matrix JᵀJ (n, n) at the row; zero if the free run is
-        about to run away there.
+        The row, the Huber loss per sample, the Gauss-Newton matrix JᵀJ (n, n) at the row, zero if the free run is about
+        to run away there, and the residuals (steps, W).
     """
     work = make_work(s)
     out, trial = np.empty((s.steps, s.first.shape[0])), np.empty((s.steps, s.first.shape[0]))
@@ -220,7 +220,7 @@ def fit_windows(
         hessian = jacobian @ jacobian.T
         if not np.isfinite(hessian).all():
             hessian[:] = 0.0
-    return p, cost / size, hessian
+    return p, cost / size, hessian, residual.reshape(out.shape)
 
 
 @njit(cache=True, nogil=True)

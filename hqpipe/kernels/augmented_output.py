@@ -60,14 +60,19 @@ def rubs(p: np.ndarray) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def slide(p: np.ndarray, s: Signals, work: Work) -> None:
-    """Speed at each sample, share of friction's direction that the travel to the next one leaves, and share of sticking."""
+def move(p: np.ndarray, s: Signals, work: Work) -> None:
+    """Speed at the instant of each sample's torque."""
     late = p[SKEW] / p[DT] + p[SPEED_LATE]
     for trial in range(s.bounds.shape[0] - 1):
         first, last = s.bounds[trial], s.bounds[trial + 1] - 1
         for k in range(first, last + 1):
             work.moving[k] = s.velocity[k] if late == 0.0 else delayed(s.velocity, first, last, float(k), late)
     lay_out(work.moving, s.first, work.sliding)
+
+
+@njit(cache=True, nogil=True)
+def slide(p: np.ndarray, s: Signals, work: Work) -> None:
+    """Share of friction's direction that the travel to the next sample leaves, and share of sticking."""
     if grips(p):
         for k in range(work.speed.shape[0]):
             work.slid[k] = kept_after(work.speed[k] * p[DT], p[PRESLIDING])

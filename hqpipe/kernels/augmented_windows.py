@@ -56,7 +56,7 @@ from hqpipe.kernels.augmented_columns import (
     WINDUP,
 )
 from hqpipe.kernels.augmented_command import command_side, shape_opening
-from hqpipe.kernels.augmented_output import follow_along, friction, grips, rub, rubs, slid, slide, unloaded
+from hqpipe.kernels.augmented_output import follow_along, friction, grips, move, rub, rubs, slid, slide, unloaded
 from hqpipe.kernels.augmented_signals import Signals, Work, lay_out
 from hqpipe.kernels.laws import clip, impact
 
@@ -77,6 +77,7 @@ def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
                 work.other[k] = delayed(s.position, first, last, float(k), late)
         lay_out(work.other, s.first, work.offset)
     lay_out(work.speed, s.first, work.velocity)
+    move(p, s, work)
 
 
 @njit(cache=True, nogil=True)

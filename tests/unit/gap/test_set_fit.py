@@ -44,7 +44,7 @@ def test_multi_start_finds_a_limit_that_is_inactive_at_first(logs):
     assert fit.error < 2.2 * 3.0**2 < 0.02 * fitter.fit().error
     wide = fitter.fit().row.copy()
     wide[slot("flow_saturation", "limit")] = 0.01 / fitter.data.size["command"]
-    stuck, _, _ = fitter._run(("flow_saturation",), wide, 25)
+    stuck, *_ = fitter._run(("flow_saturation",), wide, 25)
     assert stuck[slot("flow_saturation", "limit")] == wide[slot("flow_saturation", "limit")]
 
 

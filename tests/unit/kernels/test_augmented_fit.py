@@ -37,17 +37,18 @@ def fitted(effect, signals, outlier=np.inf, iterations=40):
 @pytest.mark.parametrize("effect", planted.TYPICAL)
 def test_planted_numbers_are_recovered(effect):
     signals = signals_of(effect, noise=3.0, seconds=6.0)
-    (p, loss, _), true, _ = fitted(effect, signals)
+    (p, loss, _, residuals), true, _ = fitted(effect, signals)
     for column, parameter in zip(slots(effect), EFFECTS[effect].parameters, strict=True):
         assert p[column] == pytest.approx(true[column], rel=LOOSE.get(parameter.name, 0.06)), parameter.name
     assert p[BASE[0]] == pytest.approx(true[BASE[0]], rel=0.06)
     assert p[BASE[2]] == pytest.approx(true[BASE[2]], rel=0.06)
     assert loss == pytest.approx(np.mean(residual_windows(p, signals) ** 2))
+    np.testing.assert_array_equal(residuals, residual_windows(p, signals))  # from what each step left standing
     assert loss < 1.05 * np.mean(residual_windows(true, signals) ** 2)
 
 
 def test_sound_joint_gives_its_gains():
-    (p, loss, hessian), true, _ = fitted(None, signals_of(None, noise=3.0, seconds=6.0))
+    (p, loss, hessian, _), true, _ = fitted(None, signals_of(None, noise=3.0, seconds=6.0))
     np.testing.assert_allclose(p[BASE][:3], true[BASE][:3], rtol=0.02)
     assert loss < 3.0**2 * 2.2, "the noise of the reading, and of the restart"
     assert hessian.shape == (4, 4) and np.linalg.eigvalsh(hessian).min() > 0.0
@@ -60,7 +61,7 @@ def test_start_and_data_are_left_alone_and_the_rest_of_the_row_stays():
     copy = begin.copy()
     free = np.array([*BASE, *slots("valve_lag")])
     bounds = np.zeros(5), np.full(5, np.inf)
-    p, _, _ = fit_windows(begin, signals, free, *bounds, np.abs(begin[free]), CHANGES, np.inf, 3, 1e-4)
+    p, *_ = fit_windows(begin, signals, free, *bounds, np.abs(begin[free]), CHANGES, np.inf, 3, 1e-4)
     np.testing.assert_array_equal(begin, copy)
     np.testing.assert_array_equal(signals.target, target)
     held = np.setdiff1d(np.arange(WIDTH), free)
@@ -73,7 +74,7 @@ def test_bounds_hold():
     begin = row({"valve_lag": {"time_constant_s": 0.003}})
     free = np.array([*BASE, *slots("valve_lag")])
     upper = np.array([np.inf, 1.0, np.inf, np.inf, 0.005])  # the truth is 12 ms
-    p, _, _ = fit_windows(begin, signals, free, np.zeros(5), upper, np.abs(begin[free]), CHANGES, np.inf, 30, 1e-6)
+    p, *_ = fit_windows(begin, signals, free, np.zeros(5), upper, np.abs(begin[free]), CHANGES, np.inf, 30, 1e-6)
     assert p[free[-1]] == 0.005
 
 
@@ -93,7 +94,7 @@ def test_runaway_start_ends_with_a_loss_that_says_so():
     signals = signals_of(None)
     begin = row({}, k1=1e6, k4=1e6)
     free = np.array(BASE)
-    _, loss, hessian = fit_windows(
+    _, loss, hessian, _ = fit_windows(
         begin, signals, free, np.zeros(4), np.full(4, np.inf), np.ones(4), CHANGES, np.inf, 3, 1e-4
     )
     assert not loss < 1e6 and np.isfinite(hessian).all()
