@@ -12,6 +12,7 @@ from hqpipe.kernels.actuator_step import step_row, take_back
 def actuate_robot(
     kind: int,
     parameters: np.ndarray,
+    weights: np.ndarray,
     limit: np.ndarray,
     q_des: np.ndarray,
     q: np.ndarray,
@@ -22,18 +23,18 @@ def actuate_robot(
     clipped: np.ndarray,
     share: float,
 ) -> None:
-    """Torque of one robot from its present state; all arrays but `parameters` and `memory` are (J,).
+    """Torque of one robot from its present state; all arrays but the first two and `memory` are (J,).
 
     Args:
         kind: see hqpipe.kernels.actuator_step.
-        parameters: (J, P), with an infinite effort limit.
+        parameters: (J, P), with an infinite effort limit. weights: (W,) of a net, else empty.
         limit: N·m, applied here.
         tau: torque, read and overwritten, N·m.
         memory: (J, M) of the actuator model, read and overwritten.
         mean_square: grows by `share` times the square of the torque.
         clipped: grows to the largest excess of the demand over the limit.
     """
-    step_row(kind, parameters, tau, memory, q_des, q, qd)
+    step_row(kind, parameters, weights, tau, memory, q_des, q, qd)
     for j in range(tau.shape[0]):
         demand = tau[j]
         clipped[j] = max(clipped[j], abs(demand) - limit[j])
@@ -46,6 +47,7 @@ def actuate_robot(
 def actuate_batch(
     kind: int,
     parameters: np.ndarray,
+    weights: np.ndarray,
     limit: np.ndarray,
     q_des: np.ndarray,
     q: np.ndarray,
@@ -56,11 +58,12 @@ def actuate_batch(
     clipped: np.ndarray,
     share: float,
 ) -> None:
-    """`actuate_robot` for every row: `parameters` (N, J, P), `memory` (N, J, M), the other arrays (N, J)."""
+    """`actuate_robot` for every row: `parameters` (N, J, P), `weights` (W,), `memory` (N, J, M), the others (N, J)."""
     for n in range(tau.shape[0]):
         actuate_robot(
             kind,
             parameters[n],
+            weights,
             limit[n],
             q_des[n],
             q[n],
