@@ -117,6 +117,10 @@ class NetActuator(ActuatorModel):
         matrix = np.asarray(self.tensors.get("output_weight", np.empty((0, 0))))
         return matrix.shape[1] if matrix.ndim == 2 else 0
 
+    def mean(self, channel: str) -> np.ndarray:
+        """(J,) mean of one of `INPUTS` over the fit trials."""
+        return self.tensors["input_mean"].reshape(CHANNELS, -1)[INPUTS.index(channel)]
+
     @classmethod
     def shapes(cls, joints: int, hidden: int, taps: int = 1) -> dict[str, tuple[int, ...]]:
         """Name → shape of every tensor, for J joints, H hidden units and a number of taps."""
