@@ -74,6 +74,7 @@ def fit_paper_net(
     from hqpipe.sysid.nets import modules, optimise
 
     data = net_data(log_set.fit, delta=False, stopping=False)
+    limit = per_joint(effort_limit, data.joints, "effort_limit")
     length = 1 if kind == "mlp" else _steps(data, SEQUENCE_S)
     course, rng = optimise.Course(), np.random.default_rng(seed)
     with optimise.one_thread(seed):
@@ -81,7 +82,7 @@ def fit_paper_net(
         sequences = optimise.Sequences(data, length + 1, max(1, batch // length), rng)
         optimise.fit_one_step(net, sequences, iterations, learning_rate, 0, course)
         course.best = iterations
-        return _fitted(log_set, data, net, effort_limit, course)
+        return _fitted(log_set, data, net, limit, course)
 
 
 def fit_strong_net(
@@ -119,19 +120,22 @@ def fit_strong_net(
     from hqpipe.sysid.nets import modules, optimise
 
     data = net_data(log_set.fit, delta=True, stopping=True)
+    limit = per_joint(effort_limit, data.joints, "effort_limit")
     steps = window_samples(data.dt, window_s)
     taps = tuple(sorted({round(ago / data.dt) for ago in (0.0, *history_s)})) if kind == "mlp" else (0,)
     context = taps[-1] if kind == "mlp" else _steps(data, CONTEXT_S)
-    length = taps[-1] + 2 if kind == "mlp" else _steps(data, SEQUENCE_S) + 1
+    row = _steps(data, SEQUENCE_S)
     course, rng = optimise.Course(), np.random.default_rng(seed)
     with optimise.one_thread(seed):
         net = modules.NETS[kind](data, hidden, taps)
-        sequences = optimise.Sequences(data, length, max(1, BATCH // (length - 1 - taps[-1])), rng)
+        sequences = optimise.Sequences(data, taps[-1] + row + 1, max(1, BATCH // row), rng)
+        free = optimise.Sequences(data, context + steps + 1, windows, rng)
+        validation = optimise.Validation(data, context, steps)
         optimise.fit_one_step(net, sequences, warm_up, learning_rate, taps[-1], course)
         optimise.fit_free_run(
             net,
-            optimise.Sequences(data, context + steps + 1, windows, rng),
-            optimise.Validation(data, context, steps),
+            free,
+            validation,
             iterations,
             learning_rate,
             context,
@@ -140,7 +144,7 @@ def fit_strong_net(
             every=every,
             patience=patience,
         )
-        return _fitted(log_set, data, net, effort_limit, course)
+        return _fitted(log_set, data, net, limit, course)
 
 
 def _check(kind: str, **numbers: int) -> None:
@@ -155,10 +159,9 @@ def _steps(data: NetData, seconds: float) -> int:
     return max(1, round(seconds / data.dt))
 
 
-def _fitted(log_set: LogSet, data: NetData, net: Net, effort_limit: PerJoint, course: Course) -> NetFit:
+def _fitted(log_set: LogSet, data: NetData, net: Net, limit: np.ndarray, course: Course) -> NetFit:
     from hqpipe.sysid.nets.modules import actuator_of
 
-    limit = per_joint(effort_limit, data.joints, "effort_limit")
     return NetFit(
         model=actuator_of(net, ACTUATOR_MODELS[net.KIND], data, limit),
         losses=tuple(course.losses),
