@@ -24,10 +24,12 @@ class NetData:
 
     Attributes:
         joints: names. dt: s.
-        inputs: (T, 4 J) torque, target, position, velocity, standardised, the trials end to end.
+        inputs: (T, 4 J) torque, target, position, velocity, standardised, the trials end to end. With `error_spread` the
+            position error stands in the place of the target.
         stretches: (first, past the last) row of what is trained on. stopping: likewise, for early stopping.
         tensors: mean and spread of inputs and outputs, as in `hqpipe.actuators.net`.
         delta: outputs are changes of torque.
+        error_spread: (J,) of target − position, rad; None if the inputs hold the target itself.
     """
 
     joints: tuple[str, ...]
@@ -37,6 +39,7 @@ class NetData:
     stopping: tuple[tuple[int, int], ...]
     tensors: dict[str, np.ndarray]
     delta: bool
+    error_spread: np.ndarray | None = None
 
     def starts(self, stretches: Sequence[tuple[int, int]], length: int, every: int = 1) -> np.ndarray:
         """(S,) first rows of the sequences of `length` rows that lie within one stretch.
@@ -55,8 +58,11 @@ class NetData:
         return rows
 
 
-def net_data(trials: list[Trial], *, delta: bool, stopping: bool) -> NetData:
+def net_data(trials: list[Trial], *, delta: bool = False, errors: bool = False, stopping: bool = False) -> NetData:
     """Standardise fit trials and, for `stopping`, set the end of each aside.
+
+    A position error is small beside the motion that target and position share, and what drives the torque hangs on it.
+    With `errors` a net is trained on it directly; `for_targets` turns the result into one that reads targets.
 
     Raises:
         IdentificationError: no trial, a channel is missing, or the rates differ.
@@ -87,7 +93,26 @@ def net_data(trials: list[Trial], *, delta: bool, stopping: bool) -> NetData:
         "output_mean": change.mean(axis=0) if delta else mean[:count],
         "output_spread": _spread(change) if delta else spread[:count],
     }
-    return NetData(joints, dt, (table - mean) / spread, tuple(train), tuple(stop), tensors, delta)
+    inputs, error_spread = (table - mean) / spread, None
+    if errors:
+        error = table[:, count : 2 * count] - table[:, 2 * count : 3 * count]
+        error_spread = _spread(error)
+        inputs[:, count : 2 * count] = (error - error.mean(axis=0)) / error_spread
+    return NetData(joints, dt, inputs, tuple(train), tuple(stop), tensors, delta, error_spread)
+
+
+def for_targets(weight: np.ndarray, data: NetData) -> np.ndarray:
+    """The input weights (rows, taps · 4 J) of a net that reads position errors as those of one that reads targets.
+
+    Both are linear in the same numbers and their means agree, so that the net stays what it is.
+    """
+    if data.error_spread is None:
+        return weight
+    moved, count = weight.reshape(len(weight), -1, 4, len(data.joints)).copy(), len(data.joints)
+    target, position = (data.tensors["input_spread"][c * count : (c + 1) * count] for c in (1, 2))
+    moved[:, :, 1] = weight.reshape(moved.shape)[:, :, 1] * (target / data.error_spread)
+    moved[:, :, 2] -= weight.reshape(moved.shape)[:, :, 1] * (position / data.error_spread)
+    return moved.reshape(weight.shape)
 
 
 def _spread(table: np.ndarray) -> np.ndarray:

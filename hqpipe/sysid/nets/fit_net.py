@@ -73,7 +73,7 @@ def fit_paper_net(
     _check(kind, iterations=iterations, hidden=hidden, batch=batch)
     from hqpipe.sysid.nets import modules, optimise
 
-    data = net_data(log_set.fit, delta=False, stopping=False)
+    data = net_data(log_set.fit)
     limit = per_joint(effort_limit, data.joints, "effort_limit")
     length = 1 if kind == "mlp" else _steps(data, SEQUENCE_S)
     course, rng = optimise.Course(), np.random.default_rng(seed)
@@ -103,9 +103,10 @@ def fit_strong_net(
 ) -> NetFit:
     """Train a net with every advantage: on what it is judged by, and stopped where it is best on trials' ends set aside.
 
-    It predicts the change of the torque. After a warm-up on one-step errors the error of whole free-running windows is
-    followed back through time, as the paper's model is fitted in `fit_actuator`; recurrent nets see logged context before
-    each window, an MLP past inputs. The learning rate falls; the last fifth of every fit trial is kept for early stopping.
+    It predicts the change of the torque, and learns on the position error in the place of the target. After a warm-up on
+    one-step errors the error of whole free-running windows is followed back through time, as the paper's model is fitted in
+    `fit_actuator`; recurrent nets see logged context before each window, an MLP past inputs. The learning rate falls; the
+    last fifth of every fit trial is kept for early stopping.
 
     Args:
         log_set, kind, hidden, effort_limit: as in `fit_paper_net`.
@@ -119,7 +120,7 @@ def fit_strong_net(
     _check(kind, warm_up=warm_up, iterations=iterations, hidden=hidden, windows=windows, every=every, patience=patience)
     from hqpipe.sysid.nets import modules, optimise
 
-    data = net_data(log_set.fit, delta=True, stopping=True)
+    data = net_data(log_set.fit, delta=True, errors=True, stopping=True)
     limit = per_joint(effort_limit, data.joints, "effort_limit")
     steps = window_samples(data.dt, window_s)
     taps = tuple(sorted({round(ago / data.dt) for ago in (0.0, *history_s)})) if kind == "mlp" else (0,)

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from torch.nn.functional import linear, softsign
 
 from hqpipe.actuators.net import NetActuator
-from hqpipe.sysid.nets.data import NetData
+from hqpipe.sysid.nets.data import NetData, for_targets
 
 
 class Net(nn.Module):
@@ -156,6 +156,7 @@ NETS: dict[str, type[Net]] = {net.KIND: net for net in (MLP, LSTM, GRU)}
 def actuator_of(net: Net, model: type[NetActuator], data: NetData, effort_limit: float | np.ndarray) -> NetActuator:
     """The net as the actuator model that is stepped without torch."""
     tensors = data.tensors | net.tensors()
+    tensors["input_weight"] = for_targets(tensors["input_weight"], data)
     return model.build(
         data.joints, dt=data.dt, effort_limit=effort_limit, tensors=tensors, taps=net.taps, delta=net.delta
     )

@@ -33,7 +33,7 @@ def pair(request):
     """A net with torch's first weights, the model made of it, its log, and the log as one sequence."""
     kind, taps, delta = request.param
     trial = trajectory(samples=400)
-    data = net_data(log_set(trial, trial).fit, delta=delta, stopping=False)
+    data = net_data(log_set(trial, trial).fit, delta=delta, errors=delta)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(1)
         net = NETS[kind](data, 16, taps)
