@@ -1,4 +1,4 @@
-"""Adam on one-step and on free-running errors of a net."""
+"""Adam, with decaying weights, on one-step and on free-running errors of a net."""
 
 from __future__ import annotations
 
@@ -61,13 +61,15 @@ class Sequences:
         return self._table[torch.from_numpy(starts + self._steps)]
 
 
-def fit_one_step(net: Net, data: Sequences, iterations: int, rate: float, first: int, course: Course) -> None:
-    """Mean squared error of the outputs on the logged torque, at a steady rate."""
+def fit_one_step(
+    net: Net, data: Sequences, iterations: int, rate: float, first: int, course: Course, *, decay: float = 0.0
+) -> None:
+    """Mean squared error of the outputs on the logged torque, at a steady rate; without decay it is plain Adam."""
 
     def loss(x: Tensor) -> Tensor:
         return torch.mean((net.outputs(x, first) - net.wanted(x, first)) ** 2)
 
-    adam = torch.optim.Adam(net.parameters(), lr=rate)
+    adam = torch.optim.AdamW(net.parameters(), lr=rate, weight_decay=decay)
     for _ in range(iterations):
         _descend(adam, net, loss(data.draw()), course)
 
@@ -96,6 +98,7 @@ def fit_free_run(
     first: int,
     course: Course,
     *,
+    decay: float,
     spread: np.ndarray,
     every: int,
     patience: int,
@@ -103,7 +106,7 @@ def fit_free_run(
     """Mean squared error in (N·m)² over whole windows, through time; the best weights on what was set aside are kept.
 
     Args:
-        rate: falls along half a cosine. first: steps of logged context before a window.
+        rate, decay: of AdamW; the rate falls along half a cosine. first: steps of logged context before a window.
         spread: (J,) of the torque, N·m. every: iterations between two looks at what was set aside; after `patience` looks
             without a gain it ends.
     """
@@ -112,7 +115,7 @@ def fit_free_run(
     def loss(x: Tensor) -> Tensor:
         return torch.mean(((net.free_run(x, first) - x[first + 1 :, :, : net.joints]) * weight) ** 2)
 
-    adam = torch.optim.Adam(net.parameters(), lr=rate)
+    adam = torch.optim.AdamW(net.parameters(), lr=rate, weight_decay=decay)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(adam, max(iterations, 1), LAST_RATE * rate)
     keeper = _Keeper(net, course, validation.rmse)
     for iteration in range(iterations):
@@ -149,7 +152,7 @@ class _Keeper:
         self._net.load_state_dict(self._weights)
 
 
-def _descend(adam: torch.optim.Adam, net: Net, loss: Tensor, course: Course) -> None:
+def _descend(adam: torch.optim.AdamW, net: Net, loss: Tensor, course: Course) -> None:
     value = loss.item()
     if not math.isfinite(value):
         raise IdentificationError(
