@@ -52,6 +52,27 @@ def step_joint(kind: int, p: np.ndarray, torque: float, q_des: float, q: float, 
 
 
 @njit(cache=True, nogil=True)
+def table_row(
+    kind: int,
+    parameters: np.ndarray,
+    tau: np.ndarray,
+    memory: np.ndarray,
+    q_des: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+) -> None:
+    """`step_row` for the kinds without weights: PD, HYDRAULIC and AUGMENTED."""
+    if kind == HYDRAULIC:
+        for j in range(tau.shape[0]):
+            tau[j] = hydraulic_step(parameters[j], tau[j], q_des[j], q[j], qd[j])
+    elif kind == AUGMENTED:
+        augmented_row(parameters, tau, memory, q_des, q, qd)
+    else:
+        for j in range(tau.shape[0]):
+            tau[j] = pd_step(parameters[j], q_des[j], q[j], qd[j])
+
+
+@njit(cache=True, nogil=True)
 def step_row(
     kind: int,
     parameters: np.ndarray,
@@ -72,16 +93,10 @@ def step_row(
         memory: (J, M) float64, read and overwritten; zeros after a reset, M = 0 for a kind without memory.
         q_des, q, qd: (J,) rad, rad, rad/s.
     """
-    if kind == HYDRAULIC:
-        for j in range(tau.shape[0]):
-            tau[j] = hydraulic_step(parameters[j], tau[j], q_des[j], q[j], qd[j])
-    elif kind == AUGMENTED:
-        augmented_row(parameters, tau, memory, q_des, q, qd)
-    elif kind >= MLP:
+    if kind >= MLP:
         net_row(kind, parameters, weights, tau, memory, q_des, q, qd)
     else:
-        for j in range(tau.shape[0]):
-            tau[j] = pd_step(parameters[j], q_des[j], q[j], qd[j])
+        table_row(kind, parameters, tau, memory, q_des, q, qd)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -114,5 +129,9 @@ def step_batch(
         memory: (N, J, M) float64, likewise.
         q_des, q, qd: (N, J) rad, rad, rad/s.
     """
-    for n in range(tau.shape[0]):
-        step_row(kind, parameters, weights, tau[n], memory[n], q_des[n], q[n], qd[n])
+    if kind >= MLP:
+        for n in range(tau.shape[0]):
+            net_row(kind, parameters, weights, tau[n], memory[n], q_des[n], q[n], qd[n])
+    else:  # a loop of its own: beside a net's, the compiler no longer inlines the short laws
+        for n in range(tau.shape[0]):
+            table_row(kind, parameters, tau[n], memory[n], q_des[n], q[n], qd[n])

@@ -5,7 +5,27 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.kernels.actuator_step import step_row, take_back
+from hqpipe.kernels.actuator_step import table_row, take_back
+from hqpipe.kernels.net_step import MLP, net_row
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def _hold(
+    kind: int,
+    limit: np.ndarray,
+    tau: np.ndarray,
+    memory: np.ndarray,
+    mean_square: np.ndarray,
+    clipped: np.ndarray,
+    share: float,
+) -> None:
+    """Hold the demanded torque to the limit, and record it."""
+    for j in range(tau.shape[0]):
+        demand = tau[j]
+        clipped[j] = max(clipped[j], abs(demand) - limit[j])
+        tau[j] = min(max(demand, -limit[j]), limit[j])
+        take_back(kind, memory[j], demand - tau[j])
+        mean_square[j] += share * tau[j] * tau[j]
 
 
 @njit(cache=True, nogil=True)
@@ -34,13 +54,12 @@ def actuate_robot(
         mean_square: grows by `share` times the square of the torque.
         clipped: grows to the largest excess of the demand over the limit.
     """
-    step_row(kind, parameters, weights, tau, memory, q_des, q, qd)
-    for j in range(tau.shape[0]):
-        demand = tau[j]
-        clipped[j] = max(clipped[j], abs(demand) - limit[j])
-        tau[j] = min(max(demand, -limit[j]), limit[j])
-        take_back(kind, memory[j], demand - tau[j])
-        mean_square[j] += share * tau[j] * tau[j]
+    if kind >= MLP:
+        net_row(kind, parameters, weights, tau, memory, q_des, q, qd)
+        _hold(kind, limit, tau, memory, mean_square, clipped, share)
+    else:  # a path of its own: beside a net's, the compiler no longer inlines the short laws
+        table_row(kind, parameters, tau, memory, q_des, q, qd)
+        _hold(kind, limit, tau, memory, mean_square, clipped, share)
 
 
 @njit(cache=True, nogil=True)
