@@ -11,5 +11,8 @@ ACTUATOR_MODELS = Registry(
         "stiff_pd": "hqpipe.actuators.stiff_pd:StiffPD",
         "hydraulic": "hqpipe.actuators.hydraulic:Hydraulic",
         "augmented": "hqpipe.actuators.augmented:Augmented",
+        "mlp": "hqpipe.actuators.mlp:MLP",
+        "lstm": "hqpipe.actuators.lstm:LSTM",
+        "gru": "hqpipe.actuators.gru:GRU",
     },
 )

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from hqpipe.errors import UsageError, near_match
-from hqpipe.kernels.actuator_step import step_batch
+from hqpipe.kernels.actuator_step import NO_WEIGHTS, step_batch
 
 FORMAT = "hqpipe-actuator/1"
 DT_TOLERANCE = 0.01  # assumption: clocks of real logs are off by less, a different rate by far more
@@ -40,7 +40,8 @@ class ActuatorModel:
     """Base of the models in `ACTUATOR_MODELS`.
 
     A class states its name, its kind in hqpipe.kernels.actuator_step, the columns of its table (`FIELDS`), how many
-    numbers a joint remembers besides its torque (`MEMORY`), and whether the table belongs to one rate (`DT_BOUND`).
+    numbers a joint remembers besides its torque (`MEMORY`), whether the table belongs to one rate (`DT_BOUND`), and what
+    actuator.json says of it beyond the table (`KEYS`).
 
     Attributes:
         joints: names, in the order of the rows of `parameters`.
@@ -57,6 +58,7 @@ class ActuatorModel:
     MEMORY: ClassVar[int] = 0
     FIELDS: ClassVar[dict[str, ParameterField]]
     DT_BOUND: ClassVar[bool] = False
+    KEYS: ClassVar[tuple[str, ...]] = ()
 
     joints: tuple[str, ...]
     parameters: np.ndarray
@@ -103,6 +105,11 @@ class ActuatorModel:
         Raises:
             UsageError: a parameter is missing or unknown.
         """
+        return cls(tuple(joints), cls._table(joints, columns), dt, scope)
+
+    @classmethod
+    def _table(cls, joints: Sequence[str], columns: Mapping[str, Any]) -> np.ndarray:
+        """(J, P) from one number or one (J,) array per parameter."""
         for name in columns:
             if name not in cls.FIELDS:
                 raise UsageError(f"{cls.NAME}: unknown parameter '{name}'{near_match(name, cls.FIELDS)}")
@@ -111,11 +118,29 @@ class ActuatorModel:
         table = np.empty((len(joints), len(cls.FIELDS)))
         for column, name in enumerate(cls.FIELDS):
             table[:, column] = columns[name]
-        return cls(tuple(joints), table, dt, scope)
+        return table
+
+    @property
+    def memory_columns(self) -> int:
+        """M, how many numbers a joint remembers besides its torque."""
+        return self.MEMORY
+
+    @property
+    def weights(self) -> np.ndarray:
+        """(W,) float64 that all joints and robots share; empty unless the model is a net."""
+        return NO_WEIGHTS
 
     def column(self, name: str) -> np.ndarray:
         """(J,) values of one parameter."""
         return self.parameters[:, list(self.FIELDS).index(name)]
+
+    def _rows(self, joints: Sequence[str]) -> list[int]:
+        for name in joints:
+            if name not in self.joints:
+                raise UsageError(
+                    f"{self.NAME}: no joint '{name}'{near_match(name, self.joints)} (has {', '.join(self.joints)})"
+                )
+        return [self.joints.index(name) for name in joints]
 
     def for_joints(self, joints: Sequence[str]) -> Self:
         """The same model with its rows in the order of `joints`, matched by name.
@@ -123,12 +148,7 @@ class ActuatorModel:
         Raises:
             UsageError: a joint is not in the model.
         """
-        for name in joints:
-            if name not in self.joints:
-                raise UsageError(
-                    f"{self.NAME}: no joint '{name}'{near_match(name, self.joints)} (has {', '.join(self.joints)})"
-                )
-        rows = [self.joints.index(name) for name in joints]
+        rows = self._rows(joints)
         return replace(self, joints=tuple(joints), parameters=self.parameters[rows])
 
     def check_dt(self, dt: float) -> None:
@@ -144,8 +164,8 @@ class ActuatorModel:
             )
 
     def fresh_memory(self, count: int) -> np.ndarray:
-        """(N, J, M) memory of `count` robots that have just been reset: zeros, M = `MEMORY`."""
-        return np.zeros((count, len(self.joints), self.MEMORY))
+        """(N, J, M) memory of `count` robots that have just been reset: zeros, M = `memory_columns`."""
+        return np.zeros((count, len(self.joints), self.memory_columns))
 
     def step(
         self, tau: np.ndarray, memory: np.ndarray, q_des: np.ndarray, q: np.ndarray, qd: np.ndarray, dt: float
@@ -158,7 +178,7 @@ class ActuatorModel:
             dt: s.
         """
         self.check_dt(dt)
-        step_batch(self.KIND, self.parameters, tau, memory, q_des, q, qd)
+        step_batch(self.KIND, self.parameters, self.weights, tau, memory, q_des, q, qd)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-able form; `from_dict` restores the same bytes of every parameter."""

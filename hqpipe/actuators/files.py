@@ -1,4 +1,4 @@
-"""actuator.json: an actuator model on disk."""
+"""actuator.json: an actuator model on disk; a net has its weights beside it."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from hqpipe.actuators import ACTUATOR_MODELS
+from hqpipe.actuators import ACTUATOR_MODELS, weights_file
 from hqpipe.actuators.base import FORMAT, ActuatorModel
+from hqpipe.actuators.net import NetActuator, check_description
 from hqpipe.errors import ConfigError, UsageError, near_match
 
 FILE = "actuator.json"
@@ -15,19 +16,24 @@ _KEYS = ("format", "model", "joints", "dt", "scope", "parameters")
 
 
 def save_actuator(model: ActuatorModel, folder: Path) -> Path:
-    """Write `folder`/actuator.json and return its path; the same model gives the same bytes."""
+    """Write `folder`/actuator.json, for a net weights.safetensors too, and return the path of the first.
+
+    The same model gives the same bytes.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / FILE
     text = json.dumps(model.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     path.write_text(text, encoding="utf-8")
+    if isinstance(model, NetActuator):
+        weights_file.save_weights(model.tensors, folder / weights_file.FILE)
     return path
 
 
 def load_actuator(folder: Path) -> ActuatorModel:
-    """Read and check `folder`/actuator.json.
+    """Read and check `folder`/actuator.json, for a net weights.safetensors too.
 
     Raises:
-        ConfigError: the file is missing, is no JSON, or a field is missing, unknown or out of bounds.
+        ConfigError: a file is missing or broken, or a field or tensor is missing, unknown or out of bounds.
     """
     path = folder / FILE
     if not path.is_file():
@@ -40,22 +46,34 @@ def load_actuator(folder: Path) -> ActuatorModel:
 
 
 def parse_actuator(raw: Any, path: Path) -> ActuatorModel:
-    """Build the model that `raw` describes; `path` is for the messages."""
+    """Build the model that `raw` describes; `path` is where it was read, with the weights of a net beside it."""
     if not isinstance(raw, dict):
         raise ConfigError(f"{path}: expected an object with {', '.join(_KEYS)}, got {type(raw).__name__}")
+    name = str(raw.get("model"))
+    keys = _KEYS + (ACTUATOR_MODELS[name].KEYS if name in ACTUATOR_MODELS else ())
     for key in raw:
-        if key not in _KEYS:
-            raise ConfigError(f"{path}: unknown field '{key}'{near_match(key, _KEYS)}")
-    if missing := [key for key in _KEYS if key not in raw]:
+        if key not in keys:
+            raise ConfigError(f"{path}: unknown field '{key}'{near_match(key, keys)}")
+    if missing := [key for key in keys if key not in raw]:
         raise ConfigError(f"{path}: missing field '{missing[0]}'")
     if raw["format"] != FORMAT:
         raise ConfigError(f"{path}: format is '{raw['format']}', expected {FORMAT}")
     try:
-        model = ACTUATOR_MODELS[str(raw["model"])]
+        model = ACTUATOR_MODELS[name]
         _check_types(raw, model)
+        if issubclass(model, NetActuator):
+            return _with_weights(raw, model, path.with_name(weights_file.FILE))
         return model.from_dict(raw)
+    except ConfigError:
+        raise  # of the weights, which it names
     except UsageError as error:
         raise ConfigError(f"{path}: {error}") from error
+
+
+def _with_weights(raw: dict[str, Any], model: type[NetActuator], path: Path) -> NetActuator:
+    check_description(raw["net"])
+    shapes = model.shapes(len(raw["joints"]), raw["net"]["hidden"], len(raw["net"]["taps"]))
+    return model.from_dict(raw, weights_file.load_weights(path, shapes))
 
 
 def _check_types(raw: dict[str, Any], model: type[ActuatorModel]) -> None:

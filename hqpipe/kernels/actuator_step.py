@@ -1,13 +1,15 @@
 """One sample of an actuator model, for one joint, one robot or a batch of robots.
 
-Every model is a row of float64 parameters per joint and a kind. The state is the joint torque and, for some kinds, a
-row of memory per joint (delay lines, integrators, lags), so that the same compiled functions serve the simulator, the
-replay of a log and the fit.
+Every model is a kind, a row of float64 parameters per joint and, for a net, weights of the whole robot. The state is the
+joint torque and, for some kinds, a row of memory per joint (delay lines, integrators, lags), so that the same compiled
+functions serve the simulator, the replay of a log and the fit.
 
 kind       parameters of a joint                  memory  torque after the sample
 PD         kp, kd, limit                          none    kp (q_des − q) − kd q̇
 HYDRAULIC  k1, k2, k3, k4, R, limit               none    eq. (7) of the paper
 AUGMENTED  see hqpipe.effects.layout              M       eq. (7) with effects, hqpipe.kernels.augmented_step
+MLP        limit                                  M, or 0 hqpipe.kernels.net_step
+LSTM, GRU  limit                                  M       hqpipe.kernels.net_step
 
 All are clipped to ±limit, which may be infinite. A reset sets the torque and zeroes the memory: a kind with
 memory takes all zeros for "no sample yet" and starts from the torque and the inputs of the first sample.
@@ -22,10 +24,12 @@ from numba import njit
 
 from hqpipe.kernels.augmented_step import WOUND, augmented_row
 from hqpipe.kernels.laws import hydraulic_step, pd_step
+from hqpipe.kernels.net_step import MLP, net_row
 
 PD: Final = 0
 HYDRAULIC: Final = 1
 AUGMENTED: Final = 2
+NO_WEIGHTS: Final = np.empty(0)  # of a model that is its parameter table alone
 
 
 @njit(cache=True, nogil=True)
@@ -44,11 +48,11 @@ def step_joint(kind: int, p: np.ndarray, torque: float, q_des: float, q: float, 
         return hydraulic_step(p, torque, q_des, q, qd)
     if kind == PD:
         return pd_step(p, q_des, q, qd)
-    raise ValueError("step_joint: expected the kind PD or HYDRAULIC; step AUGMENTED with step_row and its memory")
+    raise ValueError("step_joint: expected the kind PD or HYDRAULIC; step the others with step_row and their memory")
 
 
 @njit(cache=True, nogil=True)
-def step_row(
+def table_row(
     kind: int,
     parameters: np.ndarray,
     tau: np.ndarray,
@@ -57,15 +61,7 @@ def step_row(
     q: np.ndarray,
     qd: np.ndarray,
 ) -> None:
-    """Advance the joints of one robot by one sample, in place.
-
-    Args:
-        kind: PD, HYDRAULIC or AUGMENTED.
-        parameters: (J, P) float64.
-        tau: (J,) torque, read and overwritten, N·m.
-        memory: (J, M) float64, read and overwritten; zeros after a reset, M = 0 for a kind without memory.
-        q_des, q, qd: (J,) rad, rad, rad/s.
-    """
+    """`step_row` for the kinds without weights: PD, HYDRAULIC and AUGMENTED."""
     if kind == HYDRAULIC:
         for j in range(tau.shape[0]):
             tau[j] = hydraulic_step(parameters[j], tau[j], q_des[j], q[j], qd[j])
@@ -76,11 +72,38 @@ def step_row(
             tau[j] = pd_step(parameters[j], q_des[j], q[j], qd[j])
 
 
+@njit(cache=True, nogil=True)
+def step_row(
+    kind: int,
+    parameters: np.ndarray,
+    weights: np.ndarray,
+    tau: np.ndarray,
+    memory: np.ndarray,
+    q_des: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+) -> None:
+    """Advance the joints of one robot by one sample, in place.
+
+    Args:
+        kind: PD, HYDRAULIC, AUGMENTED, MLP, LSTM or GRU.
+        parameters: (J, P) float64.
+        weights: (W,) float64 of a net; `NO_WEIGHTS` for the other kinds.
+        tau: (J,) torque, read and overwritten, N·m.
+        memory: (J, M) float64, read and overwritten; zeros after a reset, M = 0 for a kind without memory.
+        q_des, q, qd: (J,) rad, rad, rad/s.
+    """
+    if kind >= MLP:
+        net_row(kind, parameters, weights, tau, memory, q_des, q, qd)
+    else:
+        table_row(kind, parameters, tau, memory, q_des, q, qd)
+
+
 @njit(cache=True, nogil=True, inline="always")
 def take_back(kind: int, memory: np.ndarray, excess: float) -> None:
     """Tell a joint that `excess` (N·m) of its torque was not applied; `memory` is its row (M,).
 
-    PD and HYDRAULIC go on from the torque that they are given and need not be told.
+    The other kinds go on from the torque that they are given and need not be told.
     """
     if kind == AUGMENTED:
         memory[WOUND] -= excess
@@ -90,6 +113,7 @@ def take_back(kind: int, memory: np.ndarray, excess: float) -> None:
 def step_batch(
     kind: int,
     parameters: np.ndarray,
+    weights: np.ndarray,
     tau: np.ndarray,
     memory: np.ndarray,
     q_des: np.ndarray,
@@ -100,10 +124,14 @@ def step_batch(
 
     Args:
         kind: as in `step_row`.
-        parameters: (J, P) float64, the same for every robot.
+        parameters, weights: (J, P) and (W,) float64, the same for every robot.
         tau: (N, J) torque, read and overwritten, N·m.
         memory: (N, J, M) float64, likewise.
         q_des, q, qd: (N, J) rad, rad, rad/s.
     """
-    for n in range(tau.shape[0]):
-        step_row(kind, parameters, tau[n], memory[n], q_des[n], q[n], qd[n])
+    if kind >= MLP:
+        for n in range(tau.shape[0]):
+            net_row(kind, parameters, weights, tau[n], memory[n], q_des[n], q[n], qd[n])
+    else:  # a loop of its own: beside a net's, the compiler no longer inlines the short laws
+        for n in range(tau.shape[0]):
+            table_row(kind, parameters, tau[n], memory[n], q_des[n], q[n], qd[n])

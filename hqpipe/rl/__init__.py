@@ -1,4 +1,4 @@
-"""Learning: observation, rewards, environment, policy, training, export. The only part of hqpipe that imports torch."""
+"""Learning: observation, rewards, environment, policy, training, export. With hqpipe.sysid.nets all that imports torch."""
 
 import os
 

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from hqpipe.actuators.base import ActuatorModel
+from hqpipe.actuators.net import NetActuator
+from hqpipe.actuators.settled import settled_stiffness
 from hqpipe.errors import ConfigError
 from hqpipe.rl.config import CONTROL_PERIOD_S, GaitConfig, TrainConfig
 from hqpipe.rl.gait import Trot
@@ -26,11 +28,15 @@ RIGID = 1e9  # N·m/rad, for a model that is infinitely stiff at rest: four orde
 def position_stiffness(actuator: ActuatorModel) -> np.ndarray:
     """(J,) static torque per position error, N·m/rad: kp of a PD law, k1 R² / k2 of eq. (7) at rest.
 
+    That of a net is what it settles at around the mean posture and torque of its fit trials.
+
     A model without leak (k2 = 0) is infinitely stiff at rest. Effects that a diagnosis added to eq. (7) are left out: what
     the trot's compensation of the load misses by them is for the policy to correct.
     """
     if "kp" in actuator.FIELDS:
         return actuator.column("kp").copy()
+    if isinstance(actuator, NetActuator):
+        return settled_stiffness(actuator, actuator.mean("position"), actuator.mean("effort"), actuator.dt)
     radius = actuator.column("sprocket_radius") if "sprocket_radius" in actuator.FIELDS else 1.0  # gains of the joint
     with np.errstate(divide="ignore", invalid="ignore"):
         return actuator.column("k1") * radius**2 / actuator.column("k2")

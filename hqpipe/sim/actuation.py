@@ -5,35 +5,21 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.kernels.actuator_step import step_row, take_back
+from hqpipe.kernels.actuator_step import table_row, take_back
+from hqpipe.kernels.net_step import MLP, net_row
 
 
-@njit(cache=True, nogil=True)
-def actuate_robot(
+@njit(cache=True, nogil=True, forceinline=True)
+def _hold(
     kind: int,
-    parameters: np.ndarray,
     limit: np.ndarray,
-    q_des: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
     tau: np.ndarray,
     memory: np.ndarray,
     mean_square: np.ndarray,
     clipped: np.ndarray,
     share: float,
 ) -> None:
-    """Torque of one robot from its present state; all arrays but `parameters` and `memory` are (J,).
-
-    Args:
-        kind: see hqpipe.kernels.actuator_step.
-        parameters: (J, P), with an infinite effort limit.
-        limit: N·m, applied here.
-        tau: torque, read and overwritten, N·m.
-        memory: (J, M) of the actuator model, read and overwritten.
-        mean_square: grows by `share` times the square of the torque.
-        clipped: grows to the largest excess of the demand over the limit.
-    """
-    step_row(kind, parameters, tau, memory, q_des, q, qd)
+    """Hold the demanded torque to the limit, and record it."""
     for j in range(tau.shape[0]):
         demand = tau[j]
         clipped[j] = max(clipped[j], abs(demand) - limit[j])
@@ -43,9 +29,10 @@ def actuate_robot(
 
 
 @njit(cache=True, nogil=True)
-def actuate_batch(
+def actuate_robot(
     kind: int,
     parameters: np.ndarray,
+    weights: np.ndarray,
     limit: np.ndarray,
     q_des: np.ndarray,
     q: np.ndarray,
@@ -56,11 +43,46 @@ def actuate_batch(
     clipped: np.ndarray,
     share: float,
 ) -> None:
-    """`actuate_robot` for every row: `parameters` (N, J, P), `memory` (N, J, M), the other arrays (N, J)."""
+    """Torque of one robot from its present state; all arrays but the first two and `memory` are (J,).
+
+    Args:
+        kind: see hqpipe.kernels.actuator_step.
+        parameters: (J, P), with an infinite effort limit. weights: (W,) of a net, else empty.
+        limit: N·m, applied here.
+        tau: torque, read and overwritten, N·m.
+        memory: (J, M) of the actuator model, read and overwritten.
+        mean_square: grows by `share` times the square of the torque.
+        clipped: grows to the largest excess of the demand over the limit.
+    """
+    if kind >= MLP:
+        net_row(kind, parameters, weights, tau, memory, q_des, q, qd)
+        _hold(kind, limit, tau, memory, mean_square, clipped, share)
+    else:  # a path of its own: beside a net's, the compiler no longer inlines the short laws
+        table_row(kind, parameters, tau, memory, q_des, q, qd)
+        _hold(kind, limit, tau, memory, mean_square, clipped, share)
+
+
+@njit(cache=True, nogil=True)
+def actuate_batch(
+    kind: int,
+    parameters: np.ndarray,
+    weights: np.ndarray,
+    limit: np.ndarray,
+    q_des: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    tau: np.ndarray,
+    memory: np.ndarray,
+    mean_square: np.ndarray,
+    clipped: np.ndarray,
+    share: float,
+) -> None:
+    """`actuate_robot` for every row: `parameters` (N, J, P), `weights` (W,), `memory` (N, J, M), the others (N, J)."""
     for n in range(tau.shape[0]):
         actuate_robot(
             kind,
             parameters[n],
+            weights,
             limit[n],
             q_des[n],
             q[n],

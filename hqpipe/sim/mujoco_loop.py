@@ -76,6 +76,7 @@ class Rows(NamedTuple):
     illegal_contact: np.ndarray
     targets: np.ndarray
     parameters: np.ndarray
+    weights: np.ndarray
     effort_limit: np.ndarray
     impulse: np.ndarray
 
@@ -103,6 +104,7 @@ def step_robots(
             actuate_robot(
                 kind,
                 rows.parameters[n],
+                rows.weights,
                 rows.effort_limit[n],
                 rows.targets[n],
                 rows.joint_position[n],

@@ -52,6 +52,7 @@ class PybulletWorld:
             actuate_batch(
                 self.setup.kind,
                 a.parameters,
+                a.weights,
                 a.effort_limit,
                 a.targets,
                 state.joint_position,

@@ -60,6 +60,7 @@ class WorldArrays:
         state: see `WorldState`.
         targets: (N, J) joint position targets, rad.
         parameters: (N, J, P) actuator parameters whose effort limit is infinite.
+        weights: (W,) of an actuator that is a net, the same for every environment.
         effort_limit: (N, J) N·m, applied after the actuator model.
         impulse: (N, 3) world frame, N·s.
         reset_flag: (N,) bool.
@@ -68,6 +69,7 @@ class WorldArrays:
     state: WorldState
     targets: np.ndarray
     parameters: np.ndarray
+    weights: np.ndarray
     effort_limit: np.ndarray
     impulse: np.ndarray
     reset_flag: np.ndarray
@@ -75,19 +77,21 @@ class WorldArrays:
     def rows(self, first: int, last: int) -> WorldArrays:
         """Views of the environments `first` … `last` − 1."""
         state = WorldState(**{f.name: getattr(self.state, f.name)[first:last] for f in fields(WorldState)})
-        inputs = {f.name: getattr(self, f.name)[first:last] for f in fields(self) if f.name != "state"}
-        return WorldArrays(state=state, **inputs)
+        shared = ("state", "weights")
+        inputs = {f.name: getattr(self, f.name)[first:last] for f in fields(self) if f.name not in shared}
+        return WorldArrays(state=state, weights=self.weights, **inputs)
 
 
 @dataclass(frozen=True)
 class ArraySizes:
-    """Numbers that determine the memory layout: environments, joints, actuator parameters, feet and actuator memory."""
+    """Numbers that determine the memory layout: environments, joints, actuator parameters, feet, actuator memory, weights."""
 
     envs: int
     joints: int
     parameters: int
     feet: int
     memory: int
+    weights: int = 0
 
     def layout(self) -> dict[str, tuple[tuple[int, ...], type]]:
         """Name → shape and type of every array, in the order of memory."""
@@ -110,6 +114,7 @@ class ArraySizes:
             "illegal_contact": ((n,), np.bool_),
             "targets": ((n, j), np.float64),
             "parameters": ((n, j, p), np.float64),
+            "weights": ((self.weights,), np.float64),
             "effort_limit": ((n, j), np.float64),
             "impulse": ((n, 3), np.float64),
             "reset_flag": ((n,), np.bool_),

@@ -58,9 +58,17 @@ class BatchedWorld:
         self._limit_column = list(actuator.FIELDS).index("effort_limit")
         variants = robot_variants(robot, randomisation, seed)
         setup = robot_setup(robot, kind=actuator.KIND, decimation=decimation, variants=variants)
-        sizes = ArraySizes(num_envs, len(robot.joints), len(actuator.FIELDS), len(robot.feet), actuator.MEMORY)
+        sizes = ArraySizes(
+            envs=num_envs,
+            joints=len(robot.joints),
+            parameters=len(actuator.FIELDS),
+            feet=len(robot.feet),
+            memory=actuator.memory_columns,
+            weights=len(self.actuator.weights),
+        )
         self._team = _make_team(engine, setup, sizes, workers)
         self._arrays = self._team.arrays
+        self._arrays.weights[:] = self.actuator.weights
         self._open = True
         self.state: WorldState = read_only(self._arrays.state)
         everyone = np.arange(num_envs)

@@ -6,11 +6,18 @@ from typing import Protocol
 
 import numpy as np
 
+from hqpipe.actuators.augmented import Augmented
 from hqpipe.actuators.base import ActuatorModel
-from hqpipe.errors import IdentificationError
+from hqpipe.errors import IdentificationError, UsageError
+from hqpipe.kernels.actuator_step import HYDRAULIC, PD
 from hqpipe.kernels.free_run import free_run as run_kernel
+from hqpipe.kernels.free_run import free_run_remembering
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.trajectory import Trajectory
+
+# Effects whose state the logged torque does not settle sample by sample (a chain that hangs free under noise), and effects
+# of the sensors, which are no part of what the model steps.
+_NOT_REPLAYED = ("backlash", "channel_skew", "torque_bias")
 
 WINDOW_S = 0.1  # the default of the gap metric: long beside the actuator's lag, short beside a stride
 
@@ -57,20 +64,30 @@ def window_samples(dt: float, window_s: float) -> int:
 
 
 def predict(trajectory: Trajectory, model: Model, window: int) -> np.ndarray:
-    """Like `free_run`, with the window in samples; 1 is the one-step prediction."""
+    """Like `free_run`, with the window in samples; 1 is the one-step prediction.
+
+    A model with memory remembers the log up to the start of each window: the log drives a copy of it all along.
+    """
     if not isinstance(model, ActuatorModel):
         return model.predict(trajectory, window)
     require_channels(trajectory, ("effort", "position_command"), f"replaying the {model.NAME} model")
     model.check_dt(trajectory.dt)
-    return run_kernel(
-        model.KIND,
-        model.for_joints(trajectory.joints).parameters,
-        trajectory.effort,
-        trajectory.position_command,
-        trajectory.position,
-        trajectory.velocity,
-        window,
-    )
+    model = model.for_joints(trajectory.joints)
+    if isinstance(model, Augmented):
+        _check_effects(model)
+    t = trajectory
+    signals = (t.effort, t.position_command, t.position, t.velocity)
+    if model.KIND in (PD, HYDRAULIC):
+        return run_kernel(model.KIND, model.parameters, *signals, window)
+    return free_run_remembering(model.KIND, model.parameters, model.weights, model.memory_columns, *signals, window)
+
+
+def _check_effects(model: Augmented) -> None:
+    if bad := [effect for effect in _NOT_REPLAYED if effect in model.effects]:
+        raise UsageError(
+            f"{model.NAME}: {bad[0]} of {', '.join(model.effects[bad[0]])} cannot be replayed sample by sample from a log; "
+            "hqpipe diagnose scores such a model on held-out trials, and the simulator steps it"
+        )
 
 
 def free_run(trajectory: Trajectory, model: Model, window_s: float = WINDOW_S) -> np.ndarray:
@@ -89,6 +106,6 @@ def free_run(trajectory: Trajectory, model: Model, window_s: float = WINDOW_S) -
 
     Raises:
         IdentificationError: a channel is missing or the window is too short.
-        UsageError: the model lacks a joint or belongs to another sample time.
+        UsageError: the model lacks a joint, belongs to another sample time, or has effects that only windows can replay.
     """
     return predict(trajectory, model, window_samples(trajectory.dt, window_s))

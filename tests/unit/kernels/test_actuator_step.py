@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from hqpipe.effects.layout import neutral_row, slot
-from hqpipe.kernels.actuator_step import AUGMENTED, HYDRAULIC, PD, step_batch, step_joint, step_row, take_back
+from hqpipe.kernels.actuator_step import (
+    AUGMENTED,
+    HYDRAULIC,
+    NO_WEIGHTS,
+    PD,
+    step_batch,
+    step_joint,
+    step_row,
+    take_back,
+)
 from hqpipe.kernels.augmented_step import MEMORY, WOUND
 from hqpipe.kernels.free_run import free_run
 
@@ -50,14 +59,14 @@ def test_hydraulic_batch_is_the_paper_equation(batch):
     expected = np.stack([paper(parameters[j], tau[:, j], q_des[:, j], q[:, j], qd[:, j]) for j in range(12)], axis=1)
     opposed = (tau * (q_des - q) < 0).mean()
     assert 0.3 < opposed < 0.7, "both branches of the impact term must be exercised"
-    step_batch(HYDRAULIC, parameters, tau, memory(tau), q_des, q, qd)
+    step_batch(HYDRAULIC, parameters, NO_WEIGHTS, tau, memory(tau), q_des, q, qd)
     np.testing.assert_allclose(tau, expected, rtol=1e-12)
 
 
 def test_pd_batch_is_a_clipped_pd_law(batch):
     tau, q_des, q, qd = batch
     parameters = np.tile([6000.0, 200.0, 500.0], (12, 1))
-    step_batch(PD, parameters, tau, memory(tau), q_des, q, qd)
+    step_batch(PD, parameters, NO_WEIGHTS, tau, memory(tau), q_des, q, qd)
     expected = np.clip(6000.0 * (q_des - q) - 200.0 * qd, -500.0, 500.0)
     np.testing.assert_allclose(tau, expected, rtol=1e-12)
     assert (np.abs(expected) == 500.0).any() and (np.abs(expected) < 500.0).any()
@@ -83,8 +92,8 @@ def test_row_joint_and_batch_agree(batch, kind, row):
     parameters = np.tile(row, (12, 1))
     single = [step_joint(kind, parameters[j], tau[0, j], q_des[0, j], q[0, j], qd[0, j]) for j in range(12)]
     one = tau[0].copy()
-    step_row(kind, parameters, one, memory(one), q_des[0], q[0], qd[0])
-    step_batch(kind, parameters, tau, memory(tau), q_des, q, qd)
+    step_row(kind, parameters, NO_WEIGHTS, one, memory(one), q_des[0], q[0], qd[0])
+    step_batch(kind, parameters, NO_WEIGHTS, tau, memory(tau), q_des, q, qd)
     np.testing.assert_array_equal(one, single)
     np.testing.assert_array_equal(tau[0], single)
 
@@ -106,7 +115,7 @@ def test_window_of_one_sample_is_the_one_step_prediction(batch):
     parameters = np.tile(ROW, (12, 1))
     predicted = free_run(HYDRAULIC, parameters, tau, q_des, q, qd, 1)
     following = tau.copy()
-    step_batch(HYDRAULIC, parameters, following, memory(tau), q_des, q, qd)
+    step_batch(HYDRAULIC, parameters, NO_WEIGHTS, following, memory(tau), q_des, q, qd)
     np.testing.assert_array_equal(predicted[1:], following[:-1])
 
 
@@ -131,8 +140,8 @@ def test_augmented_without_effects_is_the_paper_equation(batch):
     parameters, remembered = augmented_rows(), np.zeros((*tau.shape, MEMORY))
     tau, expected = np.clip(tau, -800.0, 800.0), np.clip(tau, -800.0, 800.0)
     for _ in range(5):
-        step_batch(AUGMENTED, parameters, tau, remembered, q_des, q, qd)
-        step_batch(HYDRAULIC, np.tile(ROW, (12, 1)), expected, memory(tau), q_des, q, qd)
+        step_batch(AUGMENTED, parameters, NO_WEIGHTS, tau, remembered, q_des, q, qd)
+        step_batch(HYDRAULIC, np.tile(ROW, (12, 1)), NO_WEIGHTS, expected, memory(tau), q_des, q, qd)
         np.testing.assert_allclose(tau, expected, rtol=1e-9, atol=1e-9)
 
 
@@ -141,8 +150,8 @@ def test_augmented_rows_do_not_depend_on_the_batch(batch):
     tau, q_des, q, qd = batch
     one, one_memory, all_memory = tau[7].copy(), np.zeros((12, MEMORY)), np.zeros((*tau.shape, MEMORY))
     for k in range(6):
-        step_row(AUGMENTED, parameters, one, one_memory, q_des[7] * k, q[7], qd[7])
-        step_batch(AUGMENTED, parameters, tau, all_memory, q_des * k, q, qd)
+        step_row(AUGMENTED, parameters, NO_WEIGHTS, one, one_memory, q_des[7] * k, q[7], qd[7])
+        step_batch(AUGMENTED, parameters, NO_WEIGHTS, tau, all_memory, q_des * k, q, qd)
     np.testing.assert_array_equal(one, tau[7])
     np.testing.assert_array_equal(one_memory, all_memory[7])
 
@@ -156,7 +165,7 @@ def test_zeroed_memory_forgets_the_past(batch):
         torque = start.copy()
         remembered[:] = 0.0
         for k in range(3):
-            step_batch(AUGMENTED, parameters, torque, remembered, q_des + 0.01 * k, q, qd)
+            step_batch(AUGMENTED, parameters, NO_WEIGHTS, torque, remembered, q_des + 0.01 * k, q, qd)
         results.append(torque)
     np.testing.assert_array_equal(*results)
 
@@ -169,5 +178,5 @@ def test_torque_that_was_not_applied_is_taken_back():
 
 
 def test_a_kind_with_memory_is_not_stepped_without_it():
-    with pytest.raises(ValueError, match="step AUGMENTED with step_row"):
+    with pytest.raises(ValueError, match="with step_row and their memory"):
         step_joint(AUGMENTED, ROW, 0.0, 0.1, 0.0, 0.0)

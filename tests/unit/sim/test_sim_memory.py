@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -11,6 +14,9 @@ from hqpipe.effects.layout import FIELDS, neutral_row
 from hqpipe.kernels.actuator_step import AUGMENTED, PD
 from hqpipe.kernels.augmented_step import MEMORY
 from hqpipe.sim.state import ArraySizes
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "actuators"))
+from net_examples import random_net
 
 COLUMNS, RADIUS = 3, 0.06
 LIMIT = ("setting", "effort_limit")
@@ -141,3 +147,34 @@ def test_without_an_effect_it_is_the_paper_s_model_even_at_the_limit(walked, rob
 def test_workers_share_the_memory(walked, robot):
     model = with_effects(robot, EFFECTS)
     np.testing.assert_array_equal(*(walked(model, 0.3, workers=workers, count=16) for workers in (1, 2)))
+
+
+NETS = [("mlp", {}), ("mlp", {"taps": (0, 10, 20), "delta": True}), ("lstm", {}), ("gru", {"delta": True})]
+
+
+@pytest.mark.parametrize(("kind", "options"), NETS)
+def test_the_world_steps_a_net(walked, robot, kind, options):
+    """Joints by name, memory, and its loss at a reset: what `step` makes of the same inputs."""
+    model = random_net(kind, tuple(reversed(robot.joints)), size=0.3, **options)
+    torque = walked(model.for_joints(robot.joints), 0.1, check=True)
+    np.testing.assert_array_equal(walked(model, 0.1), torque)
+    assert 1.0 < np.abs(torque).max() < robot.effort_limit.min()
+
+
+def test_the_robot_s_effort_limit_holds_for_a_net(walked, robot):
+    torque = walked(random_net("gru", robot.joints, size=100.0), 0.1)
+    assert (np.abs(torque) == robot.effort_limit).any() and (np.abs(torque) <= robot.effort_limit).all()
+
+
+def test_workers_share_the_weights(walked, robot):
+    model = random_net("lstm", robot.joints)
+    np.testing.assert_array_equal(*(walked(model, 0.3, workers=workers, count=16) for workers in (1, 2)))
+
+
+def test_weights_lie_in_memory_once():
+    sizes, wide = ArraySizes(5, 12, 1, 4, 0, 1000), ArraySizes(500, 12, 1, 4, 0, 1000)
+    for size in (sizes, wide):
+        assert size.nbytes() - ArraySizes(size.envs, 12, 1, 4, 0).nbytes() == -(-8000 // 64) * 64
+    arrays = sizes.arrays(bytearray(sizes.nbytes()))
+    arrays.weights[:] = 3.0
+    assert (arrays.rows(2, 4).weights == 3.0).all() and np.shares_memory(arrays.rows(2, 4).weights, arrays.weights)

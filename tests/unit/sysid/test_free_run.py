@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from small_logs import log_set, trajectory
 
+from hqpipe.actuators.augmented import Augmented
 from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.actuators.stiff_pd import StiffPD
+from hqpipe.effects.layout import slot
 from hqpipe.errors import IdentificationError, UsageError
+from hqpipe.gap.joint_data import LOGGED
+from hqpipe.gap.row_model import RowModel
+from hqpipe.logs.trajectory import Trial
 from hqpipe.sysid.baselines import CommandedTorque, MeanTorque, Persistence, fit_stiff_pd
 from hqpipe.sysid.free_run import free_run, predict
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "actuators"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "kernels"))
+from augmented_rows import planted, row
+from net_examples import random_net
 
 HYDRAULIC = {"k1": [500.0, 700.0], "k2": 0.05, "k3": 20.0, "k4": 0.0, "sprocket_radius": 1.0}
 
@@ -72,3 +85,62 @@ def test_static_gains_are_recovered():
     fitted = fit_stiff_pd(log_set(driven, driven).fit, np.full(2, np.inf))
     np.testing.assert_allclose(fitted.column("kp"), truth.column("kp"), rtol=1e-6)
     np.testing.assert_allclose(fitted.column("kd"), truth.column("kd"), atol=0.05)
+
+
+NETS = [("mlp", {"taps": (0, 4, 9), "delta": True}), ("lstm", {}), ("gru", {"delta": True}), ("mlp", {})]
+
+
+@pytest.mark.parametrize(("kind", "options"), NETS)
+def test_a_net_remembers_the_log_before_the_window(kind, options):
+    """By hand: a copy that the log drives all along, and a copy of it that runs free for a window."""
+    trial = trajectory(samples=61)
+    model = random_net(kind, trial.joints, **options)
+    expected, memory = trial.effort.copy(), model.fresh_memory(1)
+
+    def step(torque, remembered, k):
+        inputs = (a[k : k + 1] for a in (trial.position_command, trial.position, trial.velocity))
+        model.step(torque, remembered, *inputs, dt=1e-3)
+        return torque[0]
+
+    for k in range(60):
+        if k % 20 == 0:
+            free, torque = memory.copy(), trial.effort[k : k + 1].copy()
+        expected[k + 1] = step(torque, free, k)
+        step(trial.effort[k : k + 1].copy(), memory, k)
+    np.testing.assert_array_equal(predict(trial, model, 20), expected)
+    one = predict(trial, model, 1)
+    np.testing.assert_array_equal(one[1::20], expected[1::20])
+    if model.memory_columns:
+        late = predict(trial.section(20, 61), model, 20)
+        assert not np.allclose(late[1:], expected[21:]), "without the log before it, the window comes out differently"
+
+
+def test_a_net_matches_joints_by_name():
+    trial = trajectory()
+    model = random_net("gru", ("knee", "hip"))
+    swapped = predict(trial.for_joints(("knee", "hip")), model, 100)
+    np.testing.assert_allclose(swapped[:, ::-1], predict(trial, model, 100), rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("noise", [0.0, 2.0])
+@pytest.mark.parametrize(
+    "effects",
+    [("valve_lag", "orifice_flow"), ("command_delay", "supply_droop"), ("coulomb_friction", "valve_deadband")],
+)
+def test_augmented_replays_as_the_diagnosis_does(effects, noise):
+    """Against the windows that a fit goes through, with a model that is off, so that the log has to set it right."""
+    values = {name: planted.TYPICAL[name] for name in effects}
+    trial = planted.trajectory(planted.simulate(1.5, [values] * 2, noise, 6))
+    rows = np.tile(row(values), (2, 1))
+    rows[:, slot("base", "k1")] *= 0.9
+    windows = RowModel(trial.joints, rows, "position", LOGGED).replay(Trial("a", "heldout", None, trial), 100)
+    found, whole = predict(trial, Augmented(trial.joints, rows, 1e-3), 100), (trial.samples - 1) // 100 * 100
+    np.testing.assert_allclose(found[: whole + 1], windows.predicted[: whole + 1], rtol=1e-9, atol=1e-8)
+    assert np.abs(found - trial.effort).max() > 5.0
+
+
+@pytest.mark.parametrize("effect", ["backlash", "channel_skew", "torque_bias"])
+def test_what_samples_cannot_replay_is_refused(effect):
+    rows = np.stack([row({}), row({effect: planted.TYPICAL[effect]})])
+    with pytest.raises(UsageError, match=f"{effect} of knee cannot be replayed sample by sample"):
+        predict(trajectory(), Augmented(("hip", "knee"), rows, 1e-3), 100)

@@ -1,0 +1,208 @@
+"""What neural actuator models have in common: tensors, their order in the compiled step, joints matched by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from hqpipe.actuators.base import ActuatorModel, ParameterField
+from hqpipe.errors import UsageError, near_match
+from hqpipe.kernels.net_step import CHANNELS, RING
+
+INPUTS = ("effort", "position_command", "position", "velocity")
+SPREADS = ("input_spread", "output_spread")
+
+
+def check_tensors(tensors: Mapping[str, np.ndarray], shapes: Mapping[str, tuple[int, ...]], where: str) -> None:
+    """Refuse tensors other than those of `shapes`; `where` begins the message.
+
+    Raises:
+        UsageError: one is missing, unknown, of another shape, not finite, or a spread that is not positive.
+    """
+    for name in tensors:
+        if name not in shapes:
+            raise UsageError(f"{where}: unknown tensor '{name}'{near_match(name, shapes)}")
+    for name, shape in shapes.items():
+        if name not in tensors:
+            raise UsageError(f"{where}: missing tensor '{name}' (needs {', '.join(shapes)})")
+        value = tensors[name]
+        if value.shape != shape or 0 in shape:
+            raise UsageError(f"{where}: {name} has shape {value.shape}, expected {shape}")
+        if not np.isfinite(value).all():
+            raise UsageError(f"{where}: {name} holds numbers that are not finite; train the net again")
+        if name in SPREADS and not (value > 0.0).all():
+            raise UsageError(f"{where}: {name} holds {value.min()}, expected spreads above 0")
+
+
+def check_description(net: Any) -> None:
+    """Refuse an entry "net" of actuator.json that `NetActuator.to_dict` would not write.
+
+    Raises:
+        UsageError: a field is missing, unknown or of the wrong type.
+    """
+    keys = ("inputs", "taps", "hidden", "delta")
+    if not isinstance(net, dict):
+        raise UsageError(f"net: expected an object with {', '.join(keys)}")
+    for key in net:
+        if key not in keys:
+            raise UsageError(f"net: unknown field '{key}'{near_match(key, keys)}")
+    if missing := [key for key in keys if key not in net]:
+        raise UsageError(f"net: missing field '{missing[0]}'")
+    if net["inputs"] != list(INPUTS):
+        raise UsageError(f"net.inputs: expected {list(INPUTS)}, got {net['inputs']!r}")
+    if not isinstance(net["taps"], list) or not all(type(tap) is int for tap in net["taps"]):
+        raise UsageError(f"net.taps: expected a list of samples, got {net['taps']!r}")
+    if type(net["hidden"]) is not int or net["hidden"] < 1:
+        raise UsageError(f"net.hidden: expected a number of units, got {net['hidden']!r}")
+    if type(net["delta"]) is not bool:
+        raise UsageError(f"net.delta: expected true or false, got {net['delta']!r}")
+
+
+@dataclass(frozen=True, eq=False)
+class NetActuator(ActuatorModel):
+    """One net for the whole robot, (4 J · taps, H, J); see `hqpipe.kernels.net_step`.
+
+    A class states the rows of its first layer per hidden unit (`GATES`), the recurrent states per hidden unit (`STATES`)
+    and whether it may look back at past inputs (`LOOKS_BACK`).
+
+    Attributes:
+        tensors: name → float64 array, read-only, as `shapes` says: matrices are (outputs, inputs), inputs stand tap by
+            tap in the order of `INPUTS`, joint by joint. Mean and spread are those of the trials it was fitted to.
+        taps: how many samples ago the inputs are read, increasing from 0.
+        delta: the output is the change of the torque in one sample instead of the torque, N·m.
+
+    Raises:
+        UsageError: a tensor is missing, unknown, of the wrong shape or not finite; or the taps are no such list.
+    """
+
+    DT_BOUND: ClassVar[bool] = True
+    FIELDS: ClassVar[dict[str, ParameterField]] = {
+        "effort_limit": ParameterField("N·m", lower=1e-9, may_be_infinite=True, certain=True)
+    }
+    GATES: ClassVar[int] = 1
+    STATES: ClassVar[int] = 0
+    LOOKS_BACK: ClassVar[bool] = False
+    KEYS: ClassVar[tuple[str, ...]] = ("net",)
+
+    tensors: Mapping[str, np.ndarray] = field(default_factory=dict)
+    taps: tuple[int, ...] = (0,)
+    delta: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "taps", tuple(int(tap) for tap in self.taps))
+        self._check_taps()
+        given = {name: np.array(value, dtype=np.float64) for name, value in self.tensors.items()}
+        shapes = self.shapes(len(self.joints), self.hidden, len(self.taps))
+        check_tensors(given, shapes, self.NAME)
+        tensors = {name: given[name] for name in shapes}
+        for value in tensors.values():
+            value.flags.writeable = False
+        object.__setattr__(self, "tensors", tensors)
+
+    def _check_taps(self) -> None:
+        rising = all(a < b for a, b in zip(self.taps, self.taps[1:], strict=False))
+        if not self.taps or self.taps[0] != 0 or not rising:
+            raise UsageError(f"{self.NAME}: taps are {list(self.taps)}, expected samples that increase from 0")
+        if len(self.taps) > 1 and not self.LOOKS_BACK:
+            raise UsageError(f"{self.NAME}: taps are {list(self.taps)}, expected [0]: its memory is recurrent")
+
+    @property
+    def hidden(self) -> int:
+        """H, units of the hidden layer."""
+        matrix = np.asarray(self.tensors.get("output_weight", np.empty((0, 0))))
+        return matrix.shape[1] if matrix.ndim == 2 else 0
+
+    def mean(self, channel: str) -> np.ndarray:
+        """(J,) mean of one of `INPUTS` over the fit trials."""
+        return self.tensors["input_mean"].reshape(CHANNELS, -1)[INPUTS.index(channel)]
+
+    @classmethod
+    def shapes(cls, joints: int, hidden: int, taps: int = 1) -> dict[str, tuple[int, ...]]:
+        """Name → shape of every tensor, for J joints, H hidden units and a number of taps."""
+        width, rows = CHANNELS * joints, cls.GATES * hidden
+        recurrent = {"recurrent_weight": (rows, hidden), "recurrent_bias": (rows,)} if cls.STATES else {}
+        return {
+            "input_mean": (width,),
+            "input_spread": (width,),
+            "output_mean": (joints,),
+            "output_spread": (joints,),
+            "input_weight": (rows, width * taps),
+            "input_bias": (rows,),
+            **recurrent,
+            "output_weight": (joints, hidden),
+            "output_bias": (joints,),
+        }
+
+    @classmethod
+    def build(
+        cls,
+        joints: Sequence[str],
+        *,
+        dt: float | None = None,
+        scope: str = "per_joint",
+        tensors: Mapping[str, np.ndarray] | None = None,
+        taps: Sequence[int] = (0,),
+        delta: bool = False,
+        **columns: float | Sequence[float] | np.ndarray,
+    ) -> Self:
+        """Make a model from its tensors and `effort_limit`, one number or (J,), N·m."""
+        return cls(tuple(joints), cls._table(joints, columns), dt, scope, tensors or {}, tuple(taps), delta)
+
+    @property
+    def memory_columns(self) -> int:
+        """M: recurrent states spread over the joints, or the number of samples seen and a ring of past inputs."""
+        if self.STATES:
+            return -(-self.STATES * self.hidden // len(self.joints))
+        return RING + CHANNELS * (self.taps[-1] + 1) if self.taps[-1] else 0
+
+    @cached_property
+    def weights(self) -> np.ndarray:
+        """(W,) float64 in the order of `hqpipe.kernels.net_step`."""
+        t, header = self.tensors, (self.hidden, float(self.delta), len(self.taps), *self.taps)
+        parts = [np.array(header, dtype=np.float64), t["input_mean"], 1.0 / t["input_spread"]]
+        parts += [t["output_mean"], t["output_spread"], t["input_weight"].T, t["input_bias"]]
+        if self.STATES:
+            parts += [t["recurrent_weight"].T, t["recurrent_bias"]]
+        parts += [t["output_weight"].T, t["output_bias"]]
+        flat = np.concatenate([part.ravel() for part in parts])
+        flat.flags.writeable = False
+        return flat
+
+    def for_joints(self, joints: Sequence[str]) -> Self:
+        """The same model with its joints in another order; a net cannot do without one of them.
+
+        Raises:
+            UsageError: `joints` are not those of the net.
+        """
+        rows = np.array(self._rows(joints))
+        if missing := [name for name in self.joints if name not in joints]:
+            raise UsageError(
+                f"{self.NAME}: joint '{missing[0]}' is missing: the net reads all of {len(self.joints)} joints"
+            )
+        count = len(self.joints)
+        wide = np.concatenate([rows + channel * count for channel in range(CHANNELS)])
+        t = dict(self.tensors)
+        for name in ("input_mean", "input_spread"):
+            t[name] = t[name][wide]
+        for name in ("output_mean", "output_spread", "output_weight", "output_bias"):
+            t[name] = t[name][rows]
+        columns = np.concatenate([wide + tap * CHANNELS * count for tap in range(len(self.taps))])
+        t["input_weight"] = t["input_weight"][:, columns]
+        return replace(self, joints=tuple(joints), parameters=self.parameters[rows], tensors=t)
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON-able form without the tensors."""
+        net = {"inputs": list(INPUTS), "taps": list(self.taps), "hidden": self.hidden, "delta": self.delta}
+        return super().to_dict() | {"net": net}
+
+    @classmethod
+    def from_dict(cls, raw: Mapping[str, Any], tensors: Mapping[str, np.ndarray] | None = None) -> Self:
+        """Inverse of `to_dict`, for a mapping that `hqpipe.actuators.files` has checked, and its tensors."""
+        limit = [np.inf if v is None else v for v in raw["parameters"]["effort_limit"]["values"]]
+        net = {"tensors": tensors or {}, "taps": raw["net"]["taps"], "delta": raw["net"]["delta"]}
+        return cls.build(raw["joints"], dt=raw["dt"], scope=raw["scope"], effort_limit=limit, **net)
