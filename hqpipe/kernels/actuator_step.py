@@ -8,6 +8,7 @@ kind       parameters of a joint                  memory  torque after the sampl
 PD         kp, kd, limit                          none    kp (q_des − q) − kd q̇
 HYDRAULIC  k1, k2, k3, k4, R, limit               none    eq. (7) of the paper
 AUGMENTED  see hqpipe.effects.layout              M       eq. (7) with effects, hqpipe.kernels.augmented_step
+CHAMBERS   see hqpipe.kernels.chamber_step        M       two chambers of oil behind a servo valve
 
 All are clipped to ±limit, which may be infinite. A reset sets the torque and zeroes the memory: a kind with
 memory takes all zeros for "no sample yet" and starts from the torque and the inputs of the first sample.
@@ -21,11 +22,13 @@ import numpy as np
 from numba import njit
 
 from hqpipe.kernels.augmented_step import WOUND, augmented_row
+from hqpipe.kernels.chamber_step import chamber_row
 from hqpipe.kernels.laws import hydraulic_step, pd_step
 
 PD: Final = 0
 HYDRAULIC: Final = 1
 AUGMENTED: Final = 2
+CHAMBERS: Final = 3
 
 
 @njit(cache=True, nogil=True)
@@ -44,7 +47,7 @@ def step_joint(kind: int, p: np.ndarray, torque: float, q_des: float, q: float, 
         return hydraulic_step(p, torque, q_des, q, qd)
     if kind == PD:
         return pd_step(p, q_des, q, qd)
-    raise ValueError("step_joint: expected the kind PD or HYDRAULIC; step AUGMENTED with step_row and its memory")
+    raise ValueError("step_joint: expected the kind PD or HYDRAULIC; step the others with step_row and their memory")
 
 
 @njit(cache=True, nogil=True)
@@ -60,7 +63,7 @@ def step_row(
     """Advance the joints of one robot by one sample, in place.
 
     Args:
-        kind: PD, HYDRAULIC or AUGMENTED.
+        kind: PD, HYDRAULIC, AUGMENTED or CHAMBERS.
         parameters: (J, P) float64.
         tau: (J,) torque, read and overwritten, N·m.
         memory: (J, M) float64, read and overwritten; zeros after a reset, M = 0 for a kind without memory.
@@ -71,6 +74,8 @@ def step_row(
             tau[j] = hydraulic_step(parameters[j], tau[j], q_des[j], q[j], qd[j])
     elif kind == AUGMENTED:
         augmented_row(parameters, tau, memory, q_des, q, qd)
+    elif kind == CHAMBERS:
+        chamber_row(parameters, tau, memory, q_des, q, qd)
     else:
         for j in range(tau.shape[0]):
             tau[j] = pd_step(parameters[j], q_des[j], q[j], qd[j])
@@ -80,7 +85,7 @@ def step_row(
 def take_back(kind: int, memory: np.ndarray, excess: float) -> None:
     """Tell a joint that `excess` (N·m) of its torque was not applied; `memory` is its row (M,).
 
-    PD and HYDRAULIC go on from the torque that they are given and need not be told.
+    The other kinds go on from the torque that they are given and need not be told.
     """
     if kind == AUGMENTED:
         memory[WOUND] -= excess

@@ -54,8 +54,8 @@ def fit_actuator(
     """
     trials = log_set.fit
     windows = cut_windows(trials, window_s)
-    radius = _per_joint(sprocket_radius, log_set.joints, "sprocket_radius")
-    limit = _per_joint(effort_limit, log_set.joints, "effort_limit")
+    radius = per_joint(sprocket_radius, log_set.joints, "sprocket_radius")
+    limit = per_joint(effort_limit, log_set.joints, "effort_limit")
     k, one_step = np.zeros((2, len(log_set.joints), 4))
     fits: list[JointFit] = []
     for group in _groups(scope, len(log_set.joints)):
@@ -92,7 +92,7 @@ def _groups(scope: str, joints: int) -> list[list[int]]:
     return scopes[scope]
 
 
-def _per_joint(value: PerJoint, joints: Sequence[str], name: str) -> np.ndarray:
+def per_joint(value: PerJoint, joints: Sequence[str], name: str) -> np.ndarray:
     if not isinstance(value, Mapping):
         return np.full(len(joints), float(value))
     for joint in joints:
