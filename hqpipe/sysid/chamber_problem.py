@@ -10,7 +10,9 @@ from hqpipe.actuators.two_chamber import TwoChamber
 from hqpipe.kernels.chamber_windows import replay
 from hqpipe.sysid.windows import JointData, Windows
 
-PARAMETERS = tuple(name for name in TwoChamber.FIELDS if name not in ("speed_limit", "middle", "sample_time", "effort_limit"))
+PARAMETERS = tuple(
+    name for name in TwoChamber.FIELDS if name not in ("speed_limit", "middle", "sample_time", "effort_limit")
+)
 _NUDGE = 1e-5  # of a parameter's unit size; far above rounding, far below what bends the torque
 
 

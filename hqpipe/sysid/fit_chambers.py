@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -169,9 +168,7 @@ def _settings(
     return np.stack(columns, axis=1), 0.5 * (upper - lower)
 
 
-def _group(
-    log_set: LogSet, joints: list[int], windows: Windows, settings: np.ndarray, half: np.ndarray
-) -> _Group:
+def _group(log_set: LogSet, joints: list[int], windows: Windows, settings: np.ndarray, half: np.ndarray) -> _Group:
     data = [joint_data(log_set.fit, log_set.joints[j]) for j in joints]
     problem = ChamberProblem(data, windows, settings[joints], UNIT)
     lower, upper = np.zeros(len(PARAMETERS)), np.full(len(PARAMETERS), np.inf)
@@ -181,7 +178,9 @@ def _group(
     moving = "k1" not in unexcited(data, windows)
     free = np.full(len(PARAMETERS), moving)
     free[_FRICTION] &= log_set.effort_source != "pressure"
-    guesses = [np.clip(np.where(_FRICTION, 0.0, g), lower, upper) for g in first_guesses(data, windows, settings[joints, 3])]
+    guesses = [
+        np.clip(np.where(_FRICTION, 0.0, g), lower, upper) for g in first_guesses(data, windows, settings[joints, 3])
+    ]
     noise = np.sqrt(np.mean([noise_floor(log_set.fit, log_set.joints[j]).value ** 2 for j in joints]))
     return _Group(problem, lower, upper, free, guesses, float(noise), guesses[0])
 

@@ -46,7 +46,7 @@ def paper_constants(k: np.ndarray, radius: float, dt: float, area: float | None 
         λ = −ln(1 − k2) / dt,   K = k3 R² λ / k2  (→ k3 R² / dt),   G = k1 / k3,   c = λ / K,
         τ/Δq at rest = G / c = k1 R² / k2,   β/V = K / (2 A² R²),   F = k3 / (k4 dt)
 
-    The last compares the paper's k4 = B A² dt-free form, B A² / (V F), with its k3/dt = B A² / V.
+    The last sets the paper's B A² / (V F) = k4 beside its B A² / V = k3 / dt, with the volume V of one chamber.
 
     Args:
         k: (4,) k1 N/m, k2, k3 N·s/m, k4 1/m. radius: R, m (1 if the joint has none, k1 then in N·m/rad).
