@@ -89,15 +89,20 @@ def test_energy_is_lost_never_made():
     assert (found[:, 0] * middle).sum() * 1e-4 < 0.0
 
 
+def test_friction_is_in_the_torque_that_a_log_starts_with():
+    free, rough = (
+        drive(row(coulomb=c, null=0.0, leak=0.0), 0.0, held(0.0), held(0.0), held(1.0))[0, 0] for c in (0.0, 10.0)
+    )
+    assert free == pytest.approx(rough, abs=1e-9)
+
+
 def test_friction_opposes_the_motion():
-    free, rough = (drive(row(coulomb=c), 0.0, held(0.0), held(0.0), held(1.0))[0, 0] for c in (0.0, 10.0))
-    assert free == pytest.approx(rough, abs=1e-9), "held at the start: friction is in the torque already"
-    p, memory = row(coulomb=10.0), np.zeros(MEMORY)
-    chamber_joint(p, memory, 0.0, 0.0, 0.0, 0.0)
-    plain = np.zeros(MEMORY)
-    chamber_joint(row(), plain, 0.0, 0.0, 0.0, 0.0)
-    difference = chamber_joint(p, memory, 0.0, 0.0, 0.0, 1.0) - chamber_joint(row(), plain, 0.0, 0.0, 0.0, 1.0)
-    assert difference == pytest.approx(-10.0, rel=0.01)
+    torques = []
+    for coulomb in (0.0, 10.0):
+        p, memory = row(coulomb=coulomb), np.zeros(MEMORY)
+        chamber_joint(p, memory, 0.0, 0.0, 0.0, 0.0)
+        torques.append(chamber_joint(p, memory, 0.0, 0.0, 0.0, 1.0))
+    assert torques[1] - torques[0] == pytest.approx(-10.0, rel=0.01)
 
 
 def test_second_order_in_the_step():
@@ -132,13 +137,13 @@ def test_root_is_smooth_odd_and_turbulent():
     drop = np.array([0.01, 0.1, 0.5, 1.0])
     assert [root(-d) for d in drop] == [-root(d) for d in drop]
     assert root(0.5) == pytest.approx(1.0, rel=5e-3)
-    slopes = [(root(d + 1e-7) - root(d - 1e-7)) / 2e-7 for d in (0.0, *drop)]
+    slopes = [(root(d + 1e-8) - root(d - 1e-8)) / 2e-8 for d in (0.0, *drop)]
     np.testing.assert_allclose([root_slope(d) for d in (0.0, *drop)], slopes, rtol=1e-5)
 
 
 def test_relaxation_has_the_exponential_and_its_limits():
     z = np.array([1e-9, 0.1, 1.0])
-    np.testing.assert_allclose([relaxed(v) for v in z], -np.expm1(-z) / z, rtol=5e-3)
+    np.testing.assert_allclose([relaxed(v) for v in z], -np.expm1(-z) / z, rtol=1e-2)
     assert relaxed(1e6) * 1e6 == pytest.approx(1.0, rel=1e-4)
 
 
