@@ -33,6 +33,7 @@ MEMORY: Final = 6
 
 LAMINAR: Final = 0.003  # assumption: share of supply below which an orifice turns laminar; keeps the root smooth
 SMALLEST: Final = 0.05  # assumption: share of the mean volume that hoses and ports leave at the end of the stroke
+LEAST_DROP: Final = 0.05  # assumption: share of supply that a valve in steady motion keeps for itself
 SLOW: Final = 0.05  # rad/s; assumption: below, dry friction grows with speed, since no log resolves its sign
 SUBSTEPS: Final = 2  # 1, 2 and 4 fit walks of the reference plant equally well; 2 leaves a margin
 
@@ -78,19 +79,27 @@ def friction(p: np.ndarray, qd: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def wake(p: np.ndarray, memory: np.ndarray, q_des: float, q: float, qd: float) -> None:
-    """Memory at the first sample: spool at its command, pressures in balance around half of the supply."""
-    opening = clip(q_des - q, p[SPEED] / p[FLOW])
+def wake(p: np.ndarray, memory: np.ndarray, torque: float, q: float, qd: float) -> None:
+    """Memory at the first sample, as if the joint had moved steadily under its torque.
+
+    Pressures balance around half of the supply. The valve feeds motion and leakage, wherever its command may be: a
+    machine that has just been switched on has not followed it yet.
+    """
+    lost = friction(p, qd)
+    difference = min(max((torque + lost) / p[TORQUE], -1.0), 1.0)
+    needed = qd + p[LEAK] * difference
+    drop = max(1.0 - (difference if needed > 0.0 else -difference), LEAST_DROP)
+    opening = clip(needed / (p[FLOW] * np.sqrt(drop)), p[SPEED] / p[FLOW])
     memory[AWAKE], memory[SUM] = 1.0, 1.0
     memory[DRIVER], memory[SPOOL] = opening, opening
-    memory[SWEPT], memory[LOST] = q, friction(p, qd)
+    memory[SWEPT], memory[LOST] = q, lost
 
 
 @njit(cache=True, nogil=True)
 def chamber_joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: float, qd: float) -> float:
     """Torque of one joint after one sample, N·m; `memory` (MEMORY,) is advanced in place."""
     if memory[AWAKE] == 0.0:
-        wake(p, memory, q_des, q, qd)
+        wake(p, memory, torque, q, qd)
     dt = p[SAMPLE_TIME]
     h = dt / SUBSTEPS
     difference = (torque + memory[LOST]) / p[TORQUE]
