@@ -142,12 +142,9 @@ def fit_chambers(
     table = np.empty((len(names), len(TwoChamber.FIELDS)))
     for joints, group in zip(scopes[scope], groups, strict=True):
         table[joints] = np.concatenate((np.tile(group.x, (len(joints), 1)), settings[joints]), axis=1)
-    return ChamberFit(
-        model=TwoChamber(names, table, windows.dt, scope),
-        fits=tuple(_report(group, windows) for group in groups),
-        trials=tuple(trial.file for trial in log_set.fit),
-        window_s=window_s,
-    )
+    model = TwoChamber(names, table, windows.dt, scope)
+    reports = tuple(_report(group, windows) for group in groups)
+    return ChamberFit(model, reports, tuple(trial.file for trial in log_set.fit), window_s)
 
 
 def _settings(
