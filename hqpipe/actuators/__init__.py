@@ -10,6 +10,7 @@ ACTUATOR_MODELS = Registry(
         "ideal_torque": "hqpipe.actuators.ideal_torque:IdealTorque",
         "stiff_pd": "hqpipe.actuators.stiff_pd:StiffPD",
         "hydraulic": "hqpipe.actuators.hydraulic:Hydraulic",
+        "two_chamber": "hqpipe.actuators.two_chamber:TwoChamber",
         "augmented": "hqpipe.actuators.augmented:Augmented",
         "mlp": "hqpipe.actuators.mlp:MLP",
         "lstm": "hqpipe.actuators.lstm:LSTM",

@@ -8,6 +8,7 @@ kind       parameters of a joint                  memory  torque after the sampl
 PD         kp, kd, limit                          none    kp (q_des − q) − kd q̇
 HYDRAULIC  k1, k2, k3, k4, R, limit               none    eq. (7) of the paper
 AUGMENTED  see hqpipe.effects.layout              M       eq. (7) with effects, hqpipe.kernels.augmented_step
+CHAMBERS   see hqpipe.kernels.chamber_step        M       two chambers of oil behind a servo valve
 MLP        limit                                  M, or 0 hqpipe.kernels.net_step
 LSTM, GRU  limit                                  M       hqpipe.kernels.net_step
 
@@ -23,12 +24,14 @@ import numpy as np
 from numba import njit
 
 from hqpipe.kernels.augmented_step import WOUND, augmented_row
+from hqpipe.kernels.chamber_step import chamber_row
 from hqpipe.kernels.laws import hydraulic_step, pd_step
 from hqpipe.kernels.net_step import MLP, net_row
 
 PD: Final = 0
 HYDRAULIC: Final = 1
 AUGMENTED: Final = 2
+CHAMBERS: Final = 3
 NO_WEIGHTS: Final = np.empty(0)  # of a model that is its parameter table alone
 
 
@@ -61,12 +64,14 @@ def table_row(
     q: np.ndarray,
     qd: np.ndarray,
 ) -> None:
-    """`step_row` for the kinds without weights: PD, HYDRAULIC and AUGMENTED."""
+    """`step_row` for the kinds without weights: PD, HYDRAULIC, AUGMENTED and CHAMBERS."""
     if kind == HYDRAULIC:
         for j in range(tau.shape[0]):
             tau[j] = hydraulic_step(parameters[j], tau[j], q_des[j], q[j], qd[j])
     elif kind == AUGMENTED:
         augmented_row(parameters, tau, memory, q_des, q, qd)
+    elif kind == CHAMBERS:
+        chamber_row(parameters, tau, memory, q_des, q, qd)
     else:
         for j in range(tau.shape[0]):
             tau[j] = pd_step(parameters[j], q_des[j], q[j], qd[j])
@@ -86,7 +91,7 @@ def step_row(
     """Advance the joints of one robot by one sample, in place.
 
     Args:
-        kind: PD, HYDRAULIC, AUGMENTED, MLP, LSTM or GRU.
+        kind: PD, HYDRAULIC, AUGMENTED, CHAMBERS, MLP, LSTM or GRU.
         parameters: (J, P) float64.
         weights: (W,) float64 of a net; `NO_WEIGHTS` for the other kinds.
         tau: (J,) torque, read and overwritten, N·m.

@@ -21,9 +21,9 @@ from numba import njit
 
 from hqpipe.kernels.laws import clip
 
-MLP: Final = 3
-LSTM: Final = 4
-GRU: Final = 5
+MLP: Final = 4
+LSTM: Final = 5
+GRU: Final = 6
 CHANNELS: Final = 4
 HIDDEN, DELTA, TAPS, FIRST_TAP = range(4)
 LIMIT: Final = 0  # column of the parameter table

@@ -10,7 +10,7 @@ from hqpipe.sysid.windows import JointData, Windows
 _SUBSTANCE = 0.1  # share of its RMS that torque and error must have to count as an impact
 _IMPACT_SHARE = 0.005  # of the samples
 _IMPACT_WINDOWS = 10
-_MAX_INFLATION = 1e6  # variance inflation beyond which two coefficients cannot be told apart
+MAX_INFLATION = 1e6  # variance inflation beyond which two coefficients cannot be told apart
 _MOVES = 1e-9  # rad or m; less is no motion
 
 _SINGULAR = 1e-16  # smallest eigenvalue of a correlation matrix that rounding leaves meaningful
@@ -68,17 +68,17 @@ def inseparable(at: Evaluation, free: np.ndarray) -> dict[str, str]:
     reasons: dict[str, str] = {}
     free = free.copy()
     for index in (_K4, _K3):
-        if free[index] and _inflation(at.hessian, free)[index] > _MAX_INFLATION:
+        if free[index] and inflation(at.hessian, free)[index] > MAX_INFLATION:
             reasons[COEFFICIENTS[index]] = "its effect cannot be told from that of the other coefficients"
             free[index] = False
-    if (_inflation(at.hessian, free) > _MAX_INFLATION).any():
+    if (inflation(at.hessian, free) > MAX_INFLATION).any():
         text = "the motion is too poor to tell the coefficients apart (steady load only?)"
         return dict.fromkeys(COEFFICIENTS, text)
     return reasons
 
 
-def _inflation(hessian: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """(4,) variance inflation of the coefficients: infinite without any effect, 0 if not free."""
+def inflation(hessian: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """(P,) variance inflation of the coefficients: infinite without any effect, 0 if not free."""
     found = np.zeros(len(free))
     part = hessian[np.ix_(free, free)]
     diagonal = np.diag(part)

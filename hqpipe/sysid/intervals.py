@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from hqpipe.sysid.problem import LOWER, UPPER, Evaluation
+from hqpipe.sysid.problem import LOWER, UPPER
 from hqpipe.sysid.windows import Windows
 
 LEVEL = 0.95
@@ -14,21 +15,35 @@ LEVEL = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Covariance (4, 4) of the coefficients, and degrees of freedom (4,) of its diagonal; 0 if not free."""
+    """Covariance (P, P) of the coefficients, and degrees of freedom (P,) of its diagonal; 0 if not free."""
 
     covariance: np.ndarray
     freedom: np.ndarray
 
-    def interval(self, k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper ends (4,) of the 95 % intervals around `k`, cut to the physical bounds."""
+    def interval(
+        self, k: np.ndarray, lower: np.ndarray = LOWER, upper: np.ndarray = UPPER
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper ends (P,) of the 95 % intervals around `k`, cut to the physical bounds."""
         from scipy.special import stdtrit
 
         quantile = stdtrit(np.maximum(self.freedom, 1.0), 0.5 + LEVEL / 2.0)
         half = quantile * np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        return np.maximum(k - half, LOWER), np.minimum(k + half, UPPER)
+        return np.maximum(k - half, lower), np.minimum(k + half, upper)
 
 
-def uncertainty(at: Evaluation, windows: Windows, free: np.ndarray) -> Uncertainty:
+class Clustered(Protocol):
+    """Normal equations window by window: `Evaluation` of any fit over windows."""
+
+    @property
+    def hessians(self) -> np.ndarray:
+        """(W, P, P)."""
+
+    @property
+    def scores(self) -> np.ndarray:
+        """(W, P)."""
+
+
+def uncertainty(at: Clustered, windows: Windows, free: np.ndarray) -> Uncertainty:
     """Sandwich estimate for the free coefficients.
 
     Residuals within a window may be correlated in any way (clustered by window, all joints together), and
@@ -37,9 +52,9 @@ def uncertainty(at: Evaluation, windows: Windows, free: np.ndarray) -> Uncertain
     the degrees of freedom follow Satterthwaite: few windows that decide a coefficient widen its interval.
 
     Args:
-        at: normal equations at the solution. windows: those of the fit. free: (4,) bool.
+        at: normal equations at the solution. windows: those of the fit. free: (P,) bool.
     """
-    curvature = at.hessian[np.ix_(free, free)]
+    curvature = at.hessians.sum(axis=0)[np.ix_(free, free)]
     unit = np.sqrt(np.maximum(np.diag(curvature), 1e-300))  # the coefficients differ by many powers of ten
     bread = np.linalg.pinv(curvature / np.outer(unit, unit), rcond=1e-14, hermitian=True)
     own = at.hessians[:, free][:, :, free] / np.outer(unit, unit)
@@ -55,7 +70,7 @@ def uncertainty(at: Evaluation, windows: Windows, free: np.ndarray) -> Uncertain
         meat += weight * (cross + cross.T)
     share = np.diagonal(bread @ own @ bread, axis1=1, axis2=2)
     freedom = share.sum(axis=0) ** 2 / (share**2).sum(axis=0) / (1.0 + 2.0 * (weights**2).sum())
-    full, spread = np.zeros((4, 4)), np.zeros(4)
+    full, spread = np.zeros((len(free), len(free))), np.zeros(len(free))
     full[np.ix_(free, free)] = bread @ meat @ bread / np.outer(unit, unit)
     spread[free] = freedom
     return Uncertainty(full, spread)

@@ -178,5 +178,5 @@ def test_torque_that_was_not_applied_is_taken_back():
 
 
 def test_a_kind_with_memory_is_not_stepped_without_it():
-    with pytest.raises(ValueError, match="with step_row and their memory"):
+    with pytest.raises(ValueError, match="step the others with step_row"):
         step_joint(AUGMENTED, ROW, 0.0, 0.1, 0.0, 0.0)
