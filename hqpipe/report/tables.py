@@ -62,8 +62,8 @@ def comparison_table(
     columns = []
     for title, unit, logs, horizon, measure in _MEASURES:
         values = {name: row[horizon][measure] for (which, name), row in pooled.items() if which == logs}
-        columns.append((f"{title} ({unit})", values))
-    columns += [("fit (s)", dict(fit_s or {})), ("step (µs)", dict(step_us or {}))]
+        columns.append((f"{title}\n{unit}", values))
+    columns += [("fit\ns", dict(fit_s or {})), ("step\nµs", dict(step_us or {}))]
     columns = [(title, values) for title, values in columns if any(v is not None for v in values.values())]
     table = _table("torque error on held-out trials")
     table.add_column("model")
