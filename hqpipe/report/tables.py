@@ -9,6 +9,15 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.table import Table
 
+# Columns of the comparison: title, unit, logs, horizon, measure.
+_MEASURES = (
+    ("one step", "N·m", "held-out", "one_step", "rmse"),
+    ("free run", "N·m", "held-out", "free_run", "rmse"),
+    ("loaded", "N·m", "held-out", "free_run", "loaded_rmse"),
+    ("MAPE", "%", "held-out", "free_run", "loaded_mape"),
+    ("stress", "N·m", "stress", "free_run", "rmse"),
+)
+
 
 def coefficient_table(fit: Mapping[str, Any]) -> Table:
     """One row per joint, one column per coefficient with its 95 % interval.
@@ -35,15 +44,6 @@ def _coefficient(c: Mapping[str, Any]) -> str:
     if c["ci95"] is not None:
         text += f" [dim]{_number(c['ci95'][0])}…{_number(c['ci95'][1])}[/dim]"
     return text + (" [yellow]at bound[/yellow]" if c["at_bound"] else "")
-
-
-_MEASURES = (
-    ("one step", "N·m", "held-out", "one_step", "rmse"),
-    ("free run", "N·m", "held-out", "free_run", "rmse"),
-    ("loaded", "N·m", "held-out", "free_run", "loaded_rmse"),
-    ("MAPE", "%", "held-out", "free_run", "loaded_mape"),
-    ("stress", "N·m", "stress", "free_run", "rmse"),
-)
 
 
 def comparison_table(
@@ -93,12 +93,12 @@ def _caption(rows: Sequence[Mapping[str, Any]], pooled: Mapping[tuple[str, str],
     floors = {logs: row["noise_floor"] for (logs, _), row in pooled.items()}
     if not floors:
         return None
-    parts = [f"noise floor {_number(floors['held-out'])} N·m"]
+    floor = f"noise floor {_number(floors['held-out'])} N·m"
     if "stress" in floors:
-        parts[0] += f", of the stress trials {_number(floors['stress'])}; nothing is fitted to those"
+        floor += f", of the stress trials {_number(floors['stress'])}; nothing is fitted to those"
     limits = {_number(row["loaded_threshold"]) for row in rows if row["loaded_threshold"] is not None}
     what = f"{limits.pop()} N·m" if len(limits) == 1 else "a threshold of each joint"
-    return f"{'; '.join(parts)}\nloaded, MAPE: free run where the torque exceeds {what}"
+    return f"{floor}\nloaded, MAPE: free run where the torque exceeds {what}"
 
 
 def _table(title: str) -> Table:
