@@ -66,11 +66,12 @@ def _bars(panel: Axes, values: Sequence[float | None], colours: Sequence[str], r
             continue
         panel.barh(row, min(value, 1.2 * limit), color=colour, height=0.66)
         text = f"{value:.3g}" if isfinite(value) else "diverged"
-        panel.text(
-            min(value, limit), row, f" {text}", va="center", fontsize=8.0, color=INK if value <= limit else "white"
-        )
+        if value > limit:
+            panel.text(1.19 * limit, row, f"{text} →", va="center", ha="right", fontsize=8.0, color="white", zorder=3)
+        else:
+            panel.text(value, row, f" {text}", va="center", fontsize=8.0)
     if reference is not None:
-        panel.axvline(reference, color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
+        panel.axvline(reference, color=INK, linewidth=0.9, linestyle=(0, (4, 2)), zorder=0.5)
     panel.set_xlim(0.0, 1.2 * limit)
     panel.grid(axis="y", visible=False)
     panel.tick_params(axis="y", length=0)

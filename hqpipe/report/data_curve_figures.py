@@ -55,7 +55,9 @@ def data_curve_chart(
     axes.set_ylim(0.7 * lowest, _ROOM * persistence)
     for level, text, style in ((persistence, "persistence", (0, (4, 2))), (noise_floor, "noise floor", (0, (1, 1.5)))):
         axes.axhline(level, color=INK, linewidth=0.9, linestyle=style)
-        name_line(axes, seconds[0], level, text, INK, va="bottom")
+        name_line(
+            axes, (seconds[0] * seconds[min(1, len(seconds) - 1)]) ** 0.5, level, text, INK, va="bottom", ha="center"
+        )
     axes.set_xticks(seconds, [f"{x:.3g}" for x in seconds])
     axes.minorticks_off()
     axes.yaxis.set_major_formatter("{x:g}")
