@@ -62,7 +62,7 @@ def run(context: Any) -> dict[str, Any]:
     draw_walk(context.output, _SHOWN, trials[[job.name for job in jobs].index(_SHOWN)].columns, context.robot)
     if stress:
         write_stress(context.output, stress, stressed, **header)
-        logs = {"walking and gantry": trials, "stress": stressed}
+        logs = {"walking": [t for t in trials if t.base == "floating"], STRESS: stressed}
         draw_distribution(context.output, {name: [t.columns for t in each] for name, each in logs.items()}, robot)
     falls = sum(walk["fell"] for walk in walks.values())
     seconds = sum(len(trial.time) / trial.rate_hz for trial in trials)

@@ -21,6 +21,7 @@ PUSHES = (
 FALLING_PUSH = (0.25, (0.0, 900.0, 0.0))  # 317 kg move sideways at 2.8 m/s after it: no step catches that
 DRAG = (3000.0, 400.0)  # N·m/rad, N·m: dragged to the command ahead of the actuators; assumption: below their 950 N·m
 FORCE = (-3000.0, 500.0)  # N·m/rad, N·m: forced away from the command; assumption likewise
+DRAGGED = 0.7  # share of the trial in which they are dragged; then they are forced away
 WALKING = 0.4  # m/s
 
 
@@ -28,10 +29,10 @@ def stress_jobs(seconds: float, seed: int) -> list[Job]:
     """The stress trials, each `seconds` long; `seed` is that of the first."""
     from hqpipe.plant import Grip, Push
 
-    half = 0.5 * seconds
+    switch = DRAGGED * seconds
     pushes = tuple(Push(share * seconds, impulse) for share, impulse in PUSHES)
     fall = (Push(FALLING_PUSH[0] * seconds, FALLING_PUSH[1]),)
-    grips = (Grip(0.0, half, *DRAG), Grip(half, half, *FORCE))
+    grips = (Grip(0.0, switch, *DRAG), Grip(switch, seconds - switch, *FORCE))
     how: list[dict[str, Any]] = [
         {"name": "drop", "clearance": DROP},
         {"name": "push", "vx": WALKING, "disturbances": pushes},

@@ -1,4 +1,4 @@
-"""Commands that jump from one posture to another, with no ramp in between."""
+"""Commands that go from one posture to another, at once or within a moment."""
 
 from __future__ import annotations
 
@@ -20,27 +20,33 @@ JUMPS = (
     0.02,
 )  # rad of hip pitch from the nominal pose; the knee jumps by twice their steps: 0.24 to 0.3
 FOLDED = (1.6, -2.1)  # rad, hip pitch and knee of a leg that gives way, near the ends of their travel
+FOLD_TIME = 0.4  # s in which it does, about that of a free fall from standing height; assumption
 
 
 @dataclass(frozen=True)
 class Postures:
-    """A controller: postures (P, J) rad, each held from its start time (P,) s on."""
+    """A controller: postures (P, J) rad, each taken up from its start time (P,) s on within `blend` s, and held."""
 
     starts: np.ndarray
     poses: np.ndarray
+    blend: float = 0.0
 
     def __call__(self, frame: Any, command: dict[str, float] | None = None) -> np.ndarray:
         """(J,) joint targets, rad, at `frame.time`."""
-        return self.poses[max(int(np.searchsorted(self.starts, frame.time, side="right")) - 1, 0)]
+        now = max(int(np.searchsorted(self.starts, frame.time, side="right")) - 1, 0)
+        since = frame.time - self.starts[now]
+        if now == 0 or since >= self.blend:
+            return self.poses[now]
+        return self.poses[now - 1] + since / self.blend * (self.poses[now] - self.poses[now - 1])
 
 
 def postures(robot: RobotSpec, kind: str, duration: float) -> Postures:
-    """Stand, then jump.
+    """Stand, then jump or collapse.
 
     Args:
         robot: nominal pose and joint names, which end in R, P and K for hip roll, hip pitch and knee.
-        kind: "jumps" (crouch and rise by turns, `JUMPS` about the nominal pose, evenly spaced) or "collapse" (the legs of
-            the left side fold under the robot).
+        kind: "jumps" (crouch and rise by turns, `JUMPS` about the nominal pose, evenly spaced, at once) or "collapse" (the
+            legs of the left side fold under the robot within `FOLD_TIME`).
         duration: s.
 
     Raises:
@@ -55,7 +61,8 @@ def postures(robot: RobotSpec, kind: str, duration: float) -> Postures:
     else:
         poses = [_moved(robot, robot.joints, (size, -2.0 * size)) for size in JUMPS]
     starts = duration * (STAND_SHARE + (1.0 - STAND_SHARE) * np.arange(len(poses)) / len(poses))
-    return Postures(np.concatenate([[0.0], starts]), np.stack([stand, *poses]))
+    blend = FOLD_TIME if kind == "collapse" else 0.0
+    return Postures(np.concatenate([[0.0], starts]), np.stack([stand, *poses]), blend)
 
 
 def _moved(

@@ -20,6 +20,7 @@ _PANELS = (
 )
 _BEYOND = 2.0  # times persistence: longer bars are cut there and bear their number
 _WORST = 4.0  # the colours of the stress figure span 1/4 … 4 times the error of persistence
+_HALO = {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.75}
 
 Rows = Sequence[Mapping[str, Any]]
 
@@ -69,7 +70,7 @@ def _bars(panel: Axes, values: Sequence[float | None], colours: Sequence[str], r
         if value > limit:
             panel.text(1.19 * limit, row, f"{text} →", va="center", ha="right", fontsize=8.0, color="white", zorder=3)
         else:
-            panel.text(value, row, f" {text}", va="center", fontsize=8.0)
+            panel.text(value + 0.02 * limit, row, text, va="center", fontsize=8.0, bbox=_HALO)
     if reference is not None:
         panel.axvline(reference, color=INK, linewidth=0.9, linestyle=(0, (4, 2)), zorder=0.5)
     panel.set_xlim(0.0, 1.2 * limit)
@@ -100,7 +101,7 @@ def stress_chart(rows: Rows, path: Path, persistence: str = "persistence") -> Pa
     axes.imshow(shade, cmap="RdBu_r", vmin=-np.log(_WORST), vmax=np.log(_WORST), aspect="auto")
     for i, j in np.ndindex(*errors.shape):
         text = f"{errors[i, j]:.3g}" if isfinite(errors[i, j]) else "diverged"
-        colour = "white" if abs(shade[i, j]) > 0.75 * np.log(_WORST) else INK
+        colour = "white" if abs(shade[i, j]) > 0.55 * np.log(_WORST) else INK
         axes.text(j, i, text, ha="center", va="center", fontsize=8.5, color=colour)
     names = ["held-out", "all stress", *(trial.rsplit(".", 1)[0] for trial in trials)]
     axes.set_xticks(range(len(columns)), names)

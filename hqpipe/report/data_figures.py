@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, LogNorm, to_rgb
 
 from hqpipe.report.style import BLUE, GREY, VERMILION, new_figure, save_figure, styled, title_row
 
@@ -40,34 +42,34 @@ def data_distribution(panels: Mapping[str, Mapping[str, Cloud]], path: Path) -> 
     figure = new_figure(3.4)
     axes = figure.subplots(1, len(panels), squeeze=False, sharey=True)[0]
     names: Sequence[str] = next(iter(panels.values())).keys()
+    height = 1.05 * max(np.abs(cloud.torque).max() for clouds in panels.values() for cloud in clouds.values())
     for panel, (kind, clouds) in zip(axes, panels.items(), strict=True):
-        _panel(panel, clouds)
-        shares = " and ".join(f"{100.0 * cloud.against:.0f} %" for cloud in clouds.values())
-        panel.set_title(f"{kind}   against: {shares}")
+        _panel(panel, clouds, height)
+        panel.set_title(kind)
+        for row, (cloud, colour) in enumerate(zip(clouds.values(), _COLOURS, strict=False)):
+            text = f"{100.0 * cloud.against:.0f} %"
+            panel.text(0.98, 0.02 + 0.07 * row, text, color=colour, ha="right", va="bottom", transform=panel.transAxes)
         panel.set_xlabel("position error (rad)")
     axes[0].set_ylabel("torque (N·m)")
     title_row(
         figure,
         [
             *((name, colour) for name, colour in zip(names, _COLOURS, strict=False)),
-            (f"shaded: torque against the position error, in % of samples beyond {_LOADED:g} N·m", GREY),
+            (f"shaded: torque against the position error, in % of the samples beyond {_LOADED:g} N·m", GREY),
         ],
     )
     return save_figure(figure, path)
 
 
-def _panel(panel: object, clouds: Mapping[str, Cloud]) -> None:
-    from matplotlib.colors import LinearSegmentedColormap, LogNorm
-
+def _panel(panel: Axes, clouds: Mapping[str, Cloud], height: float) -> None:
     width = 1.05 * max(np.abs(cloud.error).max() for cloud in clouds.values())
-    height = 1.05 * max(np.abs(cloud.torque).max() for cloud in clouds.values())
     for left, bottom in ((-1.0, 0.0), (0.0, -1.0)):
         panel.fill_between(
             [left * width, (left + 1.0) * width], bottom * height, (bottom + 1.0) * height, color="#F0F0F0"
         )
     layers = list(zip(clouds.values(), _COLOURS, strict=False))
     for cloud, colour in reversed(layers):
-        shades = LinearSegmentedColormap.from_list("layer", [(*_rgb(colour), 0.25), (*_rgb(colour), 1.0)])
+        shades = LinearSegmentedColormap.from_list("layer", [(*to_rgb(colour), 0.25), (*to_rgb(colour), 1.0)])
         panel.hexbin(
             cloud.error,
             cloud.torque,
@@ -82,9 +84,3 @@ def _panel(panel: object, clouds: Mapping[str, Cloud]) -> None:
     panel.axvline(0.0, color=GREY, linewidth=0.6)
     panel.set_xlim(-width, width)
     panel.set_ylim(-height, height)
-
-
-def _rgb(colour: str) -> tuple[float, ...]:
-    from matplotlib.colors import to_rgb
-
-    return to_rgb(colour)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hqpipe.errors import UsageError
-from hqpipe.plant.postures import postures
+from hqpipe.plant.postures import FOLD_TIME, FOLDED, postures
 
 
 def test_knees_jump_by_02_to_03_rad_at_once(robot):
@@ -26,6 +26,14 @@ def test_legs_give_way_on_one_side_only(robot):
     pose = postures(robot, "collapse", 5.0)(SimpleNamespace(time=2.0))
     moved = {name[:2] for name, a, b in zip(robot.joints, pose, robot.nominal_position, strict=True) if a != b}
     assert moved == {"LF", "LH"}
+
+
+def test_a_collapse_takes_its_time(robot):
+    collapse, knee = postures(robot, "collapse", 5.0), robot.joints.index("LFK")
+    start, stand = collapse.starts[1], robot.nominal_position[knee]
+    half, end = (collapse(SimpleNamespace(time=start + share * FOLD_TIME))[knee] for share in (0.5, 1.0))
+    assert collapse(SimpleNamespace(time=start))[knee] == stand
+    assert half == pytest.approx(0.5 * (stand + end)) and end == FOLDED[1]
 
 
 def test_unknown_kind(robot):
