@@ -31,7 +31,7 @@ def test_legs_give_way_on_one_side_only(robot):
 def test_a_collapse_takes_its_time(robot):
     collapse, knee = postures(robot, "collapse", 5.0), robot.joints.index("LFK")
     start, stand = collapse.starts[1], robot.nominal_position[knee]
-    half, end = (collapse(SimpleNamespace(time=start + share * FOLD_TIME))[knee] for share in (0.5, 1.0))
+    half, end = (collapse(SimpleNamespace(time=start + share * FOLD_TIME))[knee] for share in (0.5, 1.1))
     assert collapse(SimpleNamespace(time=start))[knee] == stand
     assert half == pytest.approx(0.5 * (stand + end)) and end == FOLDED[1]
 
