@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
+
+from hqpipe.stages.logs import STRESS
+
+KIND_NAMES = {"R": "hip roll", "P": "hip pitch", "K": "knee"}  # of robot.yaml
 
 
 def draw_training(folder: Path, runs: Mapping[str, Path]) -> None:
@@ -26,6 +30,58 @@ def draw_walk(folder: Path, name: str, columns: Mapping[str, Any], robot_folder:
     robot = load_robot(robot_folder)
     trial = assemble(RawTable(Path(name), columns)).for_joints(robot.joints)
     walk_summary(trial, folder / "walk.png", effort_limit=np.asarray(robot.effort_limit))
+
+
+def draw_distribution(folder: Path, logs: Mapping[str, list[Mapping[str, Any]]], robot: Any) -> None:
+    """distribution.png: position error against torque by kind of joint.
+
+    Args:
+        logs: name → log columns of each trial. robot: a `RobotSpec`; its joints are called leg and kind, e.g. LFK.
+    """
+    import numpy as np
+
+    from hqpipe.report.data_figures import Cloud, data_distribution
+
+    kinds: dict[str, list[str]] = {}
+    for joint in robot.joints:
+        leg = next(foot for foot in robot.feet if joint.startswith(foot))
+        kinds.setdefault(KIND_NAMES.get(joint.removeprefix(leg), joint.removeprefix(leg)), []).append(joint)
+
+    def cloud(trials: list[Mapping[str, Any]], joints: list[str]) -> Cloud:
+        pairs = [
+            (t[f"joint/{j}/position_command"] - t[f"joint/{j}/position"], t[f"joint/{j}/effort"])
+            for t in trials
+            for j in joints
+        ]
+        error, torque = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+        return Cloud(error, torque)
+
+    panels = {kind: {name: cloud(trials, joints) for name, trials in logs.items()} for kind, joints in kinds.items()}
+    data_distribution(panels, folder / "distribution.png")
+
+
+def draw_comparison(folder: Path, rows: list[Mapping[str, Any]], models: Collection[str]) -> None:
+    """comparison.png, and stress.png where there are stress trials.
+
+    Args:
+        rows: `ScoreRow` as mappings. models: names of those that are no baseline.
+    """
+    from hqpipe.report.comparison_figures import comparison_bars, stress_chart
+
+    names = dict.fromkeys(row["model"] for row in rows)
+    comparison_bars(rows, [name for name in names if name not in models], folder / "comparison.png")
+    if any(row["logs"] == STRESS for row in rows):
+        stress_chart(rows, folder / "stress.png")
+
+
+def draw_data_curve(folder: Path, curve: Any) -> None:
+    """data_curve.png: a `DataCurve`."""
+    from hqpipe.report.data_curve_figures import data_curve_chart
+
+    lines: dict[str, list[tuple[float, float | None]]] = {}
+    for point in curve.points:
+        lines.setdefault(point.model, []).append((point.seconds, point.free_run))
+    data_curve_chart(lines, curve.persistence, curve.noise_floor, folder / "data_curve.png")
 
 
 def draw_fit(folder: Path, log_set: Any, model: Any, window_s: float) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,54 +12,80 @@ from pydantic import PositiveFloat
 
 from hqpipe.errors import UsageError, near_match
 from hqpipe.pipeline.config import StageParams
+from hqpipe.stages.judging import judge, write_data_curve
 from hqpipe.stages.logs import FIT, read_logs
 
+SCOPES = ("per_joint", "shared")
+FREE_RUNNING, ONE_STEP = "{}, free-running", "{}, one-step"  # names of the models of a scope
 FOREIGN = "the joints are not those of the robot: R is 1, k1 in N·m/rad, and no effort limit holds"
 
 
 class Params(StageParams):
     """Attributes:
     scope: which fit the later stages use; both are made. window_s: length of the free-running windows, s.
+    data_seconds: lengths of fit data, s, for the curve of error against data; none for no curve.
     resample: interpolate trials whose clock jitters onto a uniform one.
     """
 
     scope: Literal["per_joint", "shared"] = "per_joint"
     window_s: PositiveFloat = 0.1
+    data_seconds: list[PositiveFloat] = []
     resample: bool = False
 
 
 def run(context: Any) -> dict[str, Any]:
     from hqpipe.actuators.files import save_actuator
-    from hqpipe.report.tables import coefficient_table, comparison_table
+    from hqpipe.report.tables import coefficient_table
     from hqpipe.stages.figures import draw_fit
     from hqpipe.stages.terminal import show
-    from hqpipe.sysid.compare import compare_models
     from hqpipe.sysid.fit_actuator import fit_actuator
+    from hqpipe.sysid.timing import timed
 
     log_set = read_logs(context)
     constants = joint_constants(context.robot, log_set.joints)
     options = {"window_s": context.params.window_s, **constants}
-    fits = {}
-    for index, scope in enumerate(("per_joint", "shared")):
-        context.progress(index, 3, scope.replace("_", " "))
-        fits[scope] = fit_actuator(log_set, scope=scope, **options)
+    fits, models, fit_s = {}, {}, {}
+    for index, scope in enumerate(SCOPES):
+        context.progress(index, 4, scope.replace("_", " "))
+        fits[scope], seconds = timed(lambda scope=scope: fit_actuator(log_set, scope=scope, **options))
+        models |= both_models(fits[scope])
+        fit_s[FREE_RUNNING.format(scope.replace("_", " "))] = seconds
         save_actuator(fits[scope].model, context.output / scope)
     chosen = fits[context.params.scope]
     save_actuator(chosen.model, context.output)
-    context.progress(2, 3, "held-out trials")
-    models = {
-        "per joint, free-running": fits["per_joint"].model,
-        "per joint, one-step": fits["per_joint"].one_step_model,
-        "shared, free-running": fits["shared"].model,
-        "shared, one-step": fits["shared"].one_step_model,
-    }
-    rows = compare_models(log_set, models, window_s=context.params.window_s)
-    show(coefficient_table(chosen.to_dict()), comparison_table([asdict(row) for row in rows]))
+    show(coefficient_table(chosen.to_dict()))
     notes = [*([] if constants else [FOREIGN]), *chosen.warnings]
     show(*(f"warning: {text}" for text in notes))
-    _write(context.output, log_set, fits, rows)
+    _write(context.output, log_set, fits)
+    context.progress(2, 4, "held-out trials")
+    metrics = judge(context, log_set, models, fit_s)
+    context.progress(3, 4, "figures")
     draw_fit(context.output, log_set, chosen.model, context.params.window_s)
-    return {**_metrics(rows, chosen), "warnings": [*log_set.warnings, *notes]}
+    if context.params.data_seconds:
+        write_data_curve(context, log_set, paper_fits(options))
+    return {**_metrics(metrics, chosen), "warnings": [*log_set.warnings, *notes]}
+
+
+def both_models(fit: Any) -> dict[str, Any]:
+    """Name → model of a `FitResult`: fitted free-running, and one step ahead as in the paper."""
+    scope = fit.scope.replace("_", " ")
+    return {FREE_RUNNING.format(scope): fit.model, ONE_STEP.format(scope): fit.one_step_model}
+
+
+def paper_fits(options: dict[str, Any]) -> dict[str, Callable[[Any], Any]]:
+    """Name → fit of the paper's model, in the names of `both_models`; the two of a scope share their work."""
+    from hqpipe.sysid.fit_actuator import fit_actuator
+
+    @lru_cache(maxsize=len(SCOPES))
+    def fitted(log_set: Any, scope: str) -> dict[str, Any]:
+        return both_models(fit_actuator(log_set, scope=scope, **options))
+
+    fits = {}
+    for scope in SCOPES:
+        for pattern in (FREE_RUNNING, ONE_STEP):
+            name = pattern.format(scope.replace("_", " "))
+            fits[name] = lambda log_set, scope=scope, name=name: fitted(log_set, scope)[name]
+    return fits
 
 
 def joint_constants(robot_folder: Path, joints: tuple[str, ...]) -> dict[str, Any]:
@@ -84,33 +111,20 @@ def joint_constants(robot_folder: Path, joints: tuple[str, ...]) -> dict[str, An
     }
 
 
-def _write(output: Path, log_set: Any, fits: dict[str, Any], rows: list[Any]) -> None:
-    from hqpipe.stages.training import write_rows
-
+def _write(output: Path, log_set: Any, fits: dict[str, Any]) -> None:
     report = {"logs": log_set.header(), **{scope: fit.to_dict() for scope, fit in fits.items()}}
     (output / FIT).write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    flat = []
-    for row in rows:
-        record = asdict(row)
-        for kind in ("one_step", "free_run"):
-            record |= {f"{kind}/{name}": value for name, value in record.pop(kind).items()}
-        flat.append(record)
-    write_rows(output / "comparison.csv", flat)
 
 
-def _metrics(rows: list[Any], fit: Any) -> dict[str, Any]:
-    """Held-out errors of every model over all joints and trials, one step ahead and free-running."""
-    from hqpipe.sysid.compare import ALL
-
-    pooled = {row.model: row for row in rows if row.joint == row.trial == ALL}
-    errors = {name: {"one_step": row.one_step.rmse, "free_run": row.free_run.rmse} for name, row in pooled.items()}
-    model = pooled[f"{fit.scope.replace('_', ' ')}, free-running"]
+def _metrics(metrics: dict[str, Any], fit: Any) -> dict[str, Any]:
+    """What `judge` found, with a headline about the model that the later stages use."""
+    name = FREE_RUNNING.format(fit.scope.replace("_", " "))
+    free_run = {model: errors["free_run"] for model, errors in metrics["held_out_rmse"].items()}
     return {
         "headline": (
-            f"held-out free run {model.free_run.rmse:.3g} N·m, persistence {errors['persistence']['free_run']:.3g}, "
-            f"noise {model.noise_floor:.2g}"
+            f"held-out free run {free_run[name]:.3g} N·m, persistence {free_run['persistence']:.3g}, "
+            f"noise {metrics['noise_floor']:.2g}"
         ),
-        "held_out_rmse": errors,
-        "noise_floor": model.noise_floor,
-        "nrmse": model.free_run.nrmse,
+        **metrics,
+        "nrmse": metrics["nrmse"][name],
     }

@@ -10,6 +10,8 @@ from typing import Any
 from hqpipe.errors import UsageError
 
 FIT = "fit.json"
+STRESS = "stress"  # a log set inside the log set, which models are judged on and never fitted to
+_STRESS_BRINGS = ("constant", "saturated")  # no reason for a warning there: commands that stand still, valves full open
 
 
 def read_logs(context: Any, most: int | None = None) -> Any:
@@ -26,6 +28,24 @@ def read_logs(context: Any, most: int | None = None) -> Any:
     project = context.output.resolve().parents[2]  # <project>/artifacts/store/<output>
     path = log_set.path.resolve()
     return replace(log_set, path=path.relative_to(project) if path.is_relative_to(project) else Path(path.name))
+
+
+def read_stress(context: Any, joints: tuple[str, ...]) -> Any:
+    """The `LogSet` in the folder `stress` of the input `logs`, all of it held out; None where there is no such folder.
+
+    Args:
+        joints: their order in the log set that it lies in.
+    """
+    from hqpipe.logs.log_set import read_log_set
+    from hqpipe.stages.terminal import show
+
+    folder = context.inputs["logs"] / STRESS
+    if not folder.is_dir():
+        return None
+    found = read_log_set(folder, resample=context.params.resample, all_heldout=True)
+    show(*(f"warning: {STRESS}: {text}" for text in found.warnings if not text.startswith(_STRESS_BRINGS)))
+    trials = tuple(replace(trial, trajectory=trial.trajectory.for_joints(joints)) for trial in found.trials)
+    return replace(found, joints=joints, trials=trials, path=Path(STRESS))
 
 
 def model_for(context: Any, joints: tuple[str, ...]) -> Any:

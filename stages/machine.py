@@ -20,6 +20,10 @@ class Job:
         name: of the trial. seconds: length. seed: of sensor noise and excitation.
         vx, vy: m/s; wz: rad/s; None holds the heading, as an operator steers a robot straight.
         excitation: "multisine" or "chirp" on the gantry, or None for a walk of the policy.
+        postures: "jumps" or "collapse" on the floor, instead of a walk.
+        clearance: m above the ground that the robot is let go from.
+        disturbances: `hqpipe.plant.Push` and `hqpipe.plant.Grip`.
+        stop_at_fall: whether the trial ends with a fall.
     """
 
     name: str
@@ -29,6 +33,10 @@ class Job:
     vy: float = 0.0
     wz: float | None = None
     excitation: str | None = None
+    postures: str | None = None
+    clearance: float = 0.0
+    disturbances: tuple[Any, ...] = ()
+    stop_at_fall: bool = True
 
 
 def run_jobs(
@@ -64,18 +72,26 @@ def run_job(job: Job, robot_folder: Path, policy: Path, overrides: dict[str, Any
     """Run one trial from standing; see `run_jobs`."""
     from hqpipe.plant import Plant, PlantConfig
     from hqpipe.plant.excitation import excitation
+    from hqpipe.plant.postures import postures
     from hqpipe.robots import load_robot
 
     robot = load_robot(robot_folder)
     base = "floating" if job.excitation is None else "fixed"
     plant = Plant(robot, PlantConfig(overrides), seed=job.seed, base=base)
     walker = _policy_controller(policy, robot.joints, hold=job.wz is None)
-    mode = walker.wiring.control_mode  # the gantry trial too: a log set has one control mode
+    if job.clearance > 0.0:
+        plant.reset(clearance=job.clearance)
+    how: dict[str, Any] = {
+        "mode": walker.wiring.control_mode,  # the gantry trial too: a log set has one control mode
+        "disturbances": job.disturbances,
+        "stop_at_fall": job.stop_at_fall,
+    }
     if job.excitation is not None:
-        controller = excitation(robot, job.excitation, job.seconds, job.seed)
-        return plant.run(controller, job.seconds, mode=mode)
+        return plant.run(excitation(robot, job.excitation, job.seconds, job.seed), job.seconds, **how)
+    if job.postures is not None:
+        return plant.run(postures(robot, job.postures, job.seconds), job.seconds, **how)
     command = {"vx": job.vx, "vy": job.vy, "wz": job.wz or 0.0}
-    return plant.run(walker, job.seconds, command=command, control_period_s=walker.period_s, mode=mode)
+    return plant.run(walker, job.seconds, command=command, control_period_s=walker.period_s, **how)
 
 
 def _policy_controller(folder: Path, joints: tuple[str, ...], hold: bool) -> Any:

@@ -23,7 +23,9 @@ _COMMAND_OF = {"position": "position_command", "torque": "effort_command", "valv
 _JITTER_WARNING = 0.05  # assumption: below 5 % of a sample the models do not notice
 
 
-def read_log_set(path: str | Path, *, resample: bool = False, most: int | None = None) -> LogSet:
+def read_log_set(
+    path: str | Path, *, resample: bool = False, most: int | None = None, all_heldout: bool = False
+) -> LogSet:
     """Read a log set; with no logset.yaml, everything is inferred and the warnings say how.
 
     Args:
@@ -31,6 +33,7 @@ def read_log_set(path: str | Path, *, resample: bool = False, most: int | None =
         resample: interpolate each trial onto a uniform clock.
         most: samples × joints to keep in memory; of a longer log set evenly spaced sections are read, each a trial of
             its own, and a warning says so. None for everything.
+        all_heldout: hold every trial out, whatever logset.yaml says: models are judged on such a set and none is fitted to it.
 
     Raises:
         LogError: the directory or a file in it cannot be used as it is.
@@ -38,7 +41,8 @@ def read_log_set(path: str | Path, *, resample: bool = False, most: int | None =
     folder = Path(path)
     readers = _readers_by_suffix()
     files = _trial_files(folder, readers)
-    manifest = read_manifest(folder / FILE, files) if (folder / FILE).is_file() else None
+    listed = (folder / FILE).is_file()
+    manifest = read_manifest(folder / FILE, files, needs_fit=not all_heldout) if listed else None
     used = [entry.file for entry in manifest.trials] if manifest else files
     for file in used:
         if Path(file).suffix not in readers:
@@ -46,12 +50,14 @@ def read_log_set(path: str | Path, *, resample: bool = False, most: int | None =
     thinned = plan(folder, readers, manifest, used, most) if most else None
     if thinned:
         trials = _thinned(folder, readers, thinned, manifest, resample)
-        judged = joined(trials)
-        named = list({trial.file: (trial.file, trial.trajectory) for trial in judged}.values())
+        named = list({trial.file: (trial.file, trial.trajectory) for trial in joined(trials)}.values())
     else:
         named = [(f, assemble(readers[Path(f).suffix].read(folder / f), uniform=resample)) for f in used]
         named = _same_joints(folder, named)
-        judged = trials = _split(manifest, named)
+        trials = _split(manifest, named, all_heldout)
+    if all_heldout:
+        trials = [replace(trial, split="heldout") for trial in trials]
+    judged = joined(trials) if thinned else trials
     first = named[0][1]
     warnings = [*([coverage(thinned)] if thinned else []), *_warnings(manifest, files, named, judged)]
     mode = _control_mode(folder, manifest, first)
@@ -70,7 +76,9 @@ def read_log_set(path: str | Path, *, resample: bool = False, most: int | None =
     )
 
 
-def _split(manifest: Manifest | None, named: list[tuple[str, Trajectory]]) -> list[Trial]:
+def _split(manifest: Manifest | None, named: list[tuple[str, Trajectory]], all_heldout: bool) -> list[Trial]:
+    if manifest is None and all_heldout:
+        return [Trial(file, "heldout", None, trajectory) for file, trajectory in named]
     if manifest is None:
         return infer_split(named)
     return [

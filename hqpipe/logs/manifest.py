@@ -45,11 +45,12 @@ class Manifest:
     rate_hz: float | None = None
 
 
-def read_manifest(path: Path, files: Iterable[str]) -> Manifest:
+def read_manifest(path: Path, files: Iterable[str], *, needs_fit: bool = True) -> Manifest:
     """Read and check a logset.yaml.
 
     Args:
         path: the file. files: names of the trial files beside it, for near matches.
+        needs_fit: whether a trial must be there to fit to.
 
     Raises:
         LogError: no YAML, an unknown key, a wrong value, or a file that is not there.
@@ -70,12 +71,12 @@ def read_manifest(path: Path, files: Iterable[str]) -> Manifest:
         raise LogError(f"{path}: rate_hz is {rate!r}, expected samples per second, e.g. 1000")
     if not isinstance(raw.get("robot"), str | None):
         raise LogError(f"{path}: robot is {raw['robot']!r}, expected a name or the path of a URDF")
-    trials = _trials(path, raw.get("trials"), list(files))
+    trials = _trials(path, raw.get("trials"), list(files), needs_fit)
     settings = {key: raw.get(key) for key in ("robot", *_CHOICES)}
     return Manifest(trials=trials, rate_hz=None if rate is None else float(rate), **settings)
 
 
-def _trials(path: Path, raw: Any, files: list[str]) -> tuple[TrialEntry, ...]:
+def _trials(path: Path, raw: Any, files: list[str], needs_fit: bool) -> tuple[TrialEntry, ...]:
     if not isinstance(raw, list) or not raw:
         raise LogError(f"{path}: trials: expected a list of {{file, split}}, got {raw!r}")
     entries = [_trial(path, index, item, files) for index, item in enumerate(raw)]
@@ -83,7 +84,7 @@ def _trials(path: Path, raw: Any, files: list[str]) -> tuple[TrialEntry, ...]:
     for name in names:
         if names.count(name) > 1:
             raise LogError(f"{path}: trials: {name} is listed twice; a trial belongs to one split")
-    if not any(entry.split == "fit" for entry in entries):
+    if needs_fit and not any(entry.split == "fit" for entry in entries):
         raise LogError(f"{path}: trials: none has split: fit; expected at least one")
     return tuple(entries)
 

@@ -8,14 +8,17 @@ from hqpipe.registry import load
 
 if TYPE_CHECKING:
     from hqpipe.plant.config import PlantConfig
+    from hqpipe.plant.disturbance import Grip, Push
     from hqpipe.plant.excitation import Excitation
     from hqpipe.plant.plant import Plant, SensorFrame
     from hqpipe.plant.trial import PlantTrial
 
-__all__ = ["Excitation", "Plant", "PlantConfig", "PlantTrial", "SensorFrame"]
+__all__ = ["Excitation", "Grip", "Plant", "PlantConfig", "PlantTrial", "Push", "SensorFrame"]
 
 _HOMES = {
     "Excitation": "excitation",
+    "Grip": "disturbance",
+    "Push": "disturbance",
     "Plant": "plant",
     "SensorFrame": "plant",
     "PlantConfig": "config",

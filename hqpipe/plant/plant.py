@@ -7,7 +7,7 @@ which that step produced, so that angles never disagree and a chain as a spring 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from hqpipe.errors import UsageError, near_match
 from hqpipe.plant import firmware, hydraulics, sensors
 from hqpipe.plant.config import PlantConfig
+from hqpipe.plant.disturbance import Disturbance, Outside
 from hqpipe.plant.parameters import Parameters, build_schedule, check_stability
 from hqpipe.plant.run import run_trial
 from hqpipe.plant.trial import PlantTrial
@@ -93,12 +94,13 @@ class Plant:
             self._neighbour[leg] = np.roll(leg, 1)
         self.reset()
 
-    def reset(self, position: np.ndarray | None = None, yaw: float = 0.0) -> None:
+    def reset(self, position: np.ndarray | None = None, yaw: float = 0.0, clearance: float = 0.0) -> None:
         """Stand at a pose with settled pressures, the firmware holding, at time 0.
 
         Args:
             position: (J,) rad, the nominal pose if None.
             yaw: heading, rad.
+            clearance: m; above 0 the trunk is held this much higher until time 0, and then let go.
         """
         joints = len(self.robot.joints)
         pose = self.robot.nominal_position if position is None else np.asarray(position, dtype=float)
@@ -116,7 +118,7 @@ class Plant:
         self._frame: SensorFrame | None = None
         self._tick = -round(SETTLE_TIME[self.base] / TICK)
         self._switch_parameters()
-        self.body.reset(pose, yaw)
+        self.body.reset(pose, yaw, clearance)
         machine = self._active.machine
         half = 0.5 * (machine["supply_pressure"] + machine["supply_return_pressure"])
         self.supply["pressure"] = machine["supply_pressure"]
@@ -126,6 +128,8 @@ class Plant:
         self._history[:] = self._history[self._head]
         while self._tick < 0:
             self.step(pose)
+            if clearance > 0.0:
+                self.body.hold_base()
         self.ledger[:] = 0.0
         for name in ("pump", "relief", "drawn", "returned"):
             self.supply[name] = 0.0
@@ -211,12 +215,13 @@ class Plant:
         self._noise_rows += 1
         return self._noise[self._noise_rows - 1]
 
-    def step(self, target: np.ndarray, mode: str = "position") -> None:
+    def step(self, target: np.ndarray, mode: str = "position", outside: Outside | None = None) -> None:
         """One firmware tick of 1 ms.
 
         Args:
             target: (J,) joint angles rad, torques N·m, or valve commands −1…1, by `mode`.
             mode: "position", "torque" or "valve".
+            outside: what acts on the body beside hydraulics and floor, held over the tick.
 
         Raises:
             UsageError: unknown mode, or a target of the wrong shape or not finite.
@@ -246,7 +251,7 @@ class Plant:
         )
         self._commands[row] = self._valve
         for number in range(round(TICK / BODY_STEP)):
-            self._advance(self.time + number * BODY_STEP)
+            self._advance(self.time + number * BODY_STEP, outside)
         self._tick += 1
         self._frame = None
 
@@ -259,10 +264,13 @@ class Plant:
             self._drop_until = self.time + machine["bus_drop_duration"]
         return self.time < self._drop_until
 
-    def _advance(self, time: float) -> None:
+    def _advance(self, time: float, outside: Outside | None) -> None:
         """One body step and the hydraulic substeps that follow its motion."""
         first = self.body.joint_position
-        self.body.step(self.state["torque"])
+        if outside is None:
+            self.body.step(self.state["torque"])
+        else:
+            self.body.step(self.state["torque"] + outside.torque, outside.force)
         self._clock[0] = time
         hydraulics.advance(
             self._active.joint,
@@ -301,9 +309,19 @@ class Plant:
         control_period_s: float = 0.01,
         mode: str = "position",
         targets: str | None = None,
+        disturbances: Sequence[Disturbance] = (),
+        stop_at_fall: bool = True,
     ) -> PlantTrial:
         """Run a controller and record; see `hqpipe.plant.run.run_trial`."""
-        return run_trial(self, controller, duration, command, control_period_s, mode, targets)
+        return run_trial(
+            self, controller, duration, command, control_period_s, mode, targets, disturbances, stop_at_fall
+        )
+
+    @property
+    def heading(self) -> float:
+        """rad to the left of world x, of the trunk's forward axis over the ground."""
+        x, y, z, w = self.body.base_orientation
+        return float(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
     def has_fallen(self, illegal_contact: bool) -> bool:
         """Whether the trunk, a hip or a thigh touches the ground, or the base lies over."""

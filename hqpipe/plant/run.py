@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hqpipe.errors import UsageError, near_match
 from hqpipe.plant import firmware
+from hqpipe.plant.disturbance import Disturbance, Grip, Outside, acting
 from hqpipe.plant.trial import COMMANDS, TRUE_JOINT_SIGNALS, PlantTrial, Recorder, log_columns, truth_columns
 
 if TYPE_CHECKING:
@@ -26,8 +27,10 @@ def run_trial(
     control_period_s: float,
     mode: str,
     targets: str | None,
+    disturbances: Sequence[Disturbance] = (),
+    stop_at_fall: bool = True,
 ) -> PlantTrial:
-    """Record `duration` s from the plant's present state; a fall ends the trial.
+    """Record `duration` s from the plant's present state.
 
     Args:
         plant: reset, or wherever it stands.
@@ -39,12 +42,17 @@ def run_trial(
             `torque_pd`; or "valve".
         targets: what the controller returns: "position" (default in position and torque mode), "effort" or
             "valve".
+        disturbances: what acts from outside, timed from the start of the trial.
+        stop_at_fall: whether a fall ends the trial, or is recorded with what comes after it.
 
     Raises:
-        UsageError: unknown mode or targets, or a control period that is no multiple of 1 ms.
+        UsageError: unknown mode or targets, a control period that is no multiple of 1 ms, or a grip on joints that have
+            no commanded angle.
     """
     targets = targets or ("valve" if mode == "valve" else "position")
     hold = _check(mode, targets, control_period_s)
+    if targets != "position" and any(isinstance(each, Grip) for each in disturbances):
+        raise UsageError(f"disturbances: a grip needs joint angles as targets, got '{targets}'")
     robot, floating, length = plant.robot, plant.base == "floating", round(duration * RATE_HZ)
     with_position = targets == "position"
     recorder = Recorder(
@@ -63,12 +71,13 @@ def run_trial(
             target = robot.torque_pd.kp * (wanted - frame.q) - robot.torque_pd.kd * frame.qd
         force, illegal = plant.body.contacts()
         seen, truth = _seen(plant, frame, force, now, floating), _truth(plant)
-        plant.step(target, mode)
+        plant.step(target, mode, _outside(plant, disturbances, frame.time - start, wanted))
         sent = [plant.valve_command] + [wanted] * with_position + [target] * (mode == "torque")
         recorder.add([np.array([frame.time - start]), *sent, *seen], truth)
-        if floating and plant.has_fallen(illegal):
+        if floating and fall_time is None and plant.has_fallen(illegal):
             fall_time = frame.time - start
-            break
+            if stop_at_fall:
+                break
     return PlantTrial(
         *recorder.columns(), mode, plant.effort_source, plant.base, RATE_HZ, fall_time is not None, fall_time
     )
@@ -94,6 +103,13 @@ def _command_at(
         if name not in COMMANDS:
             raise UsageError(f"command: expected {', '.join(COMMANDS)}, got '{name}'{near_match(name, COMMANDS)}")
     return {name: float(given.get(name, 0.0)) for name in COMMANDS}
+
+
+def _outside(plant: Plant, disturbances: Sequence[Disturbance], time: float, wanted: np.ndarray) -> Outside | None:
+    """What acts at `time` s of the trial on joints that are wanted at `wanted` (J,) rad."""
+    if not disturbances:
+        return None
+    return acting(disturbances, time, wanted - plant.body.joint_position, plant.heading)
 
 
 def _truth(plant: Plant) -> list[np.ndarray]:

@@ -42,7 +42,7 @@ class PlantTrial:
         effort_source: "pressure" or "load_cell".
         base: "floating" or "fixed".
         rate_hz: of the columns.
-        fell: whether the run ended early because the robot fell.
+        fell: whether the robot fell, which ends the run unless it was told to go on.
         fall_time: s, None when it did not.
     """
 

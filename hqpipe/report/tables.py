@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.table import Table
+
+# Columns of the comparison: title, unit, logs, horizon, measure.
+_MEASURES = (
+    ("one step", "N·m", "held-out", "one_step", "rmse"),
+    ("free run", "N·m", "held-out", "free_run", "rmse"),
+    ("loaded", "N·m", "held-out", "free_run", "loaded_rmse"),
+    ("MAPE", "%", "held-out", "free_run", "loaded_mape"),
+    ("stress", "N·m", "stress", "free_run", "rmse"),
+)
 
 
 def coefficient_table(fit: Mapping[str, Any]) -> Table:
@@ -36,30 +46,59 @@ def _coefficient(c: Mapping[str, Any]) -> str:
     return text + (" [yellow]at bound[/yellow]" if c["at_bound"] else "")
 
 
-def comparison_table(rows: Sequence[Mapping[str, Any]]) -> Table:
-    """Models by held-out free-running error, all joints and trials pooled; the best first.
+def comparison_table(
+    rows: Sequence[Mapping[str, Any]],
+    fit_s: Mapping[str, float] | None = None,
+    step_us: Mapping[str, float] | None = None,
+) -> Table:
+    """One line per model, the smallest held-out free-running error first; the best of a column bold, red is worse than
+    persistence.
 
     Args:
         rows: `ScoreRow` as mappings; those of single joints or trials are left out.
+        fit_s, step_us: model → wall time of its fit, s, and of one step of all joints, µs; columns without any are left out.
     """
-    pooled = [row for row in rows if row["joint"] == row["trial"] == "all"]
-    table = _table("held-out torque error (N·m)")
+    pooled = {(row["logs"], row["model"]): row for row in rows if row["joint"] == row["trial"] == "all"}
+    columns = []
+    for title, unit, logs, horizon, measure in _MEASURES:
+        values = {name: row[horizon][measure] for (which, name), row in pooled.items() if which == logs}
+        columns.append((f"{title}\n{unit}", values))
+    columns += [("fit\ns", dict(fit_s or {})), ("step\nµs", dict(step_us or {}))]
+    columns = [(title, values) for title, values in columns if any(v is not None for v in values.values())]
+    table = _table("torque error on held-out trials")
     table.add_column("model")
-    for name in ("one step", "free run", "free run, loaded", "against persistence"):
-        table.add_column(name, justify="right")
-    for row in sorted(pooled, key=lambda r: r["free_run"]["rmse"]):
-        skill = row["free_run_skill"]
-        color = "red" if skill < 0 else "default"
-        table.add_row(
-            row["model"],
-            _number(row["one_step"]["rmse"]),
-            _number(row["free_run"]["rmse"]),
-            _number(row["free_run"]["loaded_rmse"]),
-            f"[{color}]{-round(100 * skill) or 0:+d}%[/{color}]" if row["model"] != "persistence" else "",
-        )
-    if pooled:
-        table.caption = f"noise floor of the torque {_number(pooled[0]['noise_floor'])} N·m"
+    for title, _ in columns:
+        table.add_column(title, justify="right")
+    order = sorted(
+        (row for (logs, _), row in pooled.items() if logs == "held-out"), key=lambda r: r["free_run"]["rmse"]
+    )
+    for name in (row["model"] for row in order):
+        table.add_row(name, *(_judged(name, values) for _, values in columns))
+    table.caption = _caption(rows, pooled)
     return table
+
+
+def _judged(name: str, values: Mapping[str, float | None]) -> str:
+    value = values.get(name)
+    text = _number(value)
+    if value is None:
+        return text
+    if value == min(v for v in values.values() if v is not None):
+        return f"[bold]{text}[/bold]"
+    reference = values.get("persistence")
+    return f"[red]{text}[/red]" if reference is not None and value > reference else text
+
+
+def _caption(rows: Sequence[Mapping[str, Any]], pooled: Mapping[tuple[str, str], Mapping[str, Any]]) -> str | None:
+    floors = {logs: row["noise_floor"] for (logs, _), row in pooled.items()}
+    if not floors:
+        return None
+    floor = f"noise floor {_number(floors['held-out'])} N·m"
+    if "stress" in floors:
+        floor += f", of the stress trials {_number(floors['stress'])}; nothing is fitted to those"
+    limits = {_number(row["loaded_threshold"]) for row in rows if row["loaded_threshold"] is not None}
+    what = f"{limits.pop()} N·m" if len(limits) == 1 else "a threshold of each joint"
+    return f"{floor}\nloaded, MAPE: free run where the torque exceeds {what}"
 
 
 def _table(title: str) -> Table:
@@ -70,4 +109,8 @@ def _table(title: str) -> Table:
 
 
 def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3g}" if abs(value) < 1000 else f"{value:,.0f}"
+    if value is None:
+        return "–"
+    if not isfinite(value):
+        return "diverged"
+    return f"{value:.3g}" if abs(value) < 1000 else f"{value:,.0f}" if abs(value) < 1e6 else f"{value:.1e}"

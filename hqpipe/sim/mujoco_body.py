@@ -183,11 +183,23 @@ class MujocoBody:
             height = self.robot.nominal_height + clearance + 0.5 * self.ground.roughness
             self._data.qpos[:3], self._data.qpos[3:7] = height * up, orientation
         mujoco.mj_forward(self._model, self._data)
+        self._placed = self._data.qpos[:7].copy()
         self._velocity_mark, self._time_mark = self.base_linear_velocity, 0.0
 
-    def step(self, torque: np.ndarray) -> None:
-        """Advance one timestep under joint torques (J,) N·m, held over the step."""
+    def hold_base(self) -> None:
+        """Put a floating base back where `reset` placed it, at rest: it hangs there until it is held no more."""
+        if self.floating:
+            self._data.qpos[:7], self._data.qvel[:6] = self._placed, 0.0
+
+    def step(self, torque: np.ndarray, push: np.ndarray | None = None) -> None:
+        """Advance one timestep.
+
+        Args:
+            torque: (J,) N·m on the joints, held over the step.
+            push: (3,) N on the base's centre of mass, world frame; None for none. A fixed base does not feel it.
+        """
         self._data.qfrc_applied[self._dof] = torque
+        self._data.xfrc_applied[self._base_id, :3] = 0.0 if push is None else push
         mujoco.mj_step(self._model, self._data)
 
     def imu_acceleration(self) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The comparison table: models beside what they must beat, on held-out trials."""
+"""The comparison table: models beside what they must beat, on held-out trials and on stress trials."""
 
 from __future__ import annotations
 
@@ -16,19 +16,22 @@ from hqpipe.sysid.noise import noise_floor
 
 PERSISTENCE = "persistence"
 ALL = "all"
+HELDOUT, STRESS = "held-out", "stress"
 
 
 @dataclass(frozen=True)
 class ScoreRow:
-    """Held-out errors of one model, for one joint or all, in one trial or all.
+    """Errors of one model that it was not fitted to, for one joint or all, in one trial or all.
 
     Attributes:
+        logs: "held-out", the held-out trials of the log set; or "stress", a log set that holds none to fit to.
         one_step: next sample from the logged torque. free_run: whole windows, restarted from the log.
         one_step_skill, free_run_skill: 1 − RMSE / RMSE of persistence; negative is worse than persistence.
         loaded_threshold: N·m, None for all joints together (each has its own).
         noise_floor: of the measured torque, N·m (RMS over the joints).
     """
 
+    logs: str
     model: str
     joint: str
     trial: str
@@ -42,8 +45,9 @@ class ScoreRow:
 
 @dataclass(frozen=True, eq=False)
 class _Bench:
-    """What every row needs: held-out torque, its scale per joint, and persistence to compare with."""
+    """What every row needs: the torque of some trials, its scale per joint, and persistence to compare with."""
 
+    logs: str
     trials: list[Trial]
     joints: tuple[str, ...]
     window_s: float
@@ -51,43 +55,54 @@ class _Bench:
     threshold: np.ndarray
     noise: np.ndarray
 
+    @classmethod
+    def of(cls, logs: str, trials: list[Trial], joints: tuple[str, ...], window_s: float) -> _Bench:
+        effort = np.concatenate([trial.trajectory.effort for trial in trials])
+        threshold = np.array([loaded_threshold(column) for column in effort.T])
+        noise = np.array([noise_floor(trials, joint).value for joint in joints])
+        return cls(logs, trials, joints, window_s, effort.std(axis=0), threshold, noise)
 
-def compare_models(log_set: LogSet, models: Mapping[str, Model], *, window_s: float = WINDOW_S) -> list[ScoreRow]:
-    """Score models on the held-out trials, one step ahead and free-running.
+
+def compare_models(
+    log_set: LogSet, models: Mapping[str, Model], *, window_s: float = WINDOW_S, stress: LogSet | None = None
+) -> list[ScoreRow]:
+    """Score models on the held-out trials, one step ahead and free-running, and then on stress trials.
 
     Always beside them: persistence, the mean torque, a stiff PD law with gains fitted to the fit trials where
     there is a position command, and the ideal torque actuator where there is a torque command.
 
     Args:
         log_set: with measured effort. models: name → model. window_s: of the free run, s.
+        stress: a log set of the same joints that nothing, the baselines included, is fitted to.
 
     Returns:
-        per model: all joints and trials, then every joint, then (with several trials) every trial.
+        per model: all joints and trials, then every joint, then (with several trials) every trial; the stress trials
+        after all models have been through the held-out ones.
 
     Raises:
         IdentificationError: nothing is held out, or effort is missing.
+        UsageError: a model bears the name of a baseline, or the stress trials have other joints.
     """
     trials = log_set.heldout
     if not trials:
         raise IdentificationError(f"{log_set.path}: no trial is held out; mark one with split: heldout in logset.yaml")
-    for trial in log_set.trials:
+    if stress is not None and stress.joints != log_set.joints:
+        raise UsageError(
+            f"{stress.path}: joints {', '.join(stress.joints)}, expected those of {log_set.path}: {', '.join(log_set.joints)}"
+        )
+    for trial in [*log_set.trials, *(stress.trials if stress else ())]:
         require_channels(trial.trajectory, ("effort",), "comparing models")
     baselines = _baselines(log_set)
     if taken := [name for name in models if name in baselines]:
         raise UsageError(f"a model cannot be called '{taken[0]}': that is a baseline of the table")
-    effort = np.concatenate([trial.trajectory.effort for trial in trials])
-    bench = _Bench(
-        trials=trials,
-        joints=log_set.joints,
-        window_s=window_s,
-        scale=effort.std(axis=0),
-        threshold=np.array([loaded_threshold(column) for column in effort.T]),
-        noise=np.array([noise_floor(trials, joint).value for joint in log_set.joints]),
-    )
-    reference = _errors(bench, Persistence())
+    benches = [_Bench.of(HELDOUT, trials, log_set.joints, window_s)]
+    if stress is not None:
+        benches.append(_Bench.of(STRESS, list(stress.trials), log_set.joints, window_s))
     rows = []
-    for name, model in {**models, **baselines}.items():
-        rows += _rows(bench, name, _errors(bench, model), reference)
+    for bench in benches:
+        reference = _errors(bench, Persistence())
+        for name, model in {**models, **baselines}.items():
+            rows += _rows(bench, name, _errors(bench, model), reference)
     return rows
 
 
@@ -106,7 +121,7 @@ _Errors = list[tuple[np.ndarray, np.ndarray]]
 
 
 def _errors(bench: _Bench, model: Model) -> _Errors:
-    """One-step and free-running residuals (T − 1, J) of every held-out trial."""
+    """One-step and free-running residuals (T − 1, J) of every trial."""
     found = []
     for trial in bench.trials:
         t = trial.trajectory
@@ -137,6 +152,7 @@ def _row(bench: _Bench, name: str, joint: str, file: str, errors: _Errors, refer
     mine, base = [stats(errors, kind) for kind in (0, 1)], [stats(reference, kind) for kind in (0, 1)]
     skill = [1.0 - m.rmse / b.rmse if b.rmse > 0 else 0.0 for m, b in zip(mine, base, strict=True)]
     return ScoreRow(
+        logs=bench.logs,
         model=name,
         joint=joint,
         trial=file,

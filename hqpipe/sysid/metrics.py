@@ -15,7 +15,7 @@ class ErrorStats:
     """Errors over some samples.
 
     Attributes:
-        rmse: N·m. nrmse: relative to the standard deviation of the measured torque of each joint.
+        rmse: N·m, inf where a model diverged. nrmse: relative to the standard deviation of the measured torque of each joint.
         loaded_rmse: N·m, and loaded_mape: %, where |τ| exceeds the joint's threshold; None if it never does.
         samples, loaded_samples: how many.
     """
@@ -45,6 +45,7 @@ def error_stats(residual: np.ndarray, effort: np.ndarray, scale: np.ndarray, thr
         scale: (J,) standard deviation of each joint's torque, N·m.
         threshold: (J,) N·m, see `loaded_threshold`.
     """
+    residual = np.where(np.isfinite(residual), residual, np.inf)  # what diverged is infinitely wrong, not undefined
     square = residual**2
     relative = square / np.where(scale > 0, scale, np.inf) ** 2
     loaded = np.abs(effort) > threshold

@@ -62,6 +62,15 @@ def test_model_beats_persistence_and_stiff_pd_on_held_out_trials(first_run):
     assert model > first_run["fit-actuator"]["noise_floor"]
 
 
+def test_model_holds_where_it_was_never_fitted(project, first_run):
+    stressed = first_run["fit-actuator"]["stress_rmse"]
+    assert stressed["per joint, free-running"]["free_run"] < 0.5 * stressed["persistence"]["free_run"]
+    assert stressed["per joint, free-running"]["free_run"] < stressed["stiff PD (fitted gains)"]["free_run"]
+    assert first_run["collect"]["stress"]["fall"]["fell"] and first_run["collect"]["stress"]["collapse"]["fell"]
+    outputs = json.loads((project / "artifacts/rollouts/manifest.json").read_text())["outputs"]
+    assert {"stress/logset.yaml", "stress/drop.parquet", "distribution.png"} <= set(outputs)
+
+
 def test_diagnosis_is_valid_and_complete(project, first_run):
     folder = project / "artifacts/diagnosis"
     content = read_diagnosis(folder / "diagnosis.json")

@@ -103,6 +103,26 @@ def test_manifest_never_builds_objects(logs):
         read_log_set(logs)
 
 
+@pytest.mark.parametrize("manifest", [None, YAML, YAML.replace("split: fit", "split: heldout")])
+def test_a_set_can_be_read_for_judging_alone(logs, manifest):
+    if manifest:
+        (logs / "logset.yaml").write_text(manifest)
+    log_set = read_log_set(logs, all_heldout=True)
+    assert sorted(trial.file for trial in log_set.heldout) == ["a.parquet", "b.parquet"]
+    assert log_set.fit == []
+
+
+@pytest.mark.parametrize("manifest", [None, YAML])
+def test_a_log_set_in_a_subfolder_is_another_one(logs, manifest):
+    if manifest:
+        (logs / "logset.yaml").write_text(manifest)
+    before = read_log_set(logs)
+    put(logs / "stress", "c.parquet", make_columns(seed=2))
+    after = read_log_set(logs)
+    assert after.header() == before.header()
+    assert [t.file for t in after.trials] == [t.file for t in before.trials]
+
+
 def test_joint_order_follows_the_first_trial(logs, columns):
     shuffled = {"time": columns["time"]} | dict(reversed(list(make_columns(seed=1).items())))
     put(logs, "b.parquet", shuffled)

@@ -12,6 +12,9 @@ import pytest
 
 from hqpipe.errors import UsageError
 from hqpipe.logs.trajectory import Trajectory
+from hqpipe.report.comparison_figures import comparison_bars, stress_chart
+from hqpipe.report.data_curve_figures import data_curve_chart
+from hqpipe.report.data_figures import Cloud, data_distribution
 from hqpipe.report.fit_figures import actuator_fit, typical_and_worst
 from hqpipe.report.training_figures import read_metrics, training_curves
 from hqpipe.report.walk_figures import forward_speed, walk_summary
@@ -37,7 +40,34 @@ def walk() -> Trajectory:
     return Trajectory(TIME, JOINTS, MEASURED, MEASURED, effort=MEASURED, extra=extra)
 
 
+def score_rows() -> list[dict]:
+    rows = []
+    for logs, trials, factor in (("held-out", ("a.parquet", "b.parquet"), 1.0), ("stress", ("drop.parquet",), 3.0)):
+        for model, size in (("mine", 10.0), ("wild", float("inf")), ("persistence", 50.0)):
+            stats = {"rmse": factor * size, "loaded_mape": None if model == "wild" else size}
+            head = {
+                "logs": logs,
+                "model": model,
+                "joint": "all",
+                "one_step": stats,
+                "free_run": stats,
+                "noise_floor": 1.0,
+            }
+            rows += [{**head, "trial": trial} for trial in ("all", *trials)]
+    return rows
+
+
+def clouds() -> dict[str, dict[str, Cloud]]:
+    narrow, wide = Cloud(0.001 * MEASURED[:, 0], MEASURED[:, 0]), Cloud(0.002 * MEASURED[:, 1], -2.0 * MEASURED[:, 2])
+    return {kind: {"walking": narrow, "stress": wide} for kind in ("hip roll", "knee")}
+
+
+CURVES = {"mine": [(1.0, 50.0), (10.0, 20.0)], "net": [(1.0, None), (10.0, 30.0)]}
 DRAWINGS = {
+    "bars": lambda path: comparison_bars(score_rows(), ["persistence"], path),
+    "stress": lambda path: stress_chart(score_rows(), path),
+    "distribution": lambda path: data_distribution(clouds(), path),
+    "curve": lambda path: data_curve_chart(CURVES, 60.0, 1.0, path),
     "fit": lambda path: actuator_fit(TIME, MEASURED, MEASURED, PREDICTED, JOINTS, path),
     "training": lambda path: training_curves({"run": metrics_csv(path.parent)}, path),
     "walk": lambda path: walk_summary(walk(), path, effort_limit=np.full(3, 150.0)),
@@ -77,7 +107,19 @@ def test_forward_speed_follows_the_heading():
     assert forward_speed(Trajectory(TIME, JOINTS, MEASURED, MEASURED, extra=extra)) == pytest.approx(0.7)
 
 
+def test_share_against_the_command_counts_loaded_samples_only():
+    cloud = Cloud(np.array([0.1, -0.1, 0.1, 0.1]), np.array([100.0, 100.0, -60.0, -1.0]))
+    assert cloud.against == pytest.approx(2 / 3)
+    assert Cloud(np.ones(3), np.ones(3)).against == 0.0
+
+
 def test_nothing_to_draw_is_said(tmp_path):
+    with pytest.raises(UsageError, match="no row over all held-out trials"):
+        comparison_bars([], [], tmp_path / "a.png")
+    with pytest.raises(UsageError, match="no row of stress trials"):
+        stress_chart([row for row in score_rows() if row["logs"] == "held-out"], tmp_path / "a.png")
+    with pytest.raises(UsageError, match="no model could be fitted"):
+        data_curve_chart({"net": [(1.0, None)]}, 60.0, 1.0, tmp_path / "a.png")
     with pytest.raises(UsageError, match="nothing to draw"):
         walk_summary(Trajectory(TIME, JOINTS, MEASURED, MEASURED), tmp_path / "a.png")
     (tmp_path / "m.csv").write_text("step,loss\n1,2\n", encoding="utf-8")

@@ -16,22 +16,55 @@ def text_of(table) -> str:
     return console.file.getvalue()
 
 
-def test_comparison_is_sorted_and_marks_what_persistence_beats():
-    def row(model, rmse, skill, joint="all"):
-        stats = {"rmse": rmse, "loaded_rmse": None}
-        return {
-            "model": model,
-            "joint": joint,
-            "trial": "all",
-            "one_step": stats,
-            "free_run": stats,
-            "free_run_skill": skill,
-            "noise_floor": 2.0,
-        }
+def score_row(model, rmse, joint="all", logs="held-out"):
+    stats = {"rmse": rmse, "loaded_rmse": 2 * rmse, "loaded_mape": None}
+    return {
+        "logs": logs,
+        "model": model,
+        "joint": joint,
+        "trial": "all",
+        "one_step": stats,
+        "free_run": stats,
+        "noise_floor": 2.0,
+        "loaded_threshold": None if joint == "all" else 50.0,
+    }
 
-    text = text_of(comparison_table([row("bad", 120.0, -0.2), row("good", 7.0, 0.93), row("bad", 1.0, 0.9, "LFR")]))
-    assert text.index("good") < text.index("bad")
-    assert "+20%" in text and "-93%" in text and text.count("bad") == 1
+
+ROWS = [
+    score_row("bad", 120.0),
+    score_row("good", 7.0),
+    score_row("persistence", 80.0),
+    score_row("bad", 1.0, "LFR"),
+    *(score_row(model, rmse, logs="stress") for model, rmse in (("bad", 900.0), ("good", float("inf")))),
+]
+
+
+def test_comparison_has_one_line_per_model_the_best_first():
+    text = text_of(comparison_table(ROWS, {"good": 1.25}, {"good": 3.5}))
+    assert text.index("good") < text.index("persistence") < text.index("bad")
+    assert text.count("bad") == text.count("good") == 1
+    assert "noise floor 2 N·m" in text and "exceeds 50 N·m" in text
+    good = next(line for line in text.splitlines() if "good" in line)
+    assert good.split() == ["good", "7", "7", "14", "diverged", "1.25", "3.5"]
+    assert "%" not in text, "a column that no row fills is left out"
+
+
+def test_comparison_fits_100_columns():
+    names = ["per joint, free-running", "stiff PD (fitted gains)"]
+    rows = [score_row(name, 123.4, logs=logs) for name in names for logs in ("held-out", "stress")]
+    for row in rows:
+        row["free_run"] = row["free_run"] | {"loaded_mape": 99.9}
+    console = Console(file=io.StringIO(), width=100)
+    console.print(comparison_table(rows, dict.fromkeys(names, 100.0), dict.fromkeys(names, 100.0)))
+    lines = console.file.getvalue().splitlines()
+    assert all(sum(name in line for line in lines) == 1 for name in names), "no name is cut or wrapped"
+    assert "…" not in console.file.getvalue()
+
+
+def test_the_best_is_bold_and_what_persistence_beats_is_red():
+    columns = {c.header: list(c.cells) for c in comparison_table(ROWS).columns}
+    assert columns["free run\nN·m"] == ["[bold]7[/bold]", "80", "[red]120[/red]"]
+    assert columns["stress\nN·m"] == ["diverged", "–", "[bold]900[/bold]"]
 
 
 @pytest.mark.parametrize(

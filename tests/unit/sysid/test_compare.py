@@ -13,6 +13,7 @@ from hqpipe.errors import IdentificationError, UsageError
 from hqpipe.sysid.compare import compare_models
 from hqpipe.sysid.metrics import error_stats, loaded_threshold
 from hqpipe.sysid.noise import difference_noise, innovation_noise
+from hqpipe.sysid.score_files import long_rows, score_tree
 
 
 class Shifted:
@@ -89,6 +90,55 @@ def test_skill_is_relative_to_persistence(logs):
     by_hand = logs.trials[1].trajectory.effort, logs.trials[2].trajectory.effort
     steps = np.concatenate([np.diff(effort, axis=0) for effort in by_hand])
     assert pooled["persistence"].one_step.rmse == pytest.approx(np.sqrt(np.mean(steps**2)))
+
+
+def test_stress_trials_are_judged_and_nothing_is_fitted_to_them(logs):
+    stress = log_set(*(trajectory(seed=s, effort=9.0 * trajectory(seed=s).effort) for s in (3, 4)))
+    alone = compare_models(logs, {"m": Shifted(3.0, 4.0)})
+    rows = compare_models(logs, {"m": Shifted(3.0, 4.0)}, stress=stress)
+    assert rows[: len(alone)] == alone, "held-out rows stay as they are, and come first"
+    beyond = {(r.model, r.joint, r.trial): r for r in rows[len(alone) :]}
+    assert {row.logs for row in beyond.values()} == {"stress"}
+    assert {trial for _, _, trial in beyond} == {"all", "t0.parquet", "t1.parquet"}, "whatever their split"
+    assert beyond["m", "hip", "all"].free_run.rmse == pytest.approx(6.0)
+    efforts = np.concatenate([trial.trajectory.effort[1:] for trial in stress.trials])
+    mean = logs.trials[0].trajectory.effort.mean(axis=0)
+    expected = np.sqrt(np.mean((efforts - mean) ** 2))
+    assert beyond["mean torque", "all", "all"].free_run.rmse == pytest.approx(expected)
+
+
+def test_stress_trials_of_other_joints_are_refused(logs):
+    with pytest.raises(UsageError, match="joints hip, ankle, expected those of"):
+        compare_models(logs, {}, stress=log_set(trajectory(joints=("hip", "ankle"))))
+
+
+@pytest.mark.parametrize("value", [np.inf, np.nan])
+def test_a_model_that_diverges_is_infinitely_wrong(logs, value):
+    row = compare_models(logs, {"m": Shifted(value, 0.0)})[0]
+    assert row.free_run.rmse == row.one_step.loaded_mape == np.inf
+    assert row.free_run_skill == -np.inf
+    tree = score_tree([row], 0.1)
+    assert tree["logs"]["held-out"]["models"]["m"]["all"]["free_run"]["rmse"] is None
+    json.dumps(tree, allow_nan=False)
+
+
+def test_long_rows_hold_every_number_once(logs):
+    rows = compare_models(logs, {"m": Shifted(3.0, 4.0)}, stress=log_set(trajectory(seed=3)))
+    long = long_rows(rows)
+    keys = [tuple(v for k, v in row.items() if k not in ("unit", "value")) for row in long]
+    assert len(set(keys)) == len(keys)
+    values = dict(zip(keys, (row["value"] for row in long), strict=True))
+    assert values["held-out", "all", "hip", "m", "free_run", "rmse"] == pytest.approx(6.0)
+    assert values["stress", "all", "knee", "m", "one_step", "rmse"] == pytest.approx(4.0)
+    assert values["held-out", "t1.parquet", "all", "noise floor", "any", "rmse"] == rows[0].noise_floor
+    assert {row["unit"] for row in long if row["measure"] == "loaded_mape"} == {"%"}
+
+
+def test_tree_keeps_trials_and_joints_apart(logs):
+    tree = score_tree(compare_models(logs, {"m": Shifted(3.0, 4.0)}), 0.1)["logs"]["held-out"]
+    assert set(tree["models"]["m"]["joints"]) == {"hip", "knee"}
+    assert set(tree["models"]["m"]["trials"]) == {"t1.parquet", "t2.parquet"}
+    assert set(tree["noise_floor"]) == {"all", "joints", "trials"}
 
 
 def test_torque_command_brings_the_ideal_actuator():

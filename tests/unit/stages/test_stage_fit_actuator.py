@@ -1,0 +1,123 @@
+"""fit-actuator on two joints that obey the paper's model: what it writes, with and without stress trials."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hqpipe.logs.writer import LogSetWriter
+from hqpipe.pipeline.hashing import hash_files, tree_hash
+from hqpipe.robots import robot_folder
+from hqpipe.stages.fit_actuator import Params, run
+
+JOINTS = ("hip", "knee")
+K1, K2, K3 = 400.0, 0.04, 8.0
+
+
+def columns(samples: int, seed: int, size: float = 0.3) -> dict[str, np.ndarray]:
+    """A trial whose torque follows eq. (7) with k4 = 0, plus noise of 1 N·m."""
+    rng, time = np.random.default_rng(seed), np.arange(samples) * 1e-3
+    found = {"time": time}
+    for joint in JOINTS:
+        rate, phase = rng.uniform(10.0, 30.0), rng.uniform(0.0, 6.0)
+        position, velocity = size * np.sin(rate * time), size * rate * np.cos(rate * time)
+        command = size * np.sin(rate * time + 0.3) + 0.05 * np.sin(70.0 * time + phase)
+        torque = np.zeros(samples)
+        for k in range(samples - 1):
+            torque[k + 1] = K1 * (command[k] - position[k]) + (1.0 - K2) * torque[k] - K3 * velocity[k]
+        signals = {"position": position, "velocity": velocity, "position_command": command}
+        signals["effort"] = torque + rng.normal(size=samples)
+        found |= {f"joint/{joint}/{name}": values for name, values in signals.items()}
+    return found
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("logs")
+    with LogSetWriter(folder) as writer:
+        writer.add("a.parquet", columns(3001, 1))
+        writer.add("b.parquet", columns(1501, 2), split="heldout")
+    with LogSetWriter(folder / "stress") as writer:
+        writer.add("drop.parquet", columns(1001, 3, size=0.6), split="heldout")
+    return folder
+
+
+def fitted(logs: Path, project: Path, **params) -> tuple[Path, dict]:
+    output = project / "artifacts" / "store" / "made"
+    output.mkdir(parents=True)
+    context = SimpleNamespace(
+        params=Params(**params),
+        inputs={"logs": logs},
+        output=output,
+        robot=robot_folder("hydraulic_quadruped"),
+        progress=lambda done, total, note: None,
+    )
+    return output, run(context)
+
+
+@pytest.fixture(scope="module")
+def made(logs, tmp_path_factory) -> tuple[Path, dict]:
+    return fitted(logs, tmp_path_factory.mktemp("project"), data_seconds=[1.0, 2.0, 60.0])
+
+
+def test_every_claim_has_its_numbers_and_its_figure(made):
+    output, metrics = made
+    for name in ("comparison.png", "stress.png", "data_curve.png", "fit.png"):
+        assert (output / name).stat().st_size > 5000
+    assert metrics["held_out_rmse"]["per joint, free-running"]["free_run"] < 3.0
+    assert metrics["stress_rmse"]["per joint, free-running"]["free_run"] < 3.0
+    assert metrics["stress_rmse"]["persistence"]["free_run"] > metrics["held_out_rmse"]["persistence"]["free_run"]
+    json.dumps(metrics, allow_nan=False)
+
+
+def test_csv_and_json_agree_with_the_metrics(made):
+    output, metrics = made
+    with (output / "comparison.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    expected = metrics["stress_rmse"]["mean torque"]["one_step"]
+    wanted = {"logs": "stress", "trial": "all", "joint": "all", "model": "mean torque", "horizon": "one_step"}
+    (row,) = [r for r in rows if wanted.items() <= r.items() and r["measure"] == "rmse"]
+    assert float(row["value"]) == expected
+    tree = json.loads((output / "comparison.json").read_text(encoding="utf-8"))
+    assert tree["logs"]["stress"]["models"]["mean torque"]["all"]["one_step"]["rmse"] == expected
+
+
+def test_curve_ends_with_all_the_data(made):
+    output, metrics = made
+    points = json.loads((output / "data_curve.json").read_text(encoding="utf-8"))["points"]
+    mine = [p for p in points if p["model"] == "per joint, free-running"]
+    assert [round(p["seconds"], 3) for p in mine] == [1.0, 2.0, 3.0]
+    assert mine[-1]["free_run"] == metrics["held_out_rmse"]["per joint, free-running"]["free_run"]
+
+
+def test_times_are_told_and_are_in_no_file(made, logs, tmp_path):
+    output, metrics = made
+    assert metrics["fit_s"].keys() == {"per joint, free-running", "shared, free-running"}
+    assert metrics["step_us"].keys() == {
+        f"{s}, {k}" for s in ("per joint", "shared") for k in ("free-running", "one-step")
+    }
+    again, _ = fitted(logs, tmp_path, data_seconds=[1.0, 2.0, 60.0])
+    assert hash_files(again) == hash_files(output)
+
+
+def test_logs_without_stress_trials_do(logs, tmp_path):
+    plain = tmp_path / "plain"
+    shutil.copytree(logs, plain, ignore=shutil.ignore_patterns("stress"))
+    output, metrics = fitted(plain, tmp_path)
+    assert metrics["stress_rmse"] == {}
+    assert (output / "comparison.png").is_file()
+    assert not (output / "stress.png").exists() and not (output / "data_curve.json").exists()
+
+
+def test_stress_trials_change_no_coefficient_and_count_in_the_hash(made, logs, tmp_path):
+    plain = tmp_path / "plain"
+    shutil.copytree(logs, plain, ignore=shutil.ignore_patterns("stress"))
+    output, _ = fitted(plain, tmp_path)
+    assert (output / "actuator.json").read_bytes() == (made[0] / "actuator.json").read_bytes()
+    assert tree_hash(plain) != tree_hash(logs)
