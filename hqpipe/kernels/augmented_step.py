@@ -71,7 +71,7 @@ def _past(memory: np.ndarray, now: int, lag: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _wake(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: float, qd: float, demand: float) -> None:
+def wake(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: float, qd: float, demand: float) -> None:
     """States at the first sample, as if the joint had been held there."""
     half = 0.5 * p[GAP] * p[K3] / p[DT]
     lost = friction(p, torque, qd, 0.0, 0.0)
@@ -96,7 +96,7 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     now = int(memory[SAMPLES])
     memory[RING + now % RING_LENGTH] = q_des
     if now == 0:
-        _wake(p, memory, torque, q_des, q, qd, demand)
+        wake(p, memory, torque, q_des, q, qd, demand)
     dt = p[DT]
     error = _past(memory, now, p[DELAY] / dt) - q + p[BIAS]
     driven = error + memory[INTEGRAL]

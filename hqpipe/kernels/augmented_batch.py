@@ -1,0 +1,319 @@
+"""Many robots with effects at once: the chain of `hqpipe.kernels.augmented_step`, one plain loop per link.
+
+The joints of all robots lie end to end. A block of them goes through the links one after the other, so that the compiler
+works on several joints per instruction; a link that no joint has is left out. What a row of parameters gives once and for
+all (shares of a sample, factors, sums) is computed beforehand by `prepare`.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numba import njit
+
+from hqpipe.effects.backlash import transmitted
+from hqpipe.effects.coulomb_friction import coulomb, direction, kept_after, stuck
+from hqpipe.effects.integral_action import integrate
+from hqpipe.effects.load_dependent_friction import load_friction
+from hqpipe.effects.orifice_flow import orifice
+from hqpipe.effects.position_dependent_stiffness import fed, stiffness, uneven
+from hqpipe.effects.stribeck_friction import sticking
+from hqpipe.effects.supply_droop import sag
+from hqpipe.effects.transmission_compliance import softened
+from hqpipe.effects.valve_deadband import deadband
+from hqpipe.effects.valve_lag import follow, lag_share, mean_share
+from hqpipe.effects.viscous_friction import viscous
+from hqpipe.kernels.augmented_columns import (
+    ASYMMETRY,
+    BAND,
+    BIAS,
+    COMPLIANCE,
+    COULOMB,
+    COULOMB_ASYMMETRY,
+    DELAY,
+    DRIFT,
+    DROOP,
+    DT,
+    EXPONENT,
+    GAP,
+    K1,
+    K2,
+    K3,
+    K4,
+    KI,
+    LAG,
+    LIMIT,
+    LOAD,
+    MIDDLE,
+    ORIFICE,
+    PER_OPENING,
+    PER_SPEED,
+    PRESLIDING,
+    RECOVERY,
+    ROUNDING,
+    SATURATION,
+    SLOPE,
+    STATIC,
+    STRIBECK,
+    UNEVEN,
+    VISCOUS,
+    WINDUP,
+)
+from hqpipe.kernels.augmented_step import (
+    INTEGRAL,
+    LOSS,
+    RING,
+    RING_LENGTH,
+    SAMPLES,
+    SPOOL,
+    TURNED,
+    WOUND,
+    wake,
+)
+from hqpipe.kernels.laws import clip, impact
+
+BLOCK: Final = 192  # elements: the columns in use of a block, some 30 kB, stay in the first-level cache
+
+# links that can be left out
+(
+    DELAYED,
+    BIASED,
+    INTEGRATED,
+    LAGGED,
+    DEAD,
+    SATURATED,
+    ONE_SIDED,
+    DRIFTING,
+    SAGGING,
+    FLOWING,
+    STIFFENED,
+    SLACK,
+    RUBBING,
+) = range(13)
+LINKS: Final = 13
+# columns that follow from a row of parameters
+(WHOLE, PART, SHARE, MEAN, TOP, LEAN, PER_S, RECOVERED, HALF, SOFT) = range(10)
+DERIVED: Final = 10
+
+
+def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What the compiled loops need of a table, repeated for as many robots as a block holds.
+
+    Args:
+        parameters: (J, WIDTH).
+
+    Returns:
+        (WIDTH, B) parameters, (DERIVED, B) what follows from them, (LINKS,) bool links that some joint has.
+    """
+    p = parameters.T
+    lag = np.clip(p[DELAY] / p[DT], 0.0, RING_LENGTH - 2.0)
+    derived = np.empty((DERIVED, len(parameters)))
+    derived[WHOLE], derived[PART] = np.floor(lag), lag - np.floor(lag)
+    for j, row in enumerate(parameters):
+        derived[SHARE, j], derived[MEAN, j] = lag_share(row[LAG], row[DT]), mean_share(row[LAG], row[DT])
+        derived[RECOVERED, j] = lag_share(row[RECOVERY], row[DT])
+        derived[LEAN, j] = row[ASYMMETRY] + uneven(row[SLOPE], row[UNEVEN])
+        derived[SOFT, j] = softened(row[K3], row[COMPLIANCE], row[DT])
+    derived[TOP] = 1.0 / np.maximum(p[SATURATION], 1e-300)
+    derived[PER_S] = p[DRIFT] * p[DT]
+    derived[HALF] = 0.5 * p[GAP] * p[K3] / p[DT]
+    links = np.zeros(LINKS, dtype=np.bool_)
+    signs = {
+        DELAYED: (DELAY,),
+        BIASED: (BIAS,),
+        INTEGRATED: (KI,),
+        LAGGED: (LAG,),
+        DEAD: (BAND,),
+        SATURATED: (SATURATION,),
+        ONE_SIDED: (ASYMMETRY, UNEVEN),
+        DRIFTING: (DRIFT,),
+        SAGGING: (DROOP,),
+        FLOWING: (ORIFICE, DROOP),
+        STIFFENED: (SLOPE,),
+        SLACK: (GAP,),
+        RUBBING: (COULOMB, STATIC, LOAD, VISCOUS),
+    }
+    for link, columns in signs.items():
+        links[link] = np.any(p[list(columns)] != 0.0)
+    robots = max(1, BLOCK // len(parameters))
+    return np.tile(p, robots), np.tile(derived, robots), links
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _command(p, d, links, m, q_des, q, u, start, size):
+    """Error, integrator, spool and what shapes the opening, into `u` (B,)."""
+    if links[DELAYED]:
+        for i in range(size):
+            k = start + i
+            slot = int(m[SAMPLES, k]) % RING_LENGTH
+            m[RING + slot, k] = q_des[k]
+            newer = slot - int(d[WHOLE, i])
+            newer = newer + RING_LENGTH if newer < 0 else newer
+            older = newer - 1 if newer > 0 else RING_LENGTH - 1
+            u[i] = m[RING + newer, k] + d[PART, i] * (m[RING + older, k] - m[RING + newer, k]) - q[k]
+    else:
+        for i in range(size):
+            u[i] = q_des[start + i] - q[start + i]
+    if links[BIASED]:
+        for i in range(size):
+            u[i] += p[BIAS, i]
+    if links[INTEGRATED]:
+        for i in range(size):
+            error, held = u[i], m[INTEGRAL, start + i]
+            u[i] = error + held
+            m[INTEGRAL, start + i] = integrate(held, error, p[KI, i], p[WINDUP, i], p[DT, i])
+    if links[LAGGED]:
+        for i in range(size):
+            driven, spool = u[i], m[SPOOL, start + i]
+            u[i] = follow(spool, driven, d[MEAN, i])
+            m[SPOOL, start + i] = follow(spool, driven, d[SHARE, i])
+    if links[DEAD]:
+        for i in range(size):
+            u[i] = deadband(u[i], p[BAND, i], p[ROUNDING, i])
+    if links[SATURATED]:
+        for i in range(size):
+            u[i] = clip(u[i], d[TOP, i])
+    if links[ONE_SIDED]:
+        for i in range(size):
+            u[i] += d[LEAN, i] * abs(u[i])
+    if links[DRIFTING]:
+        for i in range(size):
+            u[i] *= max(1.0 + d[PER_S, i] * m[SAMPLES, start + i], 0.0)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _supply(p, d, m, q_des, q, qd, joints, start, size):
+    """Sagging of the supply under the flow of each robot's joints."""
+    for first in range(0, size, joints):
+        demand = 0.0
+        for i in range(first, first + joints):
+            k = start + i
+            demand += p[PER_SPEED, i] * abs(qd[k]) + p[PER_OPENING, i] * abs(q_des[k] - q[k])
+        for i in range(first, first + joints):
+            m[LOSS, start + i] = sag(m[LOSS, start + i], demand, p[DROOP, i], d[RECOVERED, i])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _friction(p, i, inner, speed, turned, slow):
+    """`hqpipe.kernels.augmented_output.friction` of column i."""
+    lost = coulomb(turned, p[COULOMB, i], p[COULOMB_ASYMMETRY, i]) + viscous(speed, p[VISCOUS, i])
+    return lost + p[STATIC, i] * turned * slow + load_friction(turned, inner, p[LOAD, i])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _rubbed(p, d, m, qd, lost, slow, start, size):
+    """Share of sticking and friction torque before the sample, N·m, into `slow` and `lost` (B,)."""
+    for i in range(size):
+        k = start + i
+        slow[i] = sticking(qd[k], p[STRIBECK, i], p[EXPONENT, i]) if p[STATIC, i] != 0.0 else 0.0
+        lost[i] = _friction(p, i, transmitted(m[WOUND, k], d[HALF, i]), qd[k], m[TURNED, k], slow[i])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _core(p, d, links, m, q, qd, u, lost, change, start, size):
+    """Change of the wound-up torque over the sample, N·m, into `change` (B,)."""
+    if links[SLACK]:
+        for i in range(size):
+            change[i] = transmitted(m[WOUND, start + i] - lost[i], d[HALF, i]) + lost[i]
+    else:
+        for i in range(size):
+            change[i] = m[WOUND, start + i]
+    if links[FLOWING]:
+        for i in range(size):
+            effort, loss = change[i], m[LOSS, start + i]
+            passed = orifice(u[i], effort, p[ORIFICE, i], loss) * fed(u[i], p[SLOPE, i], loss)
+            change[i] = p[K1, i] * u[i] * passed - p[K2, i] * effort + p[K4, i] * impact(effort, u[i])
+    else:
+        for i in range(size):
+            effort = change[i]
+            change[i] = p[K1, i] * u[i] - p[K2, i] * effort + p[K4, i] * impact(effort, u[i])
+    for i in range(size):
+        change[i] = d[SOFT, i] * (change[i] - p[K3, i] * qd[start + i])
+    if links[STIFFENED]:
+        for i in range(size):
+            change[i] *= stiffness(p[SLOPE, i], q[start + i] - p[MIDDLE, i])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _turned(p, d, m, qd, lost, slow, before, start, size):
+    """Direction of the friction and its torque after the sample; `before` (B,) is the wound-up torque before it."""
+    for i in range(size):
+        k = start + i
+        inner, following, turned = (
+            transmitted(before[i], d[HALF, i]),
+            transmitted(m[WOUND, k], d[HALF, i]),
+            m[TURNED, k],
+        )
+        most = p[COULOMB, i] + p[STATIC, i] + p[LOAD, i] * abs(following)
+        if most > 0.0:
+            kept = kept_after(qd[k] * p[DT, i], p[PRESLIDING, i])
+            turned = direction(stuck(turned, (following - inner) / most), qd[k], kept)
+            m[TURNED, k] = turned
+        lost[i] = _friction(p, i, following, qd[k], turned, slow[i])
+
+
+@njit(cache=True, nogil=True)
+def augmented_batch(
+    p: np.ndarray,
+    d: np.ndarray,
+    links: np.ndarray,
+    tau: np.ndarray,
+    m: np.ndarray,
+    q_des: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    joints: int,
+) -> None:
+    """Advance robots by one sample, in place.
+
+    Args:
+        p, d, links: of `prepare`.
+        tau: (n,) torque of the joints of all robots end to end, overwritten, N·m.
+        m: (MEMORY, n) as in `augmented_row`, all zero for a robot before its first sample.
+        q_des, q, qd: (n,) rad, rad, rad/s.
+        joints: J of a robot.
+    """
+    block = p.shape[1]
+    u, lost, slow, change, before = np.empty(block), np.zeros(block), np.zeros(block), np.empty(block), np.empty(block)
+    for start in range(0, tau.shape[0], block):
+        size = min(block, tau.shape[0] - start)
+        _wake_block(p, links, m, tau, q_des, q, qd, joints, start, size)
+        _command(p, d, links, m, q_des, q, u, start, size)
+        if links[SAGGING]:
+            _supply(p, d, m, q_des, q, qd, joints, start, size)
+        if links[RUBBING]:
+            _rubbed(p, d, m, qd, lost, slow, start, size)
+        _core(p, d, links, m, q, qd, u, lost, change, start, size)
+        for i in range(size):
+            before[i] = m[WOUND, start + i]
+        for i in range(size):
+            m[WOUND, start + i] = clip(before[i] + change[i], p[LIMIT, i])
+        if links[RUBBING]:
+            _turned(p, d, m, qd, lost, slow, before, start, size)
+        for i in range(size):
+            m[SAMPLES, start + i] += 1.0
+        for i in range(size):
+            tau[start + i] = clip(transmitted(m[WOUND, start + i] - lost[i], d[HALF, i]), p[LIMIT, i])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _wake_block(p, links, m, tau, q_des, q, qd, joints, start, size):
+    """Memory of joints that have just been reset, as if each had been held where it is."""
+    asleep = False
+    for i in range(size):
+        asleep |= m[SAMPLES, start + i] == 0.0
+    if not asleep:
+        return
+    for first in range(0, size, joints):
+        demand = 0.0
+        for i in range(first, first + joints):
+            k = start + i
+            demand += p[PER_SPEED, i] * abs(qd[k]) + p[PER_OPENING, i] * abs(q_des[k] - q[k])
+        for i in range(first, first + joints):
+            k = start + i
+            if m[SAMPLES, k] == 0.0:
+                row = m[:, k].copy()
+                wake(p[:, i].copy(), row, tau[k], q_des[k], q[k], qd[k], demand)
+                row[RING:] = q_des[k]
+                m[:, k] = row
