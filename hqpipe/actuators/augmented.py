@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
-from hqpipe.actuators.base import ActuatorModel, ParameterField
+from hqpipe.actuators.base import ActuatorModel, ParameterField, end_to_end
 from hqpipe.effects import EFFECTS
 from hqpipe.effects.layout import FIELDS, neutral_row
 from hqpipe.kernels.actuator_step import AUGMENTED
+from hqpipe.kernels.augmented_batch import augmented_batch, prepare
 from hqpipe.kernels.augmented_step import MEMORY
 
 _UNITS = {"k1": "N·m/rad", "k2": "1", "k3": "N·m·s/rad", "k4": "1/rad", "neutral": "rad"}
@@ -69,3 +71,20 @@ class Augmented(ActuatorModel):
                 active = np.any(self.parameters[:, columns] != neutral[columns], axis=1)
                 found[name] = tuple(joint for joint, on in zip(self.joints, active, strict=True) if on)
         return {name: joints for name, joints in found.items() if joints}
+
+    def fresh_memory(self, count: int) -> np.ndarray:
+        """As that of every model; each of the M numbers lies side by side for all joints, as the fast way needs it."""
+        return np.zeros((MEMORY, count, len(self.joints))).transpose(1, 2, 0)
+
+    @cached_property
+    def _prepared(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return prepare(self.parameters)
+
+    def _advance(self, tau: np.ndarray, memory: np.ndarray, q_des: np.ndarray, q: np.ndarray, qd: np.ndarray) -> None:
+        planes = memory.transpose(2, 0, 1)
+        flat = end_to_end(tau, q_des, q, qd)
+        if flat and planes.flags.c_contiguous:
+            first, *others = flat
+            augmented_batch(*self._prepared, first, planes.reshape(MEMORY, -1), *others, len(self.joints))
+        else:
+            super()._advance(tau, memory, q_des, q, qd)

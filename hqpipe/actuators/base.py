@@ -178,6 +178,10 @@ class ActuatorModel:
             dt: s.
         """
         self.check_dt(dt)
+        self._advance(tau, memory, q_des, q, qd)
+
+    def _advance(self, tau: np.ndarray, memory: np.ndarray, q_des: np.ndarray, q: np.ndarray, qd: np.ndarray) -> None:
+        """`step` robot by robot; a model whose laws fit into vector instructions has a faster way."""
         step_batch(self.KIND, self.parameters, self.weights, tau, memory, q_des, q, qd)
 
     def to_dict(self) -> dict[str, Any]:
@@ -202,3 +206,10 @@ class ActuatorModel:
             name: [np.inf if v is None else v for v in entry["values"]] for name, entry in raw["parameters"].items()
         }
         return cls.build(raw["joints"], dt=raw["dt"], scope=raw["scope"], **columns)
+
+
+def end_to_end(*arrays: np.ndarray) -> list[np.ndarray]:
+    """Views of (N, J) arrays as (N · J,); none where they do not lie in memory like that."""
+    if all(a.flags.c_contiguous and a.dtype == np.float64 for a in arrays):
+        return [a.reshape(-1) for a in arrays]
+    return []

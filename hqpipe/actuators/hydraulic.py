@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from hqpipe.actuators.base import ActuatorModel, ParameterField
+from functools import cached_property
+
+import numpy as np
+
+from hqpipe.actuators.base import ActuatorModel, ParameterField, end_to_end
 from hqpipe.kernels.actuator_step import HYDRAULIC
+from hqpipe.kernels.batch_step import hydraulic_batch, hydraulic_columns
 
 
 class Hydraulic(ActuatorModel):
@@ -27,3 +32,13 @@ class Hydraulic(ActuatorModel):
         "sprocket_radius": ParameterField("m", lower=1e-6),
         "effort_limit": ParameterField("N·m", lower=1e-9, may_be_infinite=True),
     }
+
+    @cached_property
+    def _columns(self) -> np.ndarray:
+        return hydraulic_columns(self.parameters)
+
+    def _advance(self, tau: np.ndarray, memory: np.ndarray, q_des: np.ndarray, q: np.ndarray, qd: np.ndarray) -> None:
+        if flat := end_to_end(tau, q_des, q, qd):
+            hydraulic_batch(self._columns, *flat)
+        else:
+            super()._advance(tau, memory, q_des, q, qd)

@@ -73,10 +73,11 @@ from hqpipe.kernels.augmented_step import (
 )
 from hqpipe.kernels.laws import clip, impact
 
-BLOCK: Final = 192  # elements: the columns in use of a block, some 30 kB, stay in the first-level cache
+BLOCK: Final = 384  # elements: the columns in use of a block stay in the cache
 
-# links that can be left out
+# links that can be left out, and whether all joints are late by as many whole samples
 (
+    ALIKE,
     DELAYED,
     BIASED,
     INTEGRATED,
@@ -90,8 +91,8 @@ BLOCK: Final = 192  # elements: the columns in use of a block, some 30 kB, stay 
     STIFFENED,
     SLACK,
     RUBBING,
-) = range(13)
-LINKS: Final = 13
+) = range(14)
+LINKS: Final = 14
 # columns that follow from a row of parameters
 (WHOLE, PART, SHARE, MEAN, TOP, LEAN, PER_S, RECOVERED, HALF, SOFT) = range(10)
 DERIVED: Final = 10
@@ -136,14 +137,33 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     }
     for link, columns in signs.items():
         links[link] = np.any(p[list(columns)] != 0.0)
+    links[ALIKE] = np.all(derived[WHOLE] == derived[WHOLE, 0])
     robots = max(1, BLOCK // len(parameters))
     return np.tile(p, robots), np.tile(derived, robots), links
 
 
 @njit(cache=True, nogil=True, inline="always")
+def _in_step(m, start, size):
+    """Whether the joints of a block have seen as many samples each."""
+    others = 0
+    for i in range(size):
+        others += m[SAMPLES, start + i] != m[SAMPLES, start]
+    return others == 0
+
+
+@njit(cache=True, nogil=True, inline="always")
 def _command(p, d, links, m, q_des, q, u, start, size):
     """Error, integrator, spool and what shapes the opening, into `u` (B,)."""
-    if links[DELAYED]:
+    if links[DELAYED] and links[ALIKE] and _in_step(m, start, size):
+        slot = int(m[SAMPLES, start]) % RING_LENGTH
+        newer = (slot - int(d[WHOLE, 0])) % RING_LENGTH
+        older = (newer - 1) % RING_LENGTH
+        for i in range(size):
+            m[RING + slot, start + i] = q_des[start + i]
+        for i in range(size):
+            k = start + i
+            u[i] = m[RING + newer, k] + d[PART, i] * (m[RING + older, k] - m[RING + newer, k]) - q[k]
+    elif links[DELAYED]:
         for i in range(size):
             k = start + i
             slot = int(m[SAMPLES, k]) % RING_LENGTH
@@ -183,15 +203,19 @@ def _command(p, d, links, m, q_des, q, u, start, size):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _supply(p, d, m, q_des, q, qd, joints, start, size):
-    """Sagging of the supply under the flow of each robot's joints."""
+def _supply(p, d, m, q_des, q, qd, joints, flow, start, size):
+    """Sagging of the supply under the flow of each robot's joints; `flow` (B,) is scratch."""
+    for i in range(size):
+        k = start + i
+        flow[i] = p[PER_SPEED, i] * abs(qd[k]) + p[PER_OPENING, i] * abs(q_des[k] - q[k])
     for first in range(0, size, joints):
         demand = 0.0
         for i in range(first, first + joints):
-            k = start + i
-            demand += p[PER_SPEED, i] * abs(qd[k]) + p[PER_OPENING, i] * abs(q_des[k] - q[k])
+            demand += flow[i]
         for i in range(first, first + joints):
-            m[LOSS, start + i] = sag(m[LOSS, start + i], demand, p[DROOP, i], d[RECOVERED, i])
+            flow[i] = demand
+    for i in range(size):
+        m[LOSS, start + i] = sag(m[LOSS, start + i], flow[i], p[DROOP, i], d[RECOVERED, i])
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -221,15 +245,15 @@ def _core(p, d, links, m, q, qd, u, lost, change, start, size):
             change[i] = m[WOUND, start + i]
     if links[FLOWING]:
         for i in range(size):
-            effort, loss = change[i], m[LOSS, start + i]
-            passed = orifice(u[i], effort, p[ORIFICE, i], loss) * fed(u[i], p[SLOPE, i], loss)
-            change[i] = p[K1, i] * u[i] * passed - p[K2, i] * effort + p[K4, i] * impact(effort, u[i])
+            effort, loss, opening = change[i], m[LOSS, start + i], u[i]
+            u[i] = opening * orifice(opening, effort, p[ORIFICE, i], loss) * fed(opening, p[SLOPE, i], loss)
+            change[i] = p[K4, i] * impact(effort, opening) - p[K2, i] * effort
     else:
         for i in range(size):
             effort = change[i]
-            change[i] = p[K1, i] * u[i] - p[K2, i] * effort + p[K4, i] * impact(effort, u[i])
+            change[i] = p[K4, i] * impact(effort, u[i]) - p[K2, i] * effort
     for i in range(size):
-        change[i] = d[SOFT, i] * (change[i] - p[K3, i] * qd[start + i])
+        change[i] = d[SOFT, i] * (change[i] + p[K1, i] * u[i] - p[K3, i] * qd[start + i])
     if links[STIFFENED]:
         for i in range(size):
             change[i] *= stiffness(p[SLOPE, i], q[start + i] - p[MIDDLE, i])
@@ -278,33 +302,39 @@ def augmented_batch(
     u, lost, slow, change, before = np.empty(block), np.zeros(block), np.zeros(block), np.empty(block), np.empty(block)
     for start in range(0, tau.shape[0], block):
         size = min(block, tau.shape[0] - start)
-        _wake_block(p, links, m, tau, q_des, q, qd, joints, start, size)
+        counted = _wake_block(p, m, tau, q_des, q, qd, joints, start, size)
+        counted |= links[DELAYED] or links[DRIFTING]
         _command(p, d, links, m, q_des, q, u, start, size)
         if links[SAGGING]:
-            _supply(p, d, m, q_des, q, qd, joints, start, size)
+            _supply(p, d, m, q_des, q, qd, joints, change, start, size)
         if links[RUBBING]:
             _rubbed(p, d, m, qd, lost, slow, start, size)
         _core(p, d, links, m, q, qd, u, lost, change, start, size)
+        if links[RUBBING]:
+            for i in range(size):
+                before[i] = m[WOUND, start + i]
         for i in range(size):
-            before[i] = m[WOUND, start + i]
-        for i in range(size):
-            m[WOUND, start + i] = clip(before[i] + change[i], p[LIMIT, i])
+            m[WOUND, start + i] = clip(m[WOUND, start + i] + change[i], p[LIMIT, i])
+        if counted:  # else it only matters that it is no longer 0
+            for i in range(size):
+                m[SAMPLES, start + i] += 1.0
         if links[RUBBING]:
             _turned(p, d, m, qd, lost, slow, before, start, size)
-        for i in range(size):
-            m[SAMPLES, start + i] += 1.0
-        for i in range(size):
-            tau[start + i] = clip(transmitted(m[WOUND, start + i] - lost[i], d[HALF, i]), p[LIMIT, i])
+        if links[RUBBING] or links[SLACK]:
+            for i in range(size):
+                tau[start + i] = clip(transmitted(m[WOUND, start + i] - lost[i], d[HALF, i]), p[LIMIT, i])
+        else:
+            tau[start : start + size] = m[WOUND, start : start + size]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _wake_block(p, links, m, tau, q_des, q, qd, joints, start, size):
-    """Memory of joints that have just been reset, as if each had been held where it is."""
-    asleep = False
+def _wake_block(p, m, tau, q_des, q, qd, joints, start, size):
+    """Memory of joints that have just been reset, as if each had been held where it is; whether there were any."""
+    asleep = 0
     for i in range(size):
-        asleep |= m[SAMPLES, start + i] == 0.0
-    if not asleep:
-        return
+        asleep += m[SAMPLES, start + i] == 0.0
+    if asleep == 0:
+        return False
     for first in range(0, size, joints):
         demand = 0.0
         for i in range(first, first + joints):
@@ -317,3 +347,4 @@ def _wake_block(p, links, m, tau, q_des, q, qd, joints, start, size):
                 wake(p[:, i].copy(), row, tau[k], q_des[k], q[k], qd[k], demand)
                 row[RING:] = q_des[k]
                 m[:, k] = row
+    return True

@@ -11,7 +11,6 @@ from hqpipe.actuators.two_chamber import TwoChamber
 from hqpipe.errors import IdentificationError
 from hqpipe.logs.trajectory import LogSet, Trajectory, Trial
 from hqpipe.sysid.chamber_constants import chamber_constants
-from hqpipe.sysid.chamber_replay import ChamberReplay
 from hqpipe.sysid.fit_chambers import fit_chambers
 from hqpipe.sysid.free_run import free_run
 
@@ -87,7 +86,7 @@ def test_parameter_returns(found, name, within):
 
 def test_free_run_is_as_good_as_the_sensor(found, logs):
     t = logs.heldout[0].trajectory
-    error = free_run(t, ChamberReplay(found.model)) - t.effort
+    error = free_run(t, found.model) - t.effort
     assert np.sqrt(np.mean(error**2)) < 1.5 * NOISE  # the torque at a window's start is noisy too
 
 

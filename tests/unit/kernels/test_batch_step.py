@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from augmented_rows import planted, row
 
-from hqpipe.kernels.actuator_step import HYDRAULIC, step_row
+from hqpipe.kernels.actuator_step import HYDRAULIC, table_row
 from hqpipe.kernels.augmented_batch import BLOCK, augmented_batch, prepare
 from hqpipe.kernels.augmented_step import MEMORY, augmented_row
 from hqpipe.kernels.batch_step import hydraulic_batch, hydraulic_columns
@@ -72,7 +72,7 @@ def test_plain_model_steps_alike():
     single, batch, nothing = tau.copy(), tau.copy(), np.zeros((JOINTS, 0))
     for k in range(STEPS):
         for n in range(ROBOTS):
-            step_row(HYDRAULIC, table, single[n], nothing, q_des[k, n], q[k, n], qd[k, n])
+            table_row(HYDRAULIC, table, single[n], nothing, q_des[k, n], q[k, n], qd[k, n])
         flat = (values[k].reshape(-1) for values in (q_des, q, qd))
         hydraulic_batch(hydraulic_columns(table), batch.reshape(-1), *flat)
     assert (np.abs(single) == table[:, 5]).any()  # some at their limit
