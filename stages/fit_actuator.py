@@ -8,12 +8,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import PositiveFloat
+from pydantic import PositiveFloat, PositiveInt
 
 from hqpipe.errors import UsageError, near_match
 from hqpipe.pipeline.config import StageParams
 from hqpipe.stages.judging import judge, write_data_curve
 from hqpipe.stages.logs import FIT, read_logs
+from hqpipe.stages.rivals import EVERY, NAMES, Rival, fit_rivals
 
 SCOPES = ("per_joint", "shared")
 FREE_RUNNING, ONE_STEP = "{}, free-running", "{}, one-step"  # names of the models of a scope
@@ -24,12 +25,17 @@ class Params(StageParams):
     """Attributes:
     scope: which fit the later stages use; both are made. window_s: length of the free-running windows, s.
     data_seconds: lengths of fit data, s, for the curve of error against data; none for no curve.
+    rivals: models that the paper's is held against; nets as in the paper, and strong_ with every advantage.
+    net_iterations, strong_net_iterations: of their training.
     resample: interpolate trials whose clock jitters onto a uniform one.
     """
 
     scope: Literal["per_joint", "shared"] = "per_joint"
     window_s: PositiveFloat = 0.1
     data_seconds: list[PositiveFloat] = []
+    rivals: list[Rival] = list(EVERY)
+    net_iterations: PositiveInt = 1000  # the paper's
+    strong_net_iterations: PositiveInt = 1200
     resample: bool = False
 
 
@@ -45,8 +51,9 @@ def run(context: Any) -> dict[str, Any]:
     constants = joint_constants(context.robot, log_set.joints)
     options = {"window_s": context.params.window_s, **constants}
     fits, models, fit_s = {}, {}, {}
+    total = len(SCOPES) + len(context.params.rivals) + 2
     for index, scope in enumerate(SCOPES):
-        context.progress(index, 4, scope.replace("_", " "))
+        context.progress(index, total, scope.replace("_", " "))
         fits[scope], seconds = timed(lambda scope=scope: fit_actuator(log_set, scope=scope, **options))
         models |= both_models(fits[scope])
         fit_s[FREE_RUNNING.format(scope.replace("_", " "))] = seconds
@@ -57,13 +64,34 @@ def run(context: Any) -> dict[str, Any]:
     notes = [*([] if constants else [FOREIGN]), *chosen.warnings]
     show(*(f"warning: {text}" for text in notes))
     _write(context.output, log_set, fits)
-    context.progress(2, 4, "held-out trials")
-    metrics = judge(context, log_set, models, fit_s)
-    context.progress(3, 4, "figures")
+    others, seconds, refused = _rivals(context, log_set, constants, total)
+    show(*(f"warning: {text}" for text in refused))
+    context.progress(total - 2, total, "held-out trials")
+    metrics = judge(context, log_set, models | others, fit_s | seconds)
+    context.progress(total - 1, total, "figures")
     draw_fit(context.output, log_set, chosen.model, context.params.window_s)
     if context.params.data_seconds:
         write_data_curve(context, log_set, paper_fits(options))
-    return {**_metrics(metrics, chosen), "warnings": [*log_set.warnings, *notes]}
+    return {**_metrics(metrics, chosen), "warnings": [*log_set.warnings, *notes, *refused]}
+
+
+def _rivals(context: Any, log_set: Any, constants: dict[str, Any], total: int) -> tuple[Any, ...]:
+    """See `fit_rivals`; every model is saved into a folder of its name."""
+    from hqpipe.actuators.files import save_actuator
+
+    p, told = context.params, iter(range(len(SCOPES), total))
+    models, seconds, refused = fit_rivals(
+        log_set,
+        p.rivals,
+        constants,
+        (p.net_iterations, p.strong_net_iterations),
+        context.seed,
+        context.workers,
+        lambda title: context.progress(next(told), total, title),
+    )
+    for title, model in models.items():
+        save_actuator(model, context.output / "rivals" / NAMES[title])
+    return models, seconds, refused
 
 
 def both_models(fit: Any) -> dict[str, Any]:

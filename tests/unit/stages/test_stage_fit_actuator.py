@@ -10,7 +10,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
+from hqpipe.actuators.files import load_actuator
 from hqpipe.logs.writer import LogSetWriter
 from hqpipe.pipeline.hashing import hash_files, tree_hash
 from hqpipe.robots import robot_folder
@@ -52,10 +54,12 @@ def fitted(logs: Path, project: Path, **params) -> tuple[Path, dict]:
     output = project / "artifacts" / "store" / "made"
     output.mkdir(parents=True)
     context = SimpleNamespace(
-        params=Params(**params),
+        params=Params(**{"rivals": [], **params}),
         inputs={"logs": logs},
         output=output,
         robot=robot_folder("hydraulic_quadruped"),
+        seed=1,
+        workers=1,
         progress=lambda done, total, note: None,
     )
     return output, run(context)
@@ -121,3 +125,29 @@ def test_stress_trials_change_no_coefficient_and_count_in_the_hash(made, logs, t
     output, _ = fitted(plain, tmp_path)
     assert (output / "actuator.json").read_bytes() == (made[0] / "actuator.json").read_bytes()
     assert tree_hash(plain) != tree_hash(logs)
+
+
+def test_rivals_stand_in_the_same_table(logs, tmp_path):
+    """Two chambers and a net, each in a folder that can be loaded; the seed is that of the stage."""
+    output, metrics = fitted(logs, tmp_path, rivals=["two_chamber", "strong_mlp"], strong_net_iterations=2)
+    for name, title in (("two_chamber", "two chambers of oil"), ("strong_mlp", "MLP, every advantage")):
+        assert np.isfinite(metrics["held_out_rmse"][title]["free_run"])
+        assert {title} <= metrics["fit_s"].keys() & metrics["step_us"].keys() & metrics["stress_rmse"].keys()
+        assert load_actuator(output / "rivals" / name).joints == JOINTS
+    assert metrics["held_out_rmse"]["two chambers of oil"]["free_run"] < 10.0
+
+
+def test_a_rival_that_the_logs_do_not_allow_is_told_and_left_out(logs, tmp_path):
+    still = tmp_path / "still"
+    with LogSetWriter(still) as writer:
+        for name, seed, split in (("a.parquet", 1, "fit"), ("b.parquet", 2, "heldout")):
+            writer.add(name, columns(400, seed), split=split)
+    _, metrics = fitted(still, tmp_path, rivals=["strong_gru"], strong_net_iterations=2)
+    assert "GRU, every advantage" not in metrics["held_out_rmse"]
+    assert any(text.startswith("GRU, every advantage: not fitted: ") for text in metrics["warnings"])
+
+
+@pytest.mark.parametrize("wrong", [{"rivals": ["lsmt"]}, {"net_iterations": 0}])
+def test_wrong_rivals_are_refused(wrong):
+    with pytest.raises(ValidationError):
+        Params(**wrong)
