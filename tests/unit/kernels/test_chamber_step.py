@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hqpipe.kernels.actuator_step import CHAMBERS, step_batch
+from hqpipe.kernels.actuator_step import CHAMBERS, NO_WEIGHTS, step_batch
 from hqpipe.kernels.chamber_step import MEMORY, SPOOL, SUM, chamber_joint, relaxed, root, root_slope
 from hqpipe.kernels.chamber_windows import replay
 
@@ -128,8 +128,8 @@ def test_mirror():
     table = np.tile(row(coulomb=5.0, viscous=1.0), (3, 1))
     mirrored, memory, other = -tau, np.zeros((16, 3, MEMORY)), np.zeros((16, 3, MEMORY))
     for _ in range(20):
-        step_batch(CHAMBERS, table, tau, memory, q_des, q, qd)
-        step_batch(CHAMBERS, table, mirrored, other, -q_des, -q, -qd)
+        step_batch(CHAMBERS, table, NO_WEIGHTS, tau, memory, q_des, q, qd)
+        step_batch(CHAMBERS, table, NO_WEIGHTS, mirrored, other, -q_des, -q, -qd)
     np.testing.assert_array_equal(mirrored, -tau)
     np.testing.assert_array_equal(memory[..., SUM], other[..., SUM])
 
