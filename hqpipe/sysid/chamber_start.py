@@ -30,9 +30,7 @@ def first_guesses(joints: list[JointData], windows: Windows, limit: np.ndarray) 
     finite = limit[np.isfinite(limit)]
     sizes = [float(finite.max())] if len(finite) else [share * largest for share in _FULL]
     found = []
-    for span in _SPANS:
-        if span > windows.samples // 2:
-            continue
+    for span in [span for span in _SPANS if span <= windows.samples // 2] or [1]:
         k = np.maximum(problem.one_step(span), _LEAST)
         k[1] = min(k[1], 0.9)
         seen = paper_constants(k, 1.0, windows.dt)

@@ -129,3 +129,12 @@ def test_a_resting_machine_is_refused():
     rest = Trial("fit.parquet", "fit", None, Trajectory(t, JOINTS, still, still, effort=effort, position_command=still))
     with pytest.raises(IdentificationError, match="no joint moves"):
         fit_chambers(log_set((rest,), "pressure"))
+
+
+def test_windows_of_five_samples_are_enough_to_begin_with():
+    """Logs of 50 Hz: regressions over several samples do not fit into such a window."""
+    slow = [trial(machine(), 6.0, seed, split) for seed, split in ((1, "fit"), (2, "heldout"))]
+    found = fit_chambers(log_set(slow, "load_cell"), window_s=5 * DT)
+    assert np.isfinite(found.model.parameters[:, :9]).all()
+    t = slow[1].trajectory
+    assert np.std(free_run(t, found.model) - t.effort) < 0.2 * np.std(t.effort)
