@@ -5,16 +5,15 @@ from __future__ import annotations
 import multiprocessing
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
-NETS = ("mlp", "lstm", "gru")
 Rival = Literal["two_chamber", "mlp", "lstm", "gru", "strong_mlp", "strong_lstm", "strong_gru"]
 """Nets as in the paper, and `strong_` with every advantage, see `hqpipe.sysid.nets`."""
-EVERY: tuple[Rival, ...] = ("two_chamber", *NETS, *(f"strong_{kind}" for kind in NETS))  # type: ignore[assignment]
+EVERY: tuple[Rival, ...] = get_args(Rival)
 TITLES = {
     "two_chamber": "two chambers of oil",
-    **{kind: f"{kind.upper()}, as the paper" for kind in NETS},
-    **{f"strong_{kind}": f"{kind.upper()}, every advantage" for kind in NETS},
+    **{kind: f"{kind.upper()}, as the paper" for kind in ("mlp", "lstm", "gru")},
+    **{f"strong_{kind}": f"{kind.upper()}, every advantage" for kind in ("mlp", "lstm", "gru")},
 }
 NAMES = {title: name for name, title in TITLES.items()}
 

@@ -29,8 +29,8 @@ class Hydraulic(ActuatorModel):
         "k2": ParameterField("1", upper=1.0),
         "k3": ParameterField("N·s/m"),
         "k4": ParameterField("1/m"),
-        "sprocket_radius": ParameterField("m", lower=1e-6),
-        "effort_limit": ParameterField("N·m", lower=1e-9, may_be_infinite=True),
+        "sprocket_radius": ParameterField("m", lower=1e-6, certain=True),
+        "effort_limit": ParameterField("N·m", lower=1e-9, may_be_infinite=True, certain=True),
     }
 
     @cached_property

@@ -18,5 +18,5 @@ class IdealTorque(ActuatorModel):
     FIELDS = {
         "kp": ParameterField("N·m/rad"),
         "kd": ParameterField("N·m·s/rad"),
-        "effort_limit": ParameterField("N·m", lower=1e-9, may_be_infinite=True),
+        "effort_limit": ParameterField("N·m", lower=1e-9, may_be_infinite=True, certain=True),
     }

@@ -44,7 +44,7 @@ class TwoChamber(ActuatorModel):
         "speed_limit": ParameterField("rad/s", lower=1e-9, may_be_infinite=True, certain=True),
         "middle": ParameterField("rad", lower=-1e6, certain=True),
         "sample_time": ParameterField("s", lower=1e-9, certain=True),
-        "effort_limit": ParameterField("N·m", lower=1e-9, may_be_infinite=True),
+        "effort_limit": ParameterField("N·m", lower=1e-9, may_be_infinite=True, certain=True),
     }
 
     def at_rate(self, dt: float) -> Self:

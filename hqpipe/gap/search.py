@@ -191,12 +191,19 @@ class JointSearch:
 
         The improvement is judged three times, by the mean squared error, by the mean of its logarithm and against the
         noise, and the clearest answer counts: the first misses effects that help everywhere a little, the second
-        those that help rarely but much, and both those that a few windows show and the others cannot.
+        those that help rarely but much, and both those that a few windows show and the others cannot. A fit that runs away
+        is no improvement; where the one without does, the windows are compared in which it does not.
         """
-        fall = without.heldout - fit.heldout
-        plain = self._z(fall)
-        logarithmic = self._z(np.log((without.heldout + 1e-300) / (fit.heldout + 1e-300)))
-        return without.error / max(fit.error, 1e-300), max(plain, logarithmic, _against_noise(fall, fit.heldout))
+        if not np.isfinite(fit.error):
+            return 0.0, -np.inf
+        sound = np.isfinite(without.heldout)
+        if not sound.any():
+            return np.inf, -np.inf
+        before, after = without.heldout[sound], fit.heldout[sound]
+        plain = self._z(before - after)
+        logarithmic = self._z(np.log((before + 1e-300) / (after + 1e-300)))
+        z = max(plain, logarithmic, _against_noise(before - after, after))
+        return without.error / max(fit.error, 1e-300), z
 
     def _z(self, difference: np.ndarray) -> float:
         edges = np.arange(0, len(difference), self._block)

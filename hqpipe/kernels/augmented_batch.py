@@ -73,7 +73,7 @@ from hqpipe.kernels.augmented_step import (
 )
 from hqpipe.kernels.laws import clip, impact
 
-BLOCK: Final = 384  # elements: the columns in use of a block stay in the cache
+BLOCK: Final = 384  # joints (32 quadrupeds): measured; the columns in use of a block stay in the cache
 
 # links that can be left out, and whether all joints are late by as many whole samples
 (
@@ -143,7 +143,7 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _in_step(m, start, size):
+def _in_step(m: np.ndarray, start: int, size: int) -> bool:
     """Whether the joints of a block have seen as many samples each."""
     others = 0
     for i in range(size):
@@ -152,7 +152,17 @@ def _in_step(m, start, size):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _command(p, d, links, m, q_des, q, u, start, size):
+def _command(
+    p: np.ndarray,
+    d: np.ndarray,
+    links: np.ndarray,
+    m: np.ndarray,
+    q_des: np.ndarray,
+    q: np.ndarray,
+    u: np.ndarray,
+    start: int,
+    size: int,
+) -> None:
     """Error, integrator, spool and what shapes the opening, into `u` (B,)."""
     if links[DELAYED] and links[ALIKE] and _in_step(m, start, size):
         slot = int(m[SAMPLES, start]) % RING_LENGTH
@@ -203,7 +213,18 @@ def _command(p, d, links, m, q_des, q, u, start, size):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _supply(p, d, m, q_des, q, qd, joints, flow, start, size):
+def _supply(
+    p: np.ndarray,
+    d: np.ndarray,
+    m: np.ndarray,
+    q_des: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    joints: int,
+    flow: np.ndarray,
+    start: int,
+    size: int,
+) -> None:
     """Sagging of the supply under the flow of each robot's joints; `flow` (B,) is scratch."""
     for i in range(size):
         k = start + i
@@ -219,14 +240,23 @@ def _supply(p, d, m, q_des, q, qd, joints, flow, start, size):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _friction(p, i, inner, speed, turned, slow):
+def _friction(p: np.ndarray, i: int, inner: float, speed: float, turned: float, slow: float) -> float:
     """`hqpipe.kernels.augmented_output.friction` of column i."""
     lost = coulomb(turned, p[COULOMB, i], p[COULOMB_ASYMMETRY, i]) + viscous(speed, p[VISCOUS, i])
     return lost + p[STATIC, i] * turned * slow + load_friction(turned, inner, p[LOAD, i])
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _rubbed(p, d, m, qd, lost, slow, start, size):
+def _rubbed(
+    p: np.ndarray,
+    d: np.ndarray,
+    m: np.ndarray,
+    qd: np.ndarray,
+    lost: np.ndarray,
+    slow: np.ndarray,
+    start: int,
+    size: int,
+) -> None:
     """Share of sticking and friction torque before the sample, N·m, into `slow` and `lost` (B,)."""
     for i in range(size):
         k = start + i
@@ -235,7 +265,19 @@ def _rubbed(p, d, m, qd, lost, slow, start, size):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _core(p, d, links, m, q, qd, u, lost, change, start, size):
+def _core(
+    p: np.ndarray,
+    d: np.ndarray,
+    links: np.ndarray,
+    m: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    u: np.ndarray,
+    lost: np.ndarray,
+    change: np.ndarray,
+    start: int,
+    size: int,
+) -> None:
     """Change of the wound-up torque over the sample, N·m, into `change` (B,)."""
     if links[SLACK]:
         for i in range(size):
@@ -260,7 +302,17 @@ def _core(p, d, links, m, q, qd, u, lost, change, start, size):
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _turned(p, d, m, qd, lost, slow, before, start, size):
+def _turned(
+    p: np.ndarray,
+    d: np.ndarray,
+    m: np.ndarray,
+    qd: np.ndarray,
+    lost: np.ndarray,
+    slow: np.ndarray,
+    before: np.ndarray,
+    start: int,
+    size: int,
+) -> None:
     """Direction of the friction and its torque after the sample; `before` (B,) is the wound-up torque before it."""
     for i in range(size):
         k = start + i
@@ -328,7 +380,17 @@ def augmented_batch(
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _wake_block(p, m, tau, q_des, q, qd, joints, start, size):
+def _wake_block(
+    p: np.ndarray,
+    m: np.ndarray,
+    tau: np.ndarray,
+    q_des: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    joints: int,
+    start: int,
+    size: int,
+) -> bool:
     """Memory of joints that have just been reset, as if each had been held where it is; whether there were any."""
     asleep = 0
     for i in range(size):

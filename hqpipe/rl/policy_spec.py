@@ -11,6 +11,7 @@ import numpy as np
 from hqpipe.actuators.base import ActuatorModel
 from hqpipe.actuators.net import NetActuator
 from hqpipe.actuators.settled import settled_stiffness
+from hqpipe.actuators.two_chamber import TwoChamber
 from hqpipe.errors import ConfigError
 from hqpipe.rl.config import CONTROL_PERIOD_S, GaitConfig, TrainConfig
 from hqpipe.rl.gait import Trot
@@ -28,7 +29,8 @@ RIGID = 1e9  # N·m/rad, for a model that is infinitely stiff at rest: four orde
 def position_stiffness(actuator: ActuatorModel) -> np.ndarray:
     """(J,) static torque per position error, N·m/rad: kp of a PD law, k1 R² / k2 of eq. (7) at rest.
 
-    That of a net is what it settles at around the mean posture and torque of its fit trials.
+    Where no coefficient tells, it is what the model settles at: a net around the mean posture and torque of its fit trials,
+    two chambers unloaded in the middle of the stroke.
 
     A model without leak (k2 = 0) is infinitely stiff at rest. Effects that a diagnosis added to eq. (7) are left out: what
     the trot's compensation of the load misses by them is for the policy to correct.
@@ -37,6 +39,9 @@ def position_stiffness(actuator: ActuatorModel) -> np.ndarray:
         return actuator.column("kp").copy()
     if isinstance(actuator, NetActuator):
         return settled_stiffness(actuator, actuator.mean("position"), actuator.mean("effort"), actuator.dt)
+    if isinstance(actuator, TwoChamber):
+        middle = actuator.column("middle")
+        return settled_stiffness(actuator, middle, np.zeros_like(middle), actuator.dt)
     radius = actuator.column("sprocket_radius") if "sprocket_radius" in actuator.FIELDS else 1.0  # gains of the joint
     with np.errstate(divide="ignore", invalid="ignore"):
         return actuator.column("k1") * radius**2 / actuator.column("k2")
@@ -92,8 +97,8 @@ class PolicySpec:
         stiffness = position_stiffness(actuator.for_joints(robot.joints))
         if limp := [joint for joint, value in zip(robot.joints, stiffness, strict=True) if not value > 0]:
             raise ConfigError(
-                f"the actuator model has no stiffness at {', '.join(limp)}, as if k1 had not been identified: fit it on logs "
-                "in which these joints move under load"
+                f"the actuator model does not push a held joint back at {', '.join(limp)}, as if that had not been identified: "
+                "fit it on logs in which these joints move under load, or take another model"
             )
         gains = robot.torque_pd if control_mode == "torque" else None
         count = len(robot.joints)

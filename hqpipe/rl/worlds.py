@@ -11,11 +11,6 @@ from hqpipe.robots import RobotSpec
 from hqpipe.sim.randomisation import KinematicsRandomisation
 from hqpipe.sim.world import BatchedWorld
 
-# Geometry and limits are known; the other columns of a parameter table are fitted or tuned, hence uncertain.
-_CERTAIN = ("sprocket_radius", "effort_limit")
-# Columns that switch an effect on or off: scaled, they would be no flags any more.
-_FLAG = "has_"
-
 
 def unmodelled_actuator(robot: RobotSpec, control_mode: str) -> ActuatorModel:
     """The actuator of the bootstrap: ideal torque in torque control, stiff PD in position control."""
@@ -56,13 +51,12 @@ def scattered_parameters(
 ) -> np.ndarray:
     """(count, J, P) coefficients, each scaled by its own factor within 1 ± half_range and kept within its bounds.
 
-    Geometry, limits, flags (``has_<effect>``) and every other certain column stay; a shared column has one factor per
-    robot.
+    Certain columns, as geometry and limits, stay; a shared column has one factor per robot.
     """
     joints, fields = actuator.parameters.shape
     factor = rng.uniform(1.0 - half_range, 1.0 + half_range, size=(count, joints, fields))
-    for column, (name, field) in enumerate(actuator.FIELDS.items()):
-        if field.certain or name in _CERTAIN or name.startswith(_FLAG):
+    for column, field in enumerate(actuator.FIELDS.values()):
+        if field.certain:
             factor[..., column] = 1.0
         elif field.shared:
             factor[..., column] = factor[:, :1, column]

@@ -2,35 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from hqpipe.actuators.two_chamber import TwoChamber
 from hqpipe.kernels.chamber_windows import replay
+from hqpipe.sysid.normal_equations import NormalEquations
 from hqpipe.sysid.windows import JointData, Windows
 
 PARAMETERS = tuple(
     name for name in TwoChamber.FIELDS if name not in ("speed_limit", "middle", "sample_time", "effort_limit")
 )
 _NUDGE = 1e-5  # of a parameter's unit size; far above rounding, far below what bends the torque
-
-
-@dataclass(frozen=True, eq=False)
-class ChamberEvaluation:
-    """Normal equations at one point; cost in (N·m)², `hessians` (W, P, P) and `scores` (W, P) window by window."""
-
-    cost: float
-    hessians: np.ndarray
-    scores: np.ndarray
-
-    @property
-    def hessian(self) -> np.ndarray:
-        return self.hessians.sum(axis=0)
-
-    @property
-    def gradient(self) -> np.ndarray:
-        return self.scores.sum(axis=0)
 
 
 class ChamberProblem:
@@ -68,7 +50,7 @@ class ChamberProblem:
         pairs = zip(self.residuals(x), self.outlier, strict=True)
         return float(sum(_huber(residual, outlier)[1] for residual, outlier in pairs))
 
-    def evaluate(self, x: np.ndarray, free: np.ndarray) -> ChamberEvaluation:
+    def evaluate(self, x: np.ndarray, free: np.ndarray) -> NormalEquations:
         """Normal equations at `x` (P,) in the parameters that are `free` (P,), zero in the others."""
         count, size = len(self.windows.bounds), len(x)
         hessians, scores, total = np.zeros((count, size, size)), np.zeros((count, size)), 0.0
@@ -87,7 +69,7 @@ class ChamberProblem:
                 sums = np.add.reduceat(weighted[row] * slope, self._edges, axis=1)
                 hessians[:, i, index] += sums.T
             total += cost
-        return ChamberEvaluation(total, hessians, scores)
+        return NormalEquations(total, hessians, scores)
 
 
 def _huber(residual: np.ndarray, outlier: float) -> tuple[np.ndarray, float]:

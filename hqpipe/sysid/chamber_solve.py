@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hqpipe.sysid.chamber_problem import ChamberEvaluation, ChamberProblem
+from hqpipe.sysid.chamber_problem import ChamberProblem
+from hqpipe.sysid.normal_equations import NormalEquations
 
 _MOST_STEPS = 40
 _TOLERANCE = 1e-5  # relative fall of the cost; the intervals are wider by far
@@ -13,7 +14,7 @@ _DAMPING, _DAMPING_MAX = 1e-3, 1e6
 
 def solve_chambers(
     problem: ChamberProblem, x: np.ndarray, free: np.ndarray, lower: np.ndarray, upper: np.ndarray
-) -> tuple[np.ndarray, ChamberEvaluation]:
+) -> tuple[np.ndarray, NormalEquations]:
     """Minimise the cost over the free parameters.
 
     Args:
@@ -28,7 +29,7 @@ def solve_chambers(
     for _ in range(_MOST_STEPS):
         fall = np.inf
         while damping <= _DAMPING_MAX:
-            moved = np.clip(x + _step(at, x, free, lower, upper, damping), lower, upper)
+            moved = np.clip(x + at.step(x, free, lower, upper, damping), lower, upper)
             cost = problem.cost(moved)
             if np.isfinite(cost) and cost < at.cost:
                 fall = at.cost - cost
@@ -41,18 +42,3 @@ def solve_chambers(
         if enough:
             return x, at
     return x, at
-
-
-def _step(
-    at: ChamberEvaluation, x: np.ndarray, free: np.ndarray, lower: np.ndarray, upper: np.ndarray, damping: float
-) -> np.ndarray:
-    """Damped Gauss-Newton step (P,); a parameter that its gradient presses against a bound stays there."""
-    gradient, hessian = at.gradient, at.hessian
-    pressed = ((x <= lower) & (gradient > 0)) | ((x >= upper) & (gradient < 0))
-    active = free & ~pressed & (np.diag(hessian) > 0)
-    step = np.zeros(len(x))
-    if active.any():
-        unit = np.sqrt(np.diag(hessian)[active])
-        scaled = hessian[np.ix_(active, active)] / np.outer(unit, unit) + damping * np.eye(len(unit))
-        step[active] = -np.linalg.solve(scaled, gradient[active] / unit) / unit
-    return step

@@ -14,14 +14,13 @@ from hqpipe.sysid.excitation import inseparable, unexcited
 from hqpipe.sysid.free_run import WINDOW_S
 from hqpipe.sysid.intervals import uncertainty
 from hqpipe.sysid.noise import noise_floor
+from hqpipe.sysid.outliers import outlier_size
 from hqpipe.sysid.problem import COEFFICIENTS, HELD, LOWER, UPPER, Problem
 from hqpipe.sysid.results import Coefficient, FitResult, JointFit
 from hqpipe.sysid.solve import Solution, solve
 from hqpipe.sysid.windows import Windows, cut_windows, joint_data
 
 _SPANS = (1, 5, 20)  # samples; first guesses, of which the best in the free run is taken
-_OUTLIER_SIGMAS = 6.0  # assumption: only gross errors (sensor glitches) lie beyond
-_OUTLIER_SHARE = 0.5  # of the RMS; keeps impacts from counting as outliers where most of a log is at rest
 _ON_BOUND = 1e-9
 _FEW_WINDOWS = 20  # assumption: with fewer, neither coefficients nor errors are to be trusted
 _FEWEST_WINDOWS = 5  # assumption: the scatter between fewer windows says nothing about an interval
@@ -148,8 +147,7 @@ def _two_passes(problem: Problem, guess: np.ndarray, free: np.ndarray, noise: np
     first = solve(problem, guess, problem.measured_starts(), free)
     for j, residual in enumerate(problem.residuals(first.k)):
         rms = np.sqrt(np.mean(residual**2))
-        spread = 1.4826 * np.median(np.abs(residual - np.median(residual)))
-        problem.outlier[j] = max(_OUTLIER_SIGMAS * spread, _OUTLIER_SHARE * rms, 1e-12)
+        problem.outlier[j] = outlier_size(residual)
         problem.start_weight[j] = min(max((rms / max(noise[j], 1e-12)) ** 2, 1.0), HELD)
     return solve(problem, first.k, first.starts, free)
 

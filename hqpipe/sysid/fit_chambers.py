@@ -9,7 +9,7 @@ import numpy as np
 from hqpipe.actuators.two_chamber import TwoChamber
 from hqpipe.errors import IdentificationError, UsageError, near_match
 from hqpipe.logs.trajectory import LogSet
-from hqpipe.sysid.chamber_problem import PARAMETERS, ChamberEvaluation, ChamberProblem
+from hqpipe.sysid.chamber_problem import PARAMETERS, ChamberProblem
 from hqpipe.sysid.chamber_solve import solve_chambers
 from hqpipe.sysid.chamber_start import first_guesses
 from hqpipe.sysid.excitation import MAX_INFLATION, inflation, unexcited
@@ -17,12 +17,12 @@ from hqpipe.sysid.fit_actuator import PerJoint, per_joint
 from hqpipe.sysid.free_run import WINDOW_S
 from hqpipe.sysid.intervals import uncertainty
 from hqpipe.sysid.noise import noise_floor
+from hqpipe.sysid.normal_equations import NormalEquations
+from hqpipe.sysid.outliers import outlier_size
 from hqpipe.sysid.windows import Windows, cut_windows, joint_data
 
 UNIT = np.array([1.0, 10.0, 0.1, 1e-4, 0.1, 1e-3, 0.1, 1.0, 1.0])  # sizes that finite differences scale with
 _FRICTION = np.array([name.endswith("_friction") for name in PARAMETERS])
-_OUTLIER_SIGMAS = 6.0  # as in fit_actuator: only gross errors lie beyond
-_OUTLIER_SHARE = 0.5
 _LEAST_LAG = 1e-4  # s; assumption: a servo valve is slower, and below a fraction of a sample the lag is none
 _LONGEST_LAG = 0.05  # s; assumption: a valve slower than this is no servo valve
 _BOUND = 1e-9
@@ -86,7 +86,7 @@ class _Group:
     guesses: list[np.ndarray]
     noise: float
     x: np.ndarray
-    at: ChamberEvaluation | None = None
+    at: NormalEquations | None = None
 
     def cost(self, x: np.ndarray) -> float:
         cost = self.problem.cost(np.clip(x, self.lower, self.upper))
@@ -192,9 +192,7 @@ def _restart(groups: list[_Group]) -> None:
 
 def _hold_outliers(group: _Group) -> None:
     for j, residual in enumerate(group.problem.residuals(group.x)):
-        spread = 1.4826 * np.median(np.abs(residual - np.median(residual)))
-        rms = np.sqrt(np.mean(residual**2))
-        group.problem.outlier[j] = max(_OUTLIER_SIGMAS * spread, _OUTLIER_SHARE * rms, 1e-12)
+        group.problem.outlier[j] = outlier_size(residual)
 
 
 def _report(group: _Group, windows: Windows) -> ChamberJointFit:

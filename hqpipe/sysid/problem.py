@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.kernels.window_fit import UNKNOWNS, accumulate, one_step_moments
+from hqpipe.sysid.normal_equations import NormalEquations
 from hqpipe.sysid.windows import JointData, Windows
 
 COEFFICIENTS = ("k1", "k2", "k3", "k4")
@@ -16,29 +17,14 @@ HELD = 1e9  # start weight that holds a window's start to the log
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation:
-    """Normal equations at one point, already summed over joints.
+class Evaluation(NormalEquations):
+    """In k1 … k4, after elimination of the start torques.
 
     Attributes:
-        cost: sum of (robust) squared residuals, (N·m)².
-        hessians: (W, 4, 4) Gauss-Newton matrices in k1 … k4, window by window (all joints of one window
-            belong together), after elimination of the start torques.
-        scores: (W, 4) gradients likewise.
         blocks: per joint, what the elimination needs to find the start torques again.
     """
 
-    cost: float
-    hessians: np.ndarray
-    scores: np.ndarray
     blocks: tuple[tuple[np.ndarray, np.ndarray], ...]
-
-    @property
-    def hessian(self) -> np.ndarray:
-        return self.hessians.sum(axis=0)
-
-    @property
-    def gradient(self) -> np.ndarray:
-        return self.scores.sum(axis=0)
 
 
 class Problem:

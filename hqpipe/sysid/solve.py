@@ -38,18 +38,17 @@ def solve(problem: Problem, k: np.ndarray, starts: list[np.ndarray], free: np.nd
         free: (4,) bool.
     """
     at = problem.evaluate(k, starts)
-    if not (np.isfinite(at.cost) and np.isfinite(at.hessian).all() and np.isfinite(at.gradient).all()):
+    if not at.sound():
         return Solution(k, starts, at, False)  # a guess that runs away within a window
     damping = _DAMPING
     for _ in range(_MAX_EVALUATIONS):
-        step = _step(at, k, free, damping)
+        step = at.step(k, free, LOWER, UPPER, damping)
         moved_k = np.clip(k + step, LOWER, UPPER)
         step = moved_k - k
         pairs = zip(starts, at.blocks, strict=True)
         moved_starts = [s - (offset + ratio @ step) for s, (ratio, offset) in pairs]
         moved = problem.evaluate(moved_k, moved_starts)
-        sound = np.isfinite(moved.cost) and np.isfinite(moved.hessian).all() and np.isfinite(moved.gradient).all()
-        if not sound or moved.cost > at.cost:
+        if not moved.sound() or moved.cost > at.cost:
             damping *= 10.0
             if damping > _DAMPING_MAX:
                 return Solution(k, starts, at, True)
@@ -61,17 +60,3 @@ def solve(problem: Problem, k: np.ndarray, starts: list[np.ndarray], free: np.nd
         if fall <= _TOLERANCE * at.cost or small.all():
             return Solution(k, starts, at, True)
     return Solution(k, starts, at, False)
-
-
-def _step(at: Evaluation, k: np.ndarray, free: np.ndarray, damping: float) -> np.ndarray:
-    """Damped Gauss-Newton step; a coefficient that its gradient presses against a bound stays there."""
-    gradient = at.gradient
-    pressed = ((k <= LOWER) & (gradient > 0)) | ((k >= UPPER) & (gradient < 0))
-    active = free & ~pressed
-    step = np.zeros(4)
-    if active.any():
-        hessian = at.hessian[np.ix_(active, active)]
-        unit = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-        scaled = hessian / np.outer(unit, unit) + damping * np.eye(len(unit))
-        step[active] = -np.linalg.lstsq(scaled, gradient[active] / unit, rcond=1e-14)[0] / unit
-    return step

@@ -98,7 +98,7 @@ def test_a_second_run_keeps_everything(project, first_run):
 
 
 def test_another_seed_of_the_fit_reruns_nothing_before_it(project, first_run):
-    arguments = ("run", "all", "--profile", "ci", "--set", "fit_actuator.seed=3", "--json")
+    arguments = ("run", "all", "--until", "fit-actuator", "--profile", "ci", "--set", "fit_actuator.seed=3", "--json")
     done = actions(hqpipe(project, *arguments))
     assert done["bootstrap"] == done["collect"] == "kept"
     assert done["fit-actuator"] == "ran"

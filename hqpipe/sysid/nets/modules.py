@@ -6,6 +6,7 @@ step k predicts the torque of row k + 1.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
@@ -17,7 +18,7 @@ from hqpipe.actuators.net import NetActuator
 from hqpipe.sysid.nets.data import NetData, for_targets
 
 
-class Net(nn.Module):
+class Net(nn.Module, ABC):
     """What the kinds have in common: the output layer and what an output means.
 
     Args:
@@ -37,17 +38,17 @@ class Net(nn.Module):
         self.register_buffer("shift", torch.tensor(shift, dtype=torch.float32))
         self.register_buffer("ratio", torch.tensor(t["output_spread"] / spread, dtype=torch.float32))
 
+    @abstractmethod
     def first_layer(self, hidden: int) -> None:
         """Make what lies before the output layer."""
-        raise NotImplementedError
 
+    @abstractmethod
     def outputs(self, x: Tensor, first: int) -> Tensor:
         """(L − 1 − first, B, J) outputs on the logged torque."""
-        raise NotImplementedError
 
+    @abstractmethod
     def free_run(self, x: Tensor, first: int) -> Tensor:
         """(L − 1 − first, B, J) torques from row `first` on, on the net's own; before it on the logged one."""
-        raise NotImplementedError
 
     def wanted(self, x: Tensor, first: int) -> Tensor:
         """The outputs that would be right."""
@@ -60,9 +61,9 @@ class Net(nn.Module):
         value = torch.addcmul(self.shift, self.ratio, out)
         return torque + value if self.delta else value
 
+    @abstractmethod
     def matrices(self) -> dict[str, Tensor]:
         """Tensors before the output layer under their names in `hqpipe.actuators.net`."""
-        raise NotImplementedError
 
     def tensors(self) -> dict[str, np.ndarray]:
         """The fitted tensors as float64."""
@@ -109,9 +110,9 @@ class Recurrent(Net):
     def first_layer(self, hidden: int) -> None:
         self.cell = self.CELL(4 * self.joints, hidden)
 
+    @abstractmethod
     def advance(self, x: Tensor, state: Tensor | tuple[Tensor, Tensor]) -> Tensor | tuple[Tensor, Tensor]:
         """State after one sample."""
-        raise NotImplementedError
 
     def outputs(self, x: Tensor, first: int) -> Tensor:
         return self.output(self.cell(x[:-1])[0][first:])

@@ -117,24 +117,23 @@ def test_scatter_keeps_geometry_and_bounds(actuator):
     assert (limit == 1.0).all()
 
 
-def test_scatter_knows_columns_by_name():
+def test_scatter_leaves_what_is_certain_and_shares_what_is_shared():
     class Wide(ActuatorModel):
         NAME, KIND = "wide", 0
         FIELDS = {
             "kp": ParameterField("N·m/rad"),
             "middle": ParameterField("rad", lower=-np.inf, certain=True),
             "kd": ParameterField("N·m·s/rad"),
-            "has_delay": ParameterField("1", upper=1.0),
             "droop": ParameterField("s/rad", shared=True),
-            "effort_limit": ParameterField("N·m", may_be_infinite=True),
+            "effort_limit": ParameterField("N·m", may_be_infinite=True, certain=True),
         }
 
-    model = Wide.build(("a", "b"), kp=100.0, middle=-0.3, kd=5.0, has_delay=[1.0, 0.0], droop=0.1, effort_limit=np.inf)
+    model = Wide.build(("a", "b"), kp=100.0, middle=-0.3, kd=5.0, droop=0.1, effort_limit=np.inf)
     table = scattered_parameters(model, 50, 0.2, np.random.default_rng(0))
-    kp, middle, kd, flag, droop, limit = np.moveaxis(table, -1, 0)
+    kp, middle, kd, droop, limit = np.moveaxis(table, -1, 0)
     for scattered, centre in ((kp, 100.0), (kd, 5.0)):
         assert (np.abs(scattered / centre - 1.0) <= 0.2).all() and len(np.unique(scattered)) == 100
-    assert (middle == -0.3).all() and (flag == [1.0, 0.0]).all() and np.isinf(limit).all()
+    assert (middle == -0.3).all() and np.isinf(limit).all()
     np.testing.assert_array_equal(droop[:, 0], droop[:, 1])
     assert len(np.unique(droop)) == 50
 
