@@ -45,7 +45,7 @@ def score_folder(folder: Path, without: Sequence[str], workers: int, progress: P
         )
     results = folder / "_".join([DIAGNOSIS, *(["without", *sorted(without)] if without else [])])
     diagnose_all([(folder / a.case, results / a.case, tuple(without)) for a in answers], workers, progress)
-    known = {a.case: all_but(a.names) for a in answers if not without and a.kind in ORACLE_KINDS}
+    known = {a.case: all_but(a.names) for a in answers if a.kind in ORACLE_KINDS}
     asked = [(folder / case, folder / ORACLE / case, others) for case, others in known.items()]
     diagnose_all(asked, workers, progress, "diagnosed by the oracle")
     gaps = _gaps(folder, answers, workers, progress)
@@ -131,12 +131,14 @@ def _gaps(folder: Path, answers: Sequence[Any], workers: int, progress: Progress
 
 def _judged(answer: Any, results: Path, gaps: Any, without: tuple[str, ...]) -> Any:
     from hqpipe.gap.blind_case import Judged
+    from hqpipe.gap.diagnosis import errors_left
 
     place = results / answer.case
     if not (place / CONTENT).is_file():
         error = json.loads((place / FAILED).read_text(encoding="utf-8"))["error"]
         return Judged(answer, None, error, gaps, without)
-    return Judged(answer, json.loads((place / CONTENT).read_text(encoding="utf-8")), "", gaps, without)
+    content = json.loads((place / CONTENT).read_text(encoding="utf-8"))
+    return Judged(answer, content, "", gaps, without, errors_left(place))
 
 
 def _check_names(without: Sequence[str], answers: Sequence[Any]) -> None:

@@ -29,7 +29,7 @@ from hqpipe.gap.shapley import Shrink, shapley
 from hqpipe.gap.sharing import pool_groups, seek_consensus
 from hqpipe.gap.signs import SignedLogs
 from hqpipe.gap.spans import Spans, search_spans
-from hqpipe.gap.worth import close_gap, drop_slight, drop_trifles
+from hqpipe.gap.worth import close_gap, drop_outweighed, drop_slight, drop_trifles
 from hqpipe.logs.trajectory import LogSet, recording_of
 from hqpipe.sysid.noise import difference_noise
 
@@ -105,7 +105,7 @@ def accuse(
     fit, heldout = replay_all(before, log_set.fit, steps), replay_all(before, log_set.heldout, steps)
     states = pool_groups(seek_consensus(states))
     floor = _floor(_machine(states, mode, speed, chosen=True), states, log_set, steps)
-    states = _tidy(states, floor)
+    states = _tidy(states, floor, _sensor_floor(_machine(states, mode, speed, chosen=True), states, steps))
     spans = search_spans(states, floor, workers)
     after = _with_spans(_machine(states, mode, speed, chosen=True), spans, states, log_set)
     after_fit, after_heldout = replay_all(after, log_set.fit, steps), replay_all(after, log_set.heldout, steps)
@@ -203,13 +203,15 @@ def _sensor_floor(machine: RowModel, states: list[JointState], steps: int) -> np
     return noise * (1.0 + kept(machine, steps) ** 2).mean(axis=0)
 
 
-def _tidy(states: list[JointState], floor: np.ndarray) -> list[JointState]:
-    """Without the names that close too little of a joint's gap, are no fault, or shrink the machine's by next to nothing."""
+def _tidy(states: list[JointState], floor: np.ndarray, sensor: np.ndarray) -> list[JointState]:
+    """Without the names that close too little of a joint's gap, are no fault, shrink the machine's by next to nothing, or
+    explain less than what stays open."""
     states = close_gap(states, floor)
     states = drop_slight(states, assemble(states, floor))
     causes = assemble(states, floor)
     shares = _shrink(states, causes, len(causes), None)
-    return drop_trifles(states, causes, shares.each, shares.each_ci95[:, 0])
+    states = drop_trifles(states, causes, shares.each, shares.each_ci95[:, 0])
+    return drop_outweighed(states, assemble(states, floor), sensor)
 
 
 def _final_error(states: list[JointState], spans: Spans | None) -> np.ndarray:

@@ -29,7 +29,8 @@ def score(judged: Sequence[Judged], oracle: Sequence[Judged] = ()) -> dict[str, 
     is said of them is as vague as they are. Their false names are told beside it.
 
     Args:
-        judged: every case with its diagnosis. oracle: those of `ORACLE_KINDS`, in the same order, with the oracle's.
+        judged: every case with its diagnosis. oracle: those of `ORACLE_KINDS`, in the same order, with the oracle's, which
+            knows the effects that were left out of the library too.
     """
     faint = [case for case in judged if case.answer.kind == FAINT]
     clear = [case for case in judged if case.answer.kind != FAINT]
@@ -169,7 +170,13 @@ def _more(judged: Sequence[Judged], faint: Sequence[Judged], known: Sequence[Jud
         definitions[f"exact set, mixtures of {count}"] = [
             c.exact() for c in nameable if c.answer.kind == MIXTURE and len(c.answer.effects) == count
         ]
-    if known:
+    withheld = {c.answer.case: c for c in judged if c.without}
+    if withheld:
+        pairs = [(withheld[c.answer.case], c) for c in known]
+        definitions[
+            "the same, or a name that leaves no more error than the true effects do: no log of this kind refutes it"
+        ] = [case.admits_ignorance() or case.imitates(oracle) for case, oracle in pairs]
+    elif known:
         asked = {c.answer.case for c in known}
         definitions |= {
             "exact set, mixtures of 2–4, by an oracle that knows which effects it may be": [
@@ -267,7 +274,7 @@ def misses(judged: Sequence[Judged], known: Mapping[str, Judged] | None = None) 
         if case.content is None:
             failed = ["the diagnosis failed"]
         if failed and case.answer.case in known:
-            failed += _hidden(known[case.answer.case])
+            failed += _hidden(case, known[case.answer.case])
         if failed:
             found.append(
                 {
@@ -281,7 +288,9 @@ def misses(judged: Sequence[Judged], known: Mapping[str, Judged] | None = None) 
     return found
 
 
-def _hidden(known: Judged) -> list[str]:
-    """What the oracle does not see either."""
+def _hidden(case: Judged, known: Judged) -> list[str]:
+    """What the oracle does not see either, or could not refute."""
+    if case.without:
+        return ["the name leaves no more error than the true effects"] if case.imitates(known) else []
     missed = {"set": not known.exact(), "place": known.place_is_right() is False}
     return [f"the oracle misses the {name} too" for name, true in missed.items() if true]

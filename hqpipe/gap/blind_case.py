@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +11,7 @@ from hqpipe.gap.blind_truth import Answer, Gaps, TrueEffect, must_be_named, show
 
 PARAMETER_TOLERANCE = 0.1  # the aim's
 SAME_PLACE = 0.8  # share of the joints: two of twelve may be off, a leg or a kind of joint is exactly right
+AS_GOOD = 1.05  # of the RMSE: noise and mismatch of the plant's sound machine move it by that much; assumption
 _QUARTERS = 4  # regimes quarter_1 … quarter_4 of a trial
 _NOTABLE = 0.5  # a place counts as said if its share is at least this part of the largest
 
@@ -35,6 +36,7 @@ class Judged:
     Attributes:
         answer: the truth. content: diagnosis.json, or None if the diagnosis failed. error: why it failed.
         gaps: base gaps of `hqpipe.gap.blind_truth`, N·m. without: effects that the library lacked.
+        left: joint → RMSE that is left with the causes in the model, N·m; empty if the program did not write it.
     """
 
     answer: Answer
@@ -42,6 +44,7 @@ class Judged:
     error: str = ""
     gaps: Gaps | None = None
     without: tuple[str, ...] = ()
+    left: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def causes(self) -> list[Mapping[str, Any]]:
@@ -72,6 +75,13 @@ class Judged:
     def false_names(self, strict: bool = False) -> list[str]:
         """Causes that stand for nothing that is wrong."""
         return [c["effect"] for c in self.causes if not any(stands_for(c, e.effect, strict) for e in self.namable)]
+
+    def imitates(self, oracle: Judged) -> bool:
+        """Whether every false name leaves its joints no worse off than the true effects do: such logs cannot refute it."""
+        false = self.false_names()
+        joints = {joint for c in self.causes if c["effect"] in false for joint in c["joints"]}
+        known = self.left and oracle.left
+        return bool(known) and all(self.left[j] <= AS_GOOD * oracle.left[j] for j in joints)
 
     def exact(self, strict: bool = False) -> bool:
         """Every effect named that makes a gap, and nothing else."""

@@ -253,3 +253,13 @@ def read_diagnosis(path: Path) -> dict[str, Any]:
     content = json.loads(path.read_text(encoding="utf-8"))
     validate_diagnosis(content)
     return content
+
+
+def errors_left(folder: Path) -> dict[str, float]:
+    """Joint → held-out RMSE with the causes in the model, from residuals.csv; empty without that file or without causes."""
+    path = folder / TABLE
+    if not path.is_file():
+        return {}
+    with path.open(encoding="utf-8", newline="") as stream:
+        rows = [row for row in csv.DictReader(stream) if (row["trial"], row["family"]) == ("all", "all")]
+    return {row["joint"]: float(row["rmse_after"]) for row in rows if row["rmse_after"]}

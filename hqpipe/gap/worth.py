@@ -14,6 +14,7 @@ from hqpipe.effects import EFFECTS
 from hqpipe.effects.layout import slots
 from hqpipe.gap.causes import Cause
 from hqpipe.gap.joint_state import JointState
+from hqpipe.gap.verdict import FLOOR_MARGIN
 
 LEAST_CLOSURE = 0.8  # of the squared error above the noise floor; assumption, between right and wrong names
 REST = 1.12  # squared error over the noise floor that is no gap worth a name, whatever share of it is left; assumption
@@ -23,6 +24,8 @@ and between them in proportion. Assumptions: what a library lacks leaves more th
 FEW = 2  # effects of a joint that are believed where more than HALF of the machine's gap stays open; assumption
 TRIFLE, NEEDED, NEEDED_Z = 0.025, 1.1, 2.5
 """Share of the gap; squared error of a joint without the effect over that with it, and how sure that must be. Assumptions."""
+OUTWEIGHED = 0.7
+"""Fall of the squared error over the rest: in looked-into cases 81 right names all had more, a fifth of 50 wrong ones less."""
 
 
 def close_gap(states: list[JointState], floor: np.ndarray) -> list[JointState]:
@@ -83,6 +86,33 @@ def drop_trifles(
         if not _needed(cause, members):
             _take_back(cause, found, f"shrinks the gap by {share:.1%} only")
     return list(found.values())
+
+
+def drop_outweighed(states: list[JointState], causes: Sequence[Cause], sensor: np.ndarray) -> list[JointState]:
+    """Take back names that explain less than what stays unexplained in their joints, the weakest first.
+
+    Where something acts that the library lacks, names that resemble it a little are picked up beside those that are right.
+
+    Args:
+        causes: of the states. sensor: (J,) mean squared error that the noise of the output's sensor leaves: that of
+            `hqpipe.gap.noise` also takes sticking and slipping for noise, which a missing name leaves just as well.
+    """
+    found, left = {state.joint: state for state in states}, list(causes)
+    least = {state.joint: float(noise) * FLOOR_MARGIN for state, noise in zip(states, sensor, strict=True)}
+    while left:
+        weights = [_weight(cause, [found[joint] for joint in cause.joints], least) for cause in left]
+        weakest = int(np.argmin(weights))
+        if weights[weakest] >= OUTWEIGHED:
+            break
+        _take_back(left.pop(weakest), found, "explains less than what stays unexplained in its joints")
+    return list(found.values())
+
+
+def _weight(cause: Cause, states: list[JointState], least: dict[str, float]) -> float:
+    """What the joints' squared errors fall by with the effect, over what is left of them above the sensor's noise."""
+    fall = sum(s.search.without(s.chosen, cause.effect).error - s.chosen.error for s in states)
+    rest = sum(max(s.chosen.error - least[s.joint], 0.0) for s in states)
+    return fall / rest if rest > 0.0 else np.inf
 
 
 def _take_back(cause: Cause, states: dict[str, JointState], reason: str) -> None:

@@ -387,3 +387,18 @@ def test_oracle_of_places_tells_what_these_logs_hide():
     hidden = {row["case"]: "the oracle misses the place too" in row["missed"] for row in found["misses"]}
     assert hidden == {"case_000": True, "case_001": False, "case_003": False}
     assert share(cases, PLACE) == (1, 1, 4)
+
+
+@pytest.mark.parametrize(("left", "refuted"), [(1.04, False), (1.06, True)])
+def test_a_name_that_fits_as_well_as_the_withheld_effect_is_told_apart_from_one_that_does_not(left, refuted):
+    truth = [effect("command_delay", LEG)]
+    said = judged(
+        "single", truth, diagnosis(cause("valve_lag", LEG)), without=("command_delay",), left=dict.fromkeys(LEG, left)
+    )
+    oracle = judged(
+        "single", truth, diagnosis(cause("command_delay", LEG)), without=("valve_lag",), left=dict.fromkeys(LEG, 1.0)
+    )
+    result = score([said], [oracle])
+    (row,) = [row for row in result["more"] if row["measure"].startswith("the same, or a name that leaves no more")]
+    assert (row["right"], row["of"]) == (0 if refuted else 1, 1)
+    assert ("leaves no more error" in result["misses"][0]["missed"]) != refuted
