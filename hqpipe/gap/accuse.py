@@ -23,6 +23,7 @@ from hqpipe.gap.joint_data import (
 from hqpipe.gap.joint_state import JointState, Progress, library, search_joints
 from hqpipe.gap.noise import free_run_floor
 from hqpipe.gap.replay import Replay
+from hqpipe.gap.rest import Rest
 from hqpipe.gap.row_model import RowModel, SpanRow, kept, replay_all
 from hqpipe.gap.set_fit import ROW_OFFSET, JointFitter
 from hqpipe.gap.shapley import Shrink, shapley
@@ -105,7 +106,10 @@ def accuse(
     fit, heldout = replay_all(before, log_set.fit, steps), replay_all(before, log_set.heldout, steps)
     states = pool_groups(seek_consensus(states))
     floor = _floor(_machine(states, mode, speed, chosen=True), states, log_set, steps)
-    states = _tidy(states, floor, _sensor_floor(_machine(states, mode, speed, chosen=True), states, steps))
+    states = _tidy(states, floor)
+    machine = _machine(states, mode, speed, chosen=True)
+    sensor, rest = _sensor_floor(machine, states, steps), Rest(machine, log_set, steps)
+    states = drop_outweighed(states, assemble(states, floor), sensor, rest)
     spans = search_spans(states, floor, workers)
     after = _with_spans(_machine(states, mode, speed, chosen=True), spans, states, log_set)
     after_fit, after_heldout = replay_all(after, log_set.fit, steps), replay_all(after, log_set.heldout, steps)
@@ -203,15 +207,13 @@ def _sensor_floor(machine: RowModel, states: list[JointState], steps: int) -> np
     return noise * (1.0 + kept(machine, steps) ** 2).mean(axis=0)
 
 
-def _tidy(states: list[JointState], floor: np.ndarray, sensor: np.ndarray) -> list[JointState]:
-    """Without the names that close too little of a joint's gap, are no fault, shrink the machine's by next to nothing, or
-    explain less than what stays open."""
+def _tidy(states: list[JointState], floor: np.ndarray) -> list[JointState]:
+    """Without the names that close too little of a joint's gap, are no fault, or shrink the machine's by next to nothing."""
     states = close_gap(states, floor)
     states = drop_slight(states, assemble(states, floor))
     causes = assemble(states, floor)
     shares = _shrink(states, causes, len(causes), None)
-    states = drop_trifles(states, causes, shares.each, shares.each_ci95[:, 0])
-    return drop_outweighed(states, assemble(states, floor), sensor)
+    return drop_trifles(states, causes, shares.each, shares.each_ci95[:, 0])
 
 
 def _final_error(states: list[JointState], spans: Spans | None) -> np.ndarray:

@@ -33,6 +33,16 @@ def joint(name, errors, chosen):
     return JointState(search, base, SimpleNamespace(effects=chosen, error=errors[chosen]), ())
 
 
+class Rest:
+    """Joint → share of what is left that can be predicted."""
+
+    def __init__(self, **shares):
+        self.shares = shares
+
+    def predictable(self, joint):
+        return self.shares[joint]
+
+
 def cause(effect, *joints):
     return SimpleNamespace(effect=effect, joints=joints)
 
@@ -40,23 +50,24 @@ def cause(effect, *joints):
 DELAY, RUB = "command_delay", "coulomb_friction"
 
 
-@pytest.mark.parametrize(("rest", "kept"), [(2.0, (DELAY, RUB)), (40.0, (DELAY,))])
-def test_a_name_is_measured_by_what_stays_open_beside_it(rest, kept):
-    errors = {(): 500.0, (DELAY,): rest + 20.0, (RUB,): 480.0, (DELAY, RUB): rest}
-    states = drop_outweighed([joint("a", errors, (DELAY, RUB))], [cause(DELAY, "a"), cause(RUB, "a")], np.array([1.0]))
-    assert states[0].chosen.effects == kept
-    assert set(states[0].dropped) == {DELAY, RUB} - set(kept)
+@pytest.mark.parametrize(("share", "kept"), [(0.3, (DELAY, RUB)), (0.4, (DELAY,))])
+def test_a_name_is_measured_by_what_could_still_be_explained_beside_it(share, kept):
+    errors = {(): 500.0, (DELAY,): 60.0, (RUB,): 480.0, (DELAY, RUB): 40.0}
+    states, causes = [joint("a", errors, (DELAY, RUB))], [cause(DELAY, "a"), cause(RUB, "a")]
+    (state,) = drop_outweighed(states, causes, np.array([1.0]), Rest(a=share))
+    assert state.chosen.effects == kept
+    assert set(state.dropped) == {DELAY, RUB} - set(kept)
 
 
 def test_joints_with_one_cause_are_weighed_together():
-    weak = {(): 60.0, (RUB,): 50.0}  # by itself it would go: 10 of 49
+    weak = {(): 60.0, (RUB,): 50.0}  # by itself it would go: 10 against 25
     clear = {(): 300.0, (RUB,): 10.0}
-    states = [joint("a", weak, (RUB,)), joint("b", clear, (RUB,))]
-    found = drop_outweighed(states, [cause(RUB, "a", "b")], np.array([1.0, 1.0]))
+    states, rest = [joint("a", weak, (RUB,)), joint("b", clear, (RUB,))], Rest(a=0.5, b=0.5)
+    found = drop_outweighed(states, [cause(RUB, "a", "b")], np.array([1.0, 1.0]), rest)
     assert [state.chosen.effects for state in found] == [(RUB,), (RUB,)]
-    assert drop_outweighed(states[:1], [cause(RUB, "a")], np.array([1.0]))[0].chosen.effects == ()
+    assert drop_outweighed(states[:1], [cause(RUB, "a")], np.array([1.0]), rest)[0].chosen.effects == ()
 
 
-def test_nothing_left_above_the_noise_outweighs_nothing():
+def test_nobody_asks_what_is_predictable_of_noise():
     states = [joint("a", {(): 1.2, (RUB,): 1.0}, (RUB,))]
-    assert drop_outweighed(states, [cause(RUB, "a")], np.array([1.0]))[0].chosen.effects == (RUB,)
+    assert drop_outweighed(states, [cause(RUB, "a")], np.array([1.0]), Rest())[0].chosen.effects == (RUB,)
