@@ -10,9 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hqpipe.effects import EFFECTS
-from hqpipe.effects.layout import slots
 from hqpipe.gap.causes import Cause
+from hqpipe.gap.changes import CANDIDATES, columns
 from hqpipe.gap.joint_state import JointState
 
 LEAST_CLOSURE = 0.8  # of the squared error above the noise floor; assumption, between right and wrong names
@@ -63,7 +62,7 @@ def drop_slight(states: list[JointState], causes: Sequence[Cause]) -> list[Joint
     found = {state.joint: state for state in states}
     for cause in causes:
         if all(_slight(cause.effect, found[joint]) for joint in cause.joints):
-            _take_back(cause, found, "too small to be a fault")
+            take_back(cause, found, "too small to be a fault")
     return list(found.values())
 
 
@@ -81,11 +80,11 @@ def drop_trifles(
         if least > 0.0 and share >= TRIFLE:
             continue
         if not _needed(cause, members):
-            _take_back(cause, found, f"shrinks the gap by {share:.1%} only")
+            take_back(cause, found, f"shrinks the gap by {share:.1%} only")
     return list(found.values())
 
 
-def _take_back(cause: Cause, states: dict[str, JointState], reason: str) -> None:
+def take_back(cause: Cause, states: dict[str, JointState], reason: str) -> None:
     """Drop a cause from the states of its joints, in place."""
     for joint in cause.joints:
         state = states[joint]
@@ -102,5 +101,8 @@ def _needed(cause: Cause, states: list[JointState]) -> bool:
 
 def _slight(effect: str, state: JointState) -> bool:
     """Whether the effect is smaller than what its file calls worth a name."""
+    least = CANDIDATES[effect].parameters[0].least
+    if not least or (state.data.then is not None and effect in state.data.then.effects):
+        return False
     largest = float(np.abs(state.data.fit.signals.effort).max())
-    return bool(abs(state.chosen.row[slots(effect)[0]]) * largest < EFFECTS[effect].parameters[0].least)
+    return bool(abs(state.chosen.row[columns(effect)[0]]) * largest < least)
