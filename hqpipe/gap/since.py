@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,8 @@ class Earlier:
         path: as it is shown. kind: `LOGS` or `ACTUATOR`. sha256: of its files.
         mode: control mode. dt: sample time, s. joints: names. source: of the torque, where it is known.
         speed: the speed that its coefficients belong to, of `SPEEDS`; None if the record does not say.
-        then: joint → what is known of it; of an actuator without rows' settings and covariance, see `known_now`.
+        then: joint → what is known of it. bare: it knows coefficients alone; settings, and what two fits differ by, are then
+            those of the new logs.
         unsigned: joints whose torque had lost its sign. checked: what a second sensor showed, (effect, joint).
         warnings: what to know of it.
     """
@@ -53,49 +55,65 @@ class Earlier:
     unsigned: tuple[str, ...] = ()
     checked: frozenset[tuple[str, str]] = frozenset()
     warnings: tuple[str, ...] = ()
-    bare: bool = field(default=False)
+    bare: bool = False
 
     def header(self) -> dict[str, str]:
         """As in diagnosis.json."""
         return {"path": self.path, "kind": self.kind, "sha256": self.sha256}
 
     def fits(self, log_set: LogSet) -> None:
-        """Refuse logs that are not of the machine of this record, or were not made alike.
-
-        Raises:
-            UsageError: names both sides and the mend.
-        """
-        pair = f"{log_set.path} and the reference {self.path}"
-        if log_set.control_mode not in MODES:
-            raise UsageError(
-                f"{log_set.path}: control mode {log_set.control_mode or 'not given'}; what changed since a reference can be "
-                f"asked in {' and '.join(MODES)} mode, diagnose such logs without --reference"
-            )
-        if log_set.control_mode != self.mode:
-            raise UsageError(
-                f"{pair}: control modes {log_set.control_mode} and {self.mode}; give a reference of the same mode"
-            )
-        if set(log_set.joints) - set(self.joints):
-            raise UsageError(
-                f"{pair}: joints {', '.join(log_set.joints)} and {', '.join(self.joints)}; give a reference of the same machine"
-            )
-        dt = log_set.fit[0].trajectory.dt if log_set.fit else log_set.trials[0].trajectory.dt
-        if abs(dt / self.dt - 1.0) > DT_TOLERANCE:
-            raise UsageError(
-                f"{pair}: sample times {dt:.6g} s and {self.dt:.6g} s, and coefficients are per sample; give a reference of "
-                "the same rate, or record at its rate"
-            )
-        if self.source and log_set.effort_source and self.source != log_set.effort_source:
-            raise UsageError(
-                f"{pair}: torques from {log_set.effort_source} and from {self.source}, which do not mean the same; give a "
-                "reference with the same sensor"
-            )
+        """See `check_alike`."""
+        check_alike(log_set, self.path, self.mode, self.joints, self.dt, self.source)
 
     def beside(self, data: Sequence[JointData]) -> list[JointData]:
         """The joints of the new logs, each with what the record says of it."""
         if not self.bare:
             return [replace(d, then=self.then[d.joint], row=self.then[d.joint].row) for d in data]
         return [_beside_bare(d, self.then[d.joint]) for d in data]
+
+
+def check_alike(
+    log_set: LogSet, path: str, mode: str | None, joints: Sequence[str], dt: float, source: str | None = None
+) -> None:
+    """Refuse logs that are not of the machine of a reference, or were not made alike.
+
+    Args:
+        path, mode, joints, dt, source: of the reference; source of its torque, None if it is not known.
+
+    Raises:
+        UsageError: names both sides and the mend.
+    """
+    pair = f"{log_set.path} and the reference {path}"
+    if log_set.control_mode not in MODES:
+        raise UsageError(
+            f"{log_set.path}: control mode {log_set.control_mode or 'not given'}; what changed since a reference can be asked "
+            f"in {' and '.join(MODES)} mode: diagnose such logs without --reference"
+        )
+    if log_set.control_mode != mode:
+        raise UsageError(
+            f"{pair}: control modes {log_set.control_mode} and {mode or 'not given'}; give a reference of the same mode"
+        )
+    if lacking := [joint for joint in log_set.joints if joint not in joints]:
+        raise UsageError(
+            f"{pair}: joints {', '.join(log_set.joints)} and {', '.join(joints)}, without '{lacking[0]}'; "
+            "give a reference of the same machine"
+        )
+    now = sample_time(log_set)
+    if abs(now / dt - 1.0) > DT_TOLERANCE:
+        raise UsageError(
+            f"{pair}: sample times {now:.6g} s and {dt:.6g} s, and coefficients are per sample; give a reference of the same "
+            "rate"
+        )
+    if source and log_set.effort_source and source != log_set.effort_source:
+        raise UsageError(
+            f"{pair}: torques from {log_set.effort_source} and from {source}, which do not mean the same; give a reference "
+            "with the same sensor"
+        )
+
+
+def sample_time(log_set: LogSet) -> float:
+    """Median over the trials, s."""
+    return float(np.median([trial.trajectory.dt for trial in log_set.trials]))
 
 
 def _beside_bare(data: JointData, then: Then) -> JointData:
@@ -108,11 +126,11 @@ def _beside_bare(data: JointData, then: Then) -> JointData:
     return replace(data, row=row, then=replace(then, row=row, columns=columns, covariance=covariance))
 
 
-def earlier_actuator(folder: Path, sha256: str, shown: str | None = None) -> Earlier:
+def earlier_actuator(folder: Path, shown: str | None = None) -> Earlier:
     """The record that an actuator model of fit-actuator or diagnose is.
 
     Args:
-        folder: with actuator.json. sha256: of its files. shown: the path as the answer says it.
+        folder: with actuator.json. shown: the path as the answer says it.
 
     Raises:
         UsageError: the model has no coefficients that could be compared.
@@ -124,7 +142,7 @@ def earlier_actuator(folder: Path, sha256: str, shown: str | None = None) -> Ear
             f"{folder / FILE}: a model of kind '{model.NAME}' has no coefficients to compare; give artifacts/actuator, "
             "artifacts/diagnosis or the logs that it was fitted to"
         )
-    shown = shown or str(folder)
+    shown, sha256 = shown or str(folder), hashlib.sha256((folder / FILE).read_bytes()).hexdigest()
     fitted, left = _intervals(folder, model), _left(folder, model)
     effects = model.effects if isinstance(model, Augmented) else {}
     then = {}

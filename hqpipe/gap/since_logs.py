@@ -13,7 +13,7 @@ from hqpipe.gap.joint_data import Then
 from hqpipe.gap.joint_state import JointState, Progress
 from hqpipe.gap.replay import persistence_error
 from hqpipe.gap.second_channel import measured
-from hqpipe.gap.since import LOGS, MODES, Earlier
+from hqpipe.gap.since import LOGS, Earlier, sample_time
 from hqpipe.gap.two_fits import two_fits
 from hqpipe.gap.verdict import shortage
 from hqpipe.logs.trajectory import LogSet
@@ -35,10 +35,6 @@ def earlier_logs(
     Raises:
         IdentificationError: they cannot be diagnosed.
     """
-    if log_set.control_mode not in MODES:
-        raise IdentificationError(
-            f"reference {log_set.path}: control mode {log_set.control_mode or 'not given'}, expected {' or '.join(MODES)}"
-        )
     intake = take_in(log_set, window_s, without)
     if intake.reasons:
         raise _refused(log_set, intake.reasons[0], intake.advice)
@@ -55,7 +51,7 @@ def earlier_logs(
         kind=LOGS,
         sha256=log_set.sha256,
         mode=log_set.control_mode,
-        dt=logs.fit[0].trajectory.dt,
+        dt=sample_time(logs),
         joints=log_set.joints,
         speed=found.after.speed,
         then=then,

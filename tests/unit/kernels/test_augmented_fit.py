@@ -115,3 +115,21 @@ def test_what_a_change_makes_necessary_is_enough(column):
     simulate(moved, signals, work, partly, CHANGES[column])
     simulate(moved, signals, make_work(signals), anew, ALL)
     np.testing.assert_allclose(partly, anew, atol=1e-9, err_msg=f"{owner} {name}")
+
+
+def test_tied_columns_grow_by_one_factor():
+    """A joint whose k1, k2, k3 and k4 are all 0.8 of what the fit begins with; leakage alone is lower still."""
+    signals = signals_of(None, noise=3.0, seconds=6.0)
+    truth = row({})
+    begin = truth.copy()
+    begin[BASE] /= 0.8
+    begin[BASE[1]] /= 0.7
+    free = np.array([BASE[1], BASE[2]])
+    tied = np.array([[BASE[1], -1, -1, -1], BASE])
+    p, *_ = fit_windows(
+        begin, signals, free, np.zeros(2), np.full(2, np.inf), 0.1 * begin[free], tied, CHANGES, np.inf, 30, 1e-7
+    )
+    np.testing.assert_allclose(p[BASE] / truth[BASE], 1.0, rtol=0.02)
+    shared = (p / begin)[BASE]
+    np.testing.assert_allclose(shared[[0, 3]], shared[2], rtol=1e-12)
+    assert shared[1] / shared[2] == pytest.approx(0.7, rel=0.02)
