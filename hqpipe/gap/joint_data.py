@@ -50,8 +50,8 @@ class Then:
     Attributes:
         row: (WIDTH,) the joint as it was.
         columns: (C,) columns that were fitted then, where it is known how well. covariance: (C, C).
-        familiar: mean squared error of the row on the logs of then; 0 where it is not known. swing: the same of holding the
-            output; None where it is not known.
+        familiar: mean squared error of the row on the logs of then beyond their noise; 0 where it is not known.
+        swing: mean squared error of holding the output there; None where it is not known.
         heldout: windows of then that the row was not fitted to; None where the record holds none.
         effects: that it had.
     """

@@ -207,10 +207,16 @@ def _fit_of(folder: Path, scope: str, joint: str) -> dict[str, Any]:
 
 
 def _left(folder: Path, model: ActuatorModel) -> dict[str, tuple[float, float | None]]:
-    """Joint → mean squared error of the model on its own logs, and that of holding the torque where it is known."""
+    """Joint → mean squared error of the model on its own logs beyond their noise, and that of holding the torque, if known."""
     if isinstance(model, Hydraulic):
         fits = {joint: _fit_of(folder, model.scope, joint) for joint in model.joints}
-        return {joint: (fit["free_run_rmse"] ** 2, None) for joint, fit in fits.items() if fit}
+        return {joint: (_beyond(fit["free_run_rmse"], fit["noise"]), None) for joint, fit in fits.items() if fit}
     path = folder / DIAGNOSIS
     gap = json.loads(path.read_text(encoding="utf-8"))["gap"] if path.is_file() else None
-    return dict.fromkeys(model.joints, (gap["after"] ** 2, gap["persistence"] ** 2)) if gap else {}
+    return (
+        dict.fromkeys(model.joints, (_beyond(gap["after"], gap["noise_floor"]), gap["persistence"] ** 2)) if gap else {}
+    )
+
+
+def _beyond(error: float, noise: float) -> float:
+    return max(error**2 - noise**2, 0.0)

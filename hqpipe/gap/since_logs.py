@@ -45,7 +45,10 @@ def earlier_logs(
     if reasons:
         raise _refused(log_set, reasons[0], "record longer trials in which every joint moves")
     swing = persistence_error(found.heldout)
-    then = {state.joint: _then(state, found.after.rows[j], float(swing[j])) for j, state in enumerate(found.states)}
+    then = {
+        state.joint: _then(state, found.after.rows[j], float(found.noise[j]), float(swing[j]))
+        for j, state in enumerate(found.states)
+    }
     return Earlier(
         path=str(log_set.path),
         kind=LOGS,
@@ -66,11 +69,13 @@ def _refused(log_set: LogSet, reason: str, advice: str | None) -> Identification
     return IdentificationError(f"reference {log_set.path}: {reason}; {advice or 'give other logs'}")
 
 
-def _then(state: JointState, row: np.ndarray, swing: float) -> Then:
+def _then(state: JointState, row: np.ndarray, noise: float, swing: float) -> Then:
     """A joint as its earlier logs show it.
 
     Args:
         row: (WIDTH,) of the whole trials; where an effect acts for some time only, of the rest of it.
+        noise, swing: mean squared errors that noise leaves, and that holding the torque does.
     """
     columns, covariance = two_fits(state.data, state.chosen.effects, state.chosen)
-    return Then(row, columns, covariance, state.chosen.error, swing, state.data.heldout, effects=state.chosen.effects)
+    beyond = max(state.chosen.error - noise, 0.0)
+    return Then(row, columns, covariance, beyond, swing, state.data.heldout, effects=state.chosen.effects)

@@ -20,9 +20,9 @@ REASON = "differs from the reference by no more than two fits of the same machin
 
 
 def familiar_error(states: Sequence[JointState], heldout: Sequence[Replay]) -> np.ndarray:
-    """(J,) mean squared error that the record's model may have without anything having changed; 0 without a record.
+    """(J,) mean squared error beyond the noise that the record's model may have without anything having changed.
 
-    What it left on its own logs, in proportion to how much the torque moves in these.
+    What it left on its own logs, in proportion to how much the torque moves in these; 0 without a record.
     """
     swing, found = persistence_error(heldout), np.zeros(len(states))
     for j, state in enumerate(states):

@@ -53,7 +53,7 @@ def test_the_paper_s_coefficients_become_joint_space(tmp_path):
 def test_intervals_of_the_fit_are_in_joint_space_too(tmp_path):
     save_actuator(hydraulic(), tmp_path)
     coefficients = [{"name": "k1", "ci95": [13000.0, 14000.0]}, {"name": "k4", "ci95": None}]
-    fits = [{"joint": joint, "coefficients": coefficients, "free_run_rmse": 4.0} for joint in JOINTS]
+    fits = [{"joint": joint, "coefficients": coefficients, "free_run_rmse": 5.0, "noise": 3.0} for joint in JOINTS]
     (tmp_path / "fit.json").write_text(json.dumps({"per_joint": {"fits": fits}}))
     found = earlier_actuator(tmp_path)
     then = found.then["LFR"]
