@@ -12,6 +12,9 @@ from hqpipe.pipeline.stage import Input, Stage, StageTable
 BOOTSTRAP = Input("policy", "bootstrap", "--policy")
 WALKER = Input("policy", "bootstrap", "--policy", optional=True)
 LOGS = Input("logs", "rollouts", "--logs")
+REFERENCE = Input(
+    "reference", None, "--reference", help="Say what changed since: logs or an actuator model of the same machine."
+)
 ACTUATOR = Input("actuator", "actuator", "--actuator")
 POLICY = Input("policy", "policy", "--policy")
 ONNX = Input("onnx", "onnx", "--policy")
@@ -28,7 +31,7 @@ STAGES = StageTable(
               "Fit the actuator model to the logs.", version=2, inputs=(LOGS,)),
         Stage("diagnose", "diagnosis", "hqpipe.stages.diagnose",
               "Find where the gap lies, what causes it and how far it shrinks.", version=6,
-              inputs=(LOGS, WALKER)),
+              inputs=(LOGS, WALKER, REFERENCE)),
         Stage("retrain", "policy", "hqpipe.stages.retrain",
               "Train the policy with the actuator model.", version=1, inputs=(ACTUATOR,)),
         Stage("export", "onnx", "hqpipe.stages.export",

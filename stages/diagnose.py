@@ -26,25 +26,35 @@ def run(context: Any) -> dict[str, Any]:
     from hqpipe.report.diagnosis_page import write_page
     from hqpipe.report.diagnosis_table import diagnosis_table
     from hqpipe.stages.closed_loop import close_loop, closed_loop_lines
+    from hqpipe.stages.earlier import REFERENCE, read_earlier
     from hqpipe.stages.logs import read_logs
     from hqpipe.stages.terminal import show
 
-    log_set = read_logs(context, most=LARGEST)
+    compared = REFERENCE in context.inputs
+    largest = LARGEST // 2 if compared else LARGEST  # both are in memory
+    log_set = read_logs(context, most=largest)
     diagnosis = diagnose(
         log_set,
         window_s=context.params.window_s,
         without=context.params.without,
         workers=context.workers,
-        progress=context.progress,
+        progress=_second_half(context.progress) if compared else context.progress,
+        earlier=read_earlier(context, log_set, largest),
     )
     write_diagnosis(diagnosis, context.output)
     loop = close_loop(context, log_set, diagnosis)
     left_out = f" --set 'without=[{', '.join(context.params.without)}]'" if context.params.without else ""
-    write_page(context.output, provenance={"command": f"hqpipe diagnose --logs {log_set.path}{left_out}"})
+    since = f" --reference {diagnosis.content[REFERENCE]['path']}" if compared else ""
+    write_page(context.output, provenance={"command": f"hqpipe diagnose --logs {log_set.path}{since}{left_out}"})
     show(diagnosis_table(diagnosis.content))
     if loop is not None:
         show(*closed_loop_lines(loop))
     return _metrics(diagnosis, loop)
+
+
+def _second_half(progress: Any) -> Any:
+    """Progress of the logs after that of their reference."""
+    return lambda done, total, text: progress(0.5 * (done + total), total, text)
 
 
 def _metrics(diagnosis: Any, loop: Any) -> dict[str, Any]:
@@ -55,7 +65,8 @@ def _metrics(diagnosis: Any, loop: Any) -> dict[str, Any]:
             f", gap {gap['before']:.3g} → {gap['after']:.3g} {gap['unit']} over a floor of {gap['noise_floor']:.2g}"
         )
     if causes:
-        headline += f": {', '.join(dict.fromkeys(cause['effect'] for cause in causes))}"
+        since = " changed since the reference" if "reference" in diagnosis.content else ""
+        headline += f"{since}: {', '.join(dict.fromkeys(cause['effect'] for cause in causes))}"
     return {
         "headline": headline,
         "verdict": diagnosis.verdict,

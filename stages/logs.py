@@ -14,8 +14,8 @@ STRESS = "stress"  # a log set inside the log set, which models are judged on an
 _STRESS_BRINGS = ("constant", "saturated")  # no reason for a warning there: commands that stand still, valves full open
 
 
-def read_logs(context: Any, most: int | None = None) -> Any:
-    """The `LogSet` of the input `logs`, or sections of it with at most about `most` samples × joints; it tells its warnings.
+def read_logs(context: Any, most: int | None = None, name: str = "logs") -> Any:
+    """The `LogSet` of the input `name`, or sections of it with at most about `most` samples × joints; it tells its warnings.
 
     Its path is made relative to the project, or is the folder's bare name outside of it, so that what a stage writes does
     not depend on where the project lies.
@@ -23,11 +23,17 @@ def read_logs(context: Any, most: int | None = None) -> Any:
     from hqpipe.logs.log_set import read_log_set
     from hqpipe.stages.terminal import show
 
-    log_set = read_log_set(context.inputs["logs"], resample=context.params.resample, most=most)
-    show(*(f"warning: {text}" for text in log_set.warnings))
+    told = "" if name == "logs" else f"{name}: "
+    log_set = read_log_set(context.inputs[name], resample=context.params.resample, most=most)
+    show(*(f"warning: {told}{text}" for text in log_set.warnings))
+    return replace(log_set, path=shown_path(context, log_set.path))
+
+
+def shown_path(context: Any, path: Path) -> Path:
+    """A folder relative to the project, or its bare name outside of it."""
     project = context.output.resolve().parents[2]  # <project>/artifacts/store/<output>
-    path = log_set.path.resolve()
-    return replace(log_set, path=path.relative_to(project) if path.is_relative_to(project) else Path(path.name))
+    path = path.resolve()
+    return path.relative_to(project) if path.is_relative_to(project) else Path(path.name)
 
 
 def read_stress(context: Any, joints: tuple[str, ...]) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from hqpipe.gap.joint_data import (
     BY_SPEED,
     LOGGED,
     MOVED,
+    SPEEDS,
     Flow,
     JointData,
     by_opening,
@@ -24,12 +25,14 @@ from hqpipe.gap.joint_state import JointState, Progress, library, search_joints
 from hqpipe.gap.noise import free_run_floor
 from hqpipe.gap.replay import Replay
 from hqpipe.gap.rest import Rest
-from hqpipe.gap.row_model import RowModel, SpanRow, kept, replay_all
+from hqpipe.gap.row_model import FLOW, RowModel, SpanRow, kept, replay_all
 from hqpipe.gap.set_fit import ROW_OFFSET, JointFitter
 from hqpipe.gap.shapley import Shrink, shapley
 from hqpipe.gap.sharing import pool_groups, seek_consensus
 from hqpipe.gap.signs import SignedLogs
+from hqpipe.gap.since import Earlier
 from hqpipe.gap.spans import Spans, search_spans
+from hqpipe.gap.unchanged import drop_unchanged, familiar_error
 from hqpipe.gap.worth import close_gap, drop_outweighed, drop_slight, drop_trifles
 from hqpipe.logs.trajectory import LogSet, recording_of
 from hqpipe.sysid.noise import difference_noise
@@ -55,7 +58,9 @@ class Accusation:
         passing: those of them that act for a part of each trial only; spans: when.
         before, after: the machine without and with the effects.
         fit, heldout, after_fit, after_heldout: replays of both.
-        floor: (J,) mean squared error that noise alone leaves. sensor: (J,) the same of the output's sensor only.
+        floor: (J,) mean squared error that is no gap: what noise leaves, or an earlier record of the machine.
+        noise: (J,) what noise alone leaves. sensor: (J,) the same of the output's sensor only.
+        familiar: (J,) what an earlier record may be off by without anything having changed; 0 without one.
         raw: (W,) held-out squared error per window, mean over the joints, of the base model on the log as it came, where
             a torque had lost its sign; else None.
         final: (W,) the same with all causes in the model.
@@ -74,7 +79,9 @@ class Accusation:
     after_fit: list[Replay]
     after_heldout: list[Replay]
     floor: np.ndarray
+    noise: np.ndarray
     sensor: np.ndarray
+    familiar: np.ndarray
     raw: np.ndarray | None
     final: np.ndarray
 
@@ -87,6 +94,7 @@ def accuse(
     effort_limit: np.ndarray | None = None,
     workers: int = 1,
     progress: Progress | None = None,
+    earlier: Earlier | None = None,
 ) -> Accusation:
     """Search the causes of a log set whose channels have been checked.
 
@@ -97,19 +105,24 @@ def accuse(
         signed: joints whose torque was given its sign back.
         effort_limit: (J,) N·m.
         workers: joints searched at a time. progress: called after each joint.
+        earlier: a record of the machine, where the question is what changed since.
     """
     mode, joints = log_set.control_mode, log_set.joints
-    names = library(mode, log_set.effort_source, len(joints), without, log_set.trials[0].trajectory.effort is not None)
-    data, speed, late = prepare(log_set, names, steps, signed, effort_limit)
+    effort = log_set.trials[0].trajectory.effort is not None
+    names = library(mode, log_set.effort_source, len(joints), without, effort, changes=earlier is not None)
+    data, speed, late = prepare(log_set, names, steps, signed, effort_limit, earlier)
     states = search_joints(data, names, workers, progress)
     before = _machine(states, mode, speed, chosen=False)
     fit, heldout = replay_all(before, log_set.fit, steps), replay_all(before, log_set.heldout, steps)
     states = pool_groups(seek_consensus(states))
-    floor = _floor(_machine(states, mode, speed, chosen=True), states, log_set, steps)
-    states = _tidy(states, floor)
-    machine = _machine(states, mode, speed, chosen=True)
-    sensor, rest = _sensor_floor(machine, states, steps), Rest(machine, log_set, steps)
-    states = drop_outweighed(states, assemble(states, floor), sensor, rest)
+    noise = _floor(_machine(states, mode, speed, chosen=True), states, log_set, steps)
+    familiar = noise + familiar_error(states, heldout) if earlier is not None else np.zeros(len(joints))
+    floor = np.maximum(noise, np.minimum(familiar, [state.chosen.error for state in states]))
+    states = _tidy(drop_unchanged(states, floor), floor)
+    if earlier is None:  # else what the record itself misses could still be explained, too
+        machine = _machine(states, mode, speed, chosen=True)
+        sensor, rest = _sensor_floor(machine, states, steps), Rest(machine, log_set, steps)
+        states = drop_outweighed(states, assemble(states, floor), sensor, rest)
     spans = search_spans(states, floor, workers)
     after = _with_spans(_machine(states, mode, speed, chosen=True), spans, states, log_set)
     after_fit, after_heldout = replay_all(after, log_set.fit, steps), replay_all(after, log_set.heldout, steps)
@@ -137,18 +150,26 @@ def accuse(
         after_fit,
         after_heldout,
         floor,
+        noise,
         _sensor_floor(after, states, steps),
+        familiar,
         _raw_error(signed, states, data, steps, mode, speed) if signed and signed.findings else None,
         _final_error(states, spans),
     )
 
 
 def prepare(
-    log_set: LogSet, names: Sequence[str], steps: int, signed: SignedLogs | None, effort_limit: np.ndarray | None
+    log_set: LogSet,
+    names: Sequence[str],
+    steps: int,
+    signed: SignedLogs | None,
+    effort_limit: np.ndarray | None,
+    earlier: Earlier | None = None,
 ) -> tuple[list[JointData], str, float]:
     """Windows of every joint with the speed that the base model fits better, that speed, and how late the logged one is.
 
     What a sagging supply would feel, speeds or valve openings, is chosen likewise, and the instant at which friction acts.
+    An earlier record of the machine has chosen already, as far as it says.
 
     Returns:
         (J,) data, one of `hqpipe.gap.joint_data.SPEEDS`, and rows by which the logged speed lags (valve mode; else 0).
@@ -166,6 +187,8 @@ def prepare(
             data.append(replace(one, barred=BLURRED) if signed and joint in signed.joints else one)
         return data
 
+    if earlier is not None:
+        return _as_then(earlier, cut_up)
     known = (ROW_OFFSET,) if mode == "valve" else ()  # a delay must not choose the speed that hides a part of it
     speed, data = MOVED, cut_up(MOVED, BY_SPEED)
     if late <= FILTERED_ROWS:  # two cuts at a time: they are the largest thing in memory
@@ -181,6 +204,15 @@ def prepare(
         opened = _timed(cut_up(speed, by_opening(fit, mode)), shift)
         data = min(data, opened, key=lambda option: _misfit(option, (SHARED,)))
     return data, speed, late
+
+
+def _as_then(earlier: Earlier, cut_up: Callable[[str, Flow], list[JointData]]) -> tuple[list[JointData], str, float]:
+    """The joints beside an earlier record, with its speed and flow; where it does not say, the speed that suits it."""
+    known = np.nan_to_num(earlier.then[earlier.joints[0]].row[FLOW])
+    flow = tuple(known.tolist()) if known.any() else BY_SPEED
+    options = {speed: earlier.beside(cut_up(speed, flow)) for speed in ([earlier.speed] if earlier.speed else SPEEDS)}
+    speed = min(options, key=lambda name: _misfit(options[name], ()))
+    return options[speed], speed, 0.0
 
 
 def _timed(data: Sequence[JointData], rows: float) -> list[JointData]:

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.effects import EFFECTS
 from hqpipe.gap.accuse import WINDOWS_PER_BLOCK, Accusation
 from hqpipe.gap.bootstrap import block_weights, interval
 from hqpipe.gap.causes import Cause
+from hqpipe.gap.changes import CANDIDATES, FACTORS
 from hqpipe.gap.groups import scope_of
 from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.locate import Place, telling
@@ -19,6 +19,7 @@ from hqpipe.gap.schema import FORMAT, validate_diagnosis
 from hqpipe.gap.search import MATERIAL
 from hqpipe.gap.signs import NAME as UNSIGNED
 from hqpipe.gap.signs import SignedLogs
+from hqpipe.gap.since import Earlier
 from hqpipe.gap.verdict import Evidence
 from hqpipe.logs.trajectory import LogSet, recording_of
 
@@ -27,6 +28,7 @@ EXPLAINED = 0.25  # of the squared error above the noise may be left in an expla
 HELPS = 0.97  # of the loss in the fit trials that an effect must leave at most to count as seen there; assumption
 UNLIKE = 3.0  # held-out over fitted RMSE beyond which the trials are unlike each other; assumption
 UNSIGNED_EVEN, UNSIGNED_STEEPNESS = 0.7, 10.0  # error ratio of the sign search at even odds, and how fast they grow
+MISSES = 1.5  # RMSE over the noise floor from which it is told that a reference itself misses its machine; assumption
 MIN_SHARE = 0.01  # signals that explain less of the gap are not listed
 SIGNALS = {
     "torque": {"position_error": "torque_error", "past_position_error": "past_torque_error"},
@@ -54,6 +56,7 @@ def answer(
     explained: tuple[list[Explained], list[Explained]],
     places: tuple[list[Place], list[Place]],
     warnings: list[str],
+    earlier: Earlier | None = None,
 ) -> dict[str, Any]:
     """The content of diagnosis.json.
 
@@ -62,6 +65,7 @@ def answer(
         scales: torque sensors with a wrong gain; no part of the gap, for the coefficients take it up.
         evidence, explained, places: before and after the causes were added.
         warnings: so far.
+        earlier: the record that the logs are compared with.
     """
     gap_before, gap_after = (_matters(e, found) for e in evidence)
     unexplained = bool(gap_after.any())
@@ -74,7 +78,8 @@ def answer(
     whole = 1.0 - _rms(evidence[1].error) / max(_rms(evidence[0].error), 1e-300)
     if found.shrink.whole > 0.0:
         part *= whole / found.shrink.whole  # the search thins the windows of long logs, the gap is of all of them
-    causes = [_unsigned(signed, log_set, found, evidence[0])] if signed.findings else []
+    lost = signed.findings and not (earlier and set(signed.joints) <= set(earlier.unsigned))
+    causes = [_unsigned(signed, log_set, found, evidence[0])] if lost else []
     causes += [_cause(cause, 0.0, np.zeros(2), log_set) for cause in scales]
     causes += [
         _cause(cause, part * found.shrink.each[i], part * (found.shrink.each_ci95[i] + [0.0, room]), log_set)
@@ -84,7 +89,7 @@ def answer(
     passing = {joint for cause in found.passing for joint in cause.joints}
     where = [_place(p) for p in (telling(places[0], passing) if gap_before.any() else [])]
     remaining = [_place(p) for p in (telling(places[1]) if unexplained else [])]
-    content = _head(log_set, verdict) | {
+    content = _head(log_set, verdict, earlier) | {
         "gap": _gap(log_set, window_s, found, evidence),
         "where": where,
         "causes": causes,
@@ -96,7 +101,7 @@ def answer(
             "depends_on": _depends_on(log_set, evidence[1], explained[1], gap_after),
         },
         "next_experiment": _next(causes, unexplained, found),
-        "warnings": [*warnings, *_remarks(log_set.joints, evidence, found)],
+        "warnings": [*warnings, *_known_miss(found, earlier), *_remarks(log_set.joints, evidence, found)],
     }
     validate_diagnosis(content)
     return content
@@ -138,7 +143,7 @@ def _gap(log_set: LogSet, window_s: float, found: Accusation, evidence: tuple[Ev
         "window_s": window_s,
         "before": before,
         "after": after,
-        "noise_floor": _rms(found.floor),
+        "noise_floor": _rms(found.noise),
         "persistence": _rms(persistence_error(found.heldout)),
         "shrink": _short(1.0 - after / before) if before > 0 else 0.0,
         "shrink_ci95": [_short(low), _short(min(high + part * _room(found, evidence), 1.0))],
@@ -146,7 +151,7 @@ def _gap(log_set: LogSet, window_s: float, found: Accusation, evidence: tuple[Ev
 
 
 def _cause(cause: Cause, shrink: float, interval: np.ndarray, log_set: LogSet) -> dict[str, Any]:
-    effect = EFFECTS[cause.effect]
+    effect = CANDIDATES[cause.effect]
     units = {p.name: p.unit for p in effect.parameters}
     parameters = {
         name: {
@@ -156,6 +161,8 @@ def _cause(cause: Cause, shrink: float, interval: np.ndarray, log_set: LogSet) -
         }
         for name, part in cause.parameters.items()
     }
+    for name, then in cause.then.items():
+        parameters[name]["reference"] = then if then is None else _short(then)
     return {
         "effect": cause.effect,
         "layer": effect.layer,
@@ -202,11 +209,16 @@ def _considered(found: Accusation, log_set: LogSet) -> list[dict[str, Any]]:
     accepted = {cause.effect for cause in found.causes}
     total = sum(state.base.heldout.sum() for state in found.states)
     rows = []
-    for effect in (*found.library, *_absorbed(log_set)):
+    for effect in dict.fromkeys((*found.library, *_absorbed(log_set))):
         if effect in accepted:
             continue
         if effect not in found.library:
-            reason = "the base model's own coefficients take it up completely: these logs cannot show it"
+            compared = found.states[0].data.then is not None
+            reason = (
+                "it changes the coefficients as a softer oil does: see stiffness_change"
+                if compared
+                else "the base model's own coefficients take it up completely: these logs cannot show it"
+            )
             joints, score, shrink = list(log_set.joints), 0.0, 0.0
         else:
             joints, score, shrink = _alone(effect, found.states, total)
@@ -214,7 +226,7 @@ def _considered(found: Accusation, log_set: LogSet) -> list[dict[str, Any]]:
         rows.append(
             {
                 "effect": effect,
-                "layer": EFFECTS[effect].layer,
+                "layer": CANDIDATES[effect].layer,
                 "joints": joints,
                 "scope": scope_of(joints, log_set.joints),
                 "score": _short(score),
@@ -226,7 +238,7 @@ def _considered(found: Accusation, log_set: LogSet) -> list[dict[str, Any]]:
 
 
 def _absorbed(log_set: LogSet) -> list[str]:
-    return [name for name, effect in EFFECTS.items() if log_set.control_mode in effect.absorbed]
+    return [name for name, effect in CANDIDATES.items() if log_set.control_mode in effect.absorbed]
 
 
 def _alone(effect: str, states: list[JointState], total: float) -> tuple[list[str], float, float]:
@@ -286,7 +298,7 @@ def _next(causes: list[dict[str, Any]], unexplained: bool, found: Accusation) ->
             rival = cause["confused_with"][0]
             return (
                 f"to tell {cause['effect']} from {rival} in {', '.join(cause['joints'])}: "
-                f"{EFFECTS[cause['effect']].experiment}"
+                f"{CANDIDATES[cause['effect']].experiment}"
             )
     if unexplained:
         worst = max(found.states, key=lambda s: s.chosen.error / max(s.data.output, 1e-300) ** 2)
@@ -295,6 +307,23 @@ def _next(causes: list[dict[str, Any]], unexplained: bool, found: Accusation) ->
             "with the others held, and log all that its controller measures and sends"
         )
     return None
+
+
+def _known_miss(found: Accusation, earlier: Earlier | None) -> list[str]:
+    """What the record itself leaves open, and which coefficients it lacks."""
+    if earlier is None:
+        return []
+    notes, known = [], _rms(found.familiar)
+    if known > MISSES * _rms(found.noise):
+        notes.append(
+            f"the reference is no better than {known:.3g} on a machine that has not changed: less is no change"
+        )
+    for name in (name for name in FACTORS if name in found.library):
+        if lacking := [s.joint for s in found.states if name not in s.search.library and s.data.barred == ()]:
+            notes.append(
+                f"{', '.join(lacking)}: {FACTORS[name][0]} is 0 in the reference, so that {name} has no ratio and was not asked"
+            )
+    return notes
 
 
 def _remarks(joints: tuple[str, ...], evidence: tuple[Evidence, Evidence], found: Accusation) -> list[str]:
@@ -329,9 +358,11 @@ def _remarks(joints: tuple[str, ...], evidence: tuple[Evidence, Evidence], found
     return remarks
 
 
-def not_identifiable(log_set: LogSet, warnings: list[str], advice: str) -> dict[str, Any]:
+def not_identifiable(
+    log_set: LogSet, warnings: list[str], advice: str | None, earlier: Earlier | None = None
+) -> dict[str, Any]:
     """The answer when the logs cannot carry one."""
-    content = _head(log_set, "not_identifiable") | {
+    content = _head(log_set, "not_identifiable", earlier) | {
         "gap": None,
         "where": [],
         "causes": [],
@@ -344,7 +375,7 @@ def not_identifiable(log_set: LogSet, warnings: list[str], advice: str) -> dict[
     return content
 
 
-def _head(log_set: LogSet, verdict: str) -> dict[str, Any]:
+def _head(log_set: LogSet, verdict: str, earlier: Earlier | None) -> dict[str, Any]:
     logs = {
         "path": str(log_set.path),
         "sha256": log_set.sha256,
@@ -352,7 +383,8 @@ def _head(log_set: LogSet, verdict: str) -> dict[str, Any]:
         "joints": list(log_set.joints),
         "control_mode": log_set.control_mode,
     }
-    return {"format": FORMAT, "verdict": verdict, "logs": logs}
+    reference = {} if earlier is None else {"reference": earlier.header()}
+    return {"format": FORMAT, "verdict": verdict, "logs": logs} | reference
 
 
 def _place(p: Place) -> dict[str, Any]:

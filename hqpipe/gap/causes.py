@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from hqpipe.effects import EFFECTS
+from hqpipe.effects.effect import Parameter
+from hqpipe.gap.changes import ALIKE, CANDIDATES, FACTORS, RATIO, columns
 from hqpipe.gap.estimate import Estimate, agree, estimates, pooled, stated
 from hqpipe.gap.groups import scope_of
 from hqpipe.gap.joint_state import JointState
@@ -19,7 +20,11 @@ MOST = 0.5  # share of a cause's joints that must not tell a rival from it; assu
 
 @dataclass(frozen=True, eq=False)
 class Cause:
-    """An accepted effect: where, how sure, how large, and what it could be taken for."""
+    """An accepted effect: where, how sure, how large, and what it could be taken for.
+
+    Attributes:
+        then: parameter → its value in an earlier record, None where the effect was absent; empty without such a record.
+    """
 
     effect: str
     joints: tuple[str, ...]
@@ -27,6 +32,7 @@ class Cause:
     probability: float
     parameters: dict[str, Estimate]
     rivals: tuple[str, ...]
+    then: dict[str, float | None] = field(default_factory=dict)
 
 
 def assemble(states: list[JointState], floor: np.ndarray, machine: Sequence[str] = ()) -> list[Cause]:
@@ -41,14 +47,14 @@ def assemble(states: list[JointState], floor: np.ndarray, machine: Sequence[str]
     for effect in dict.fromkeys(name for state in states for name in state.chosen.effects):
         members = [s for s in states if effect in s.chosen.effects]
         parts = {s.joint: estimates(s.data, s.chosen, effect) for s in members}
-        for batch in [members] if EFFECTS[effect].machine else _alike(effect, members, parts):
+        for batch in [members] if CANDIDATES[effect].machine else _alike(effect, members, parts):
             causes.append(_cause(effect, batch, parts, joints, floors))
     return causes
 
 
 def _alike(effect: str, members: list[JointState], parts: dict[str, dict[str, Estimate]]) -> list[list[JointState]]:
     """Joints whose first parameter agrees, in batches; the largest batch first."""
-    first = EFFECTS[effect].parameters[0].name
+    first = CANDIDATES[effect].parameters[0].name
     rest, batches = sorted(members, key=lambda s: parts[s.joint][first].value if first in parts[s.joint] else 0.0), []
     while rest:
         best: list[JointState] = []
@@ -75,7 +81,7 @@ def _cause(
 ) -> Cause:
     names = tuple(s.joint for s in members)
     parameters = {}
-    for parameter in EFFECTS[effect].parameters:
+    for parameter in CANDIDATES[effect].parameters:
         known = [parts[name][parameter.name] for name in names if parameter.name in parts[name]]
         if len(known) == len(names):
             one = pooled(known) if len(known) > 1 else known[0]
@@ -85,9 +91,27 @@ def _cause(
     common = {name for name, count in counted.items() if count > MOST * len(supports)}
     odds = [_log_odds(x, s.closure(floor[s.joint]), len(common)) for x, s in zip(supports, members, strict=True)]
     probability = float(1.0 / (1.0 + np.exp(-max(odds))))
-    scope = "machine" if EFFECTS[effect].machine else scope_of(names, joints)
-    ordered = tuple(name for name in EFFECTS if name in common)
-    return Cause(effect, names, scope, probability, parameters, ordered)
+    scope = "machine" if CANDIDATES[effect].machine else scope_of(names, joints)
+    ordered = tuple(name for name in CANDIDATES if name in common)
+    if effect in ALIKE and RATIO in parameters and parameters[RATIO].value < 1.0:
+        ordered = (*ordered, *(name for name in ALIKE[effect] if name not in ordered))
+    then = {p.name: _then(effect, p, members) for p in CANDIDATES[effect].parameters if p.name in parameters}
+    return Cause(effect, names, scope, probability, parameters, ordered, then if _compared(effect, members) else {})
+
+
+def _compared(effect: str, members: list[JointState]) -> bool:
+    return effect not in FACTORS and members[0].data.then is not None
+
+
+def _then(effect: str, parameter: Parameter, members: list[JointState]) -> float | None:
+    """Mean over the joints of what a parameter was in the earlier record; None where a joint lacked the effect."""
+    if not _compared(effect, members) or any(effect not in s.data.then.effects for s in members):
+        return None
+    at = columns(effect)[[p.name for p in CANDIDATES[effect].parameters].index(parameter.name)]
+    values = np.array([s.data.then.row[at] for s in members])
+    if parameter.inverse and not values.all():
+        return None
+    return float(np.mean(1.0 / values if parameter.inverse else values))
 
 
 def _log_odds(support: Support, closed: float, rivals: int) -> float:

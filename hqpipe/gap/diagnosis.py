@@ -15,30 +15,24 @@ from hqpipe.actuators.augmented import SENSING, Augmented
 from hqpipe.actuators.base import ActuatorModel
 from hqpipe.actuators.files import save_actuator
 from hqpipe.effects.layout import neutral_row, slot, slots
-from hqpipe.errors import IdentificationError
 from hqpipe.gap.accuse import accuse
 from hqpipe.gap.answer import answer, not_identifiable
-from hqpipe.gap.confirm import confirmed
-from hqpipe.gap.defect import Defect
-from hqpipe.gap.joint_data import COMMAND_CHANNEL
+from hqpipe.gap.changes import SCALE, multiplied
+from hqpipe.gap.intake import LONGER, Intake, take_in
+from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.locate import Place, locate
 from hqpipe.gap.reference import Explained, explain
 from hqpipe.gap.replay import Replay
 from hqpipe.gap.row_model import RowModel
-from hqpipe.gap.sanity import check_logs
 from hqpipe.gap.schema import validate_diagnosis
 from hqpipe.gap.second_channel import measured, scale_causes, settle_offsets
-from hqpipe.gap.sensing import channel_warnings
-from hqpipe.gap.signs import SignedLogs, restore_efforts
+from hqpipe.gap.since import Earlier
 from hqpipe.gap.tally import Tally, tally
 from hqpipe.gap.traces import worst_windows
 from hqpipe.gap.verdict import Evidence, shortage, weigh
-from hqpipe.logs.columns import joint_column
 from hqpipe.logs.trajectory import LogSet
-from hqpipe.sysid.free_run import WINDOW_S, window_samples
+from hqpipe.sysid.free_run import WINDOW_S
 
-LONGER = "record longer trials in which every joint moves, one of them held out"
-NOT_USED = ("velocity_mismatch",)  # defects of the velocity channel: the models run on the change of position
 LARGEST = 3_800_000  # samples × joints in memory: 5 min of twelve joints at 1 kHz, which takes 1.5 GB
 FILE, TABLE, TRACES = "diagnosis.json", "residuals.csv", "traces.json"
 Progress = Callable[[float, float, str], None]
@@ -83,6 +77,7 @@ def diagnose(
     effort_limit: np.ndarray | None = None,
     workers: int = 1,
     progress: Progress | None = None,
+    earlier: Earlier | None = None,
 ) -> Diagnosis:
     """Say whether the error on the held-out trials exceeds the noise, where it is and what causes it.
 
@@ -93,69 +88,44 @@ def diagnose(
         effort_limit: (J,) N·m at which the actuator saturates; None for no limit.
         workers: joints searched at a time; the answer does not depend on it.
         progress: called with (done, total, text).
+        earlier: a record of the same machine; then only what changed since is a cause.
 
     Raises:
         IdentificationError: no layer can be evaluated.
+        UsageError: the record does not fit to the logs.
     """
-    mode = log_set.control_mode
-    trials = [trial.trajectory for trial in log_set.trials]
-    if trials[0].effort is None and mode != "valve":
-        raise IdentificationError(
-            f"{log_set.path}: no layer can be evaluated without '{joint_column('<name>', 'effort')}'; "
-            "record the joint torque (for the actuator layer with the command of its control mode)"
-        )
-    warnings = [*log_set.warnings, *channel_warnings(trials)]
-    lacking = [COMMAND_CHANNEL[mode]] if mode and getattr(trials[0], COMMAND_CHANNEL[mode]) is None else []
-    if mode is None or lacking:
-        column = joint_column("<name>", lacking[0] if lacking else "position_command")
-        reason = f"the actuator layer needs {column}: only the sensing layer was evaluated"
-        return Diagnosis(not_identifiable(log_set, [*warnings, reason], "record the missing channel"))
-    signed = restore_efforts(log_set, without)
-    log_set = signed.log_set
-    defects = check_logs(log_set, window_s=window_s)
-    steps = window_samples(float(np.median([t.dt for t in trials])), window_s)
-    fatal = [d.message for d in defects if _stops(d) and confirmed(d, log_set, steps)]
-    warnings += [d.message for d in defects if not _stops(d)]
-    if fatal:
-        short = any(d.kind == "too_short" for d in defects)
-        advice = LONGER if short else "mend the logs, then diagnose them again"
-        return Diagnosis(not_identifiable(log_set, [*fatal, *warnings], advice))
-    return _actuator(log_set, signed, window_s, without, effort_limit, workers, progress, warnings)
-
-
-def _stops(defect: Defect) -> bool:
-    """Whether nothing can be said of logs with this defect, if it is confirmed."""
-    return defect.fatal and defect.kind not in NOT_USED
+    if earlier is not None:
+        earlier.fits(log_set)
+    intake = take_in(log_set, window_s, without)
+    if earlier is not None:
+        intake = replace(intake, warnings=(*intake.warnings, *earlier.warnings))
+    if intake.reasons:
+        return Diagnosis(not_identifiable(intake.log_set, list(intake.warnings), intake.advice, earlier))
+    return _actuator(intake, window_s, without, effort_limit, workers, progress, earlier)
 
 
 def _actuator(
-    log_set: LogSet,
-    signed: SignedLogs,
+    intake: Intake,
     window_s: float,
     without: Sequence[str],
     effort_limit: np.ndarray | None,
     workers: int,
     progress: Progress | None,
-    warnings: list[str],
+    earlier: Earlier | None,
 ) -> Diagnosis:
-    steps = window_samples(float(np.median([t.trajectory.dt for t in log_set.trials])), window_s)
-    short = [t.file for t in log_set.trials if t.trajectory.samples <= steps]
-    log_set = replace(log_set, trials=tuple(t for t in log_set.trials if t.file not in short))
-    warnings = [*warnings, *(f"{name}: shorter than one window, left out" for name in short)]
-    if not log_set.fit or not log_set.heldout:
-        return Diagnosis(not_identifiable(log_set, [*warnings, "no fit or no held-out trial holds a window"], LONGER))
-    found = accuse(log_set, steps, without, signed, effort_limit, workers, progress)
-    checked = measured(log_set, without)
+    log_set, signed, warnings = intake.log_set, intake.signed, list(intake.warnings)
+    found = accuse(log_set, intake.steps, without, signed, effort_limit, workers, progress, earlier)
+    checked = [f for f in measured(log_set, without) if earlier is None or (f.effect, f.joint) not in earlier.checked]
     compared = log_set.trials[0].trajectory.pressure_a is not None
     found = replace(found, causes=settle_offsets(found.causes, checked, compared))
     sensor = np.array([state.data.noise for state in found.states]) ** 2
     reasons, excited = shortage(found.fit, found.heldout, sensor)
     if reasons:
-        return Diagnosis(not_identifiable(log_set, [*warnings, *reasons], LONGER))
+        return Diagnosis(not_identifiable(log_set, [*warnings, *reasons], LONGER, earlier))
     joints = log_set.joints
-    before = _look(found.fit, found.heldout, found.before.memory, found.floor)
+    before = _look(found.fit, found.heldout, found.before.memory, found.floor, found.familiar)
     floor = np.minimum(found.floor, before.evidence.floor)
-    after = _look(found.after_fit, found.after_heldout, found.after.memory, floor)
+    after = _look(found.after_fit, found.after_heldout, found.after.memory, floor, found.familiar)
     still = [joint for joint, moved in zip(joints, excited, strict=True) if not moved]
     if still:
         warnings.append(f"too little excitation to judge {', '.join(still)}")
@@ -169,10 +139,13 @@ def _actuator(
         (before.explained, after.explained),
         (before.places, after.places),
         warnings,
+        earlier,
     )
     table = _table(before, after, found.heldout)
     traces = worst_windows(found.heldout, found.after_heldout, log_set, content["gap"]["unit"])
-    return Diagnosis(content, tuple(table), traces, _actuator_model(found.before), _actuator_model(found.after))
+    return Diagnosis(
+        content, tuple(table), traces, _actuator_model(found.before), _actuator_model(found.after, found.states)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,11 +158,13 @@ class Look:
     places: list[Place]
 
 
-def _look(fit: list[Replay], heldout: list[Replay], memory: np.ndarray, floor: np.ndarray) -> Look:
+def _look(
+    fit: list[Replay], heldout: list[Replay], memory: np.ndarray, floor: np.ndarray, familiar: np.ndarray
+) -> Look:
     joints = heldout[0].trajectory.joints
     explained = [explain(fit, heldout, j, memory[j]) for j in range(len(joints))]
     sums = tally(heldout)
-    evidence = weigh(sums, floor, explained)
+    evidence = weigh(sums, floor, explained, familiar)
     return Look(sums, explained, evidence, locate(sums, evidence.floor, joints))
 
 
@@ -207,13 +182,20 @@ def _paired(trial: str, before: list[Place], after: list[Place]) -> list[Row]:
     return [Row(trial, p, known.get((p.joint, p.family, p.regime))) for p in before]
 
 
-def _actuator_model(model: RowModel) -> ActuatorModel | None:
-    """The actuator for the training simulator: what the sensors add is no part of it."""
+def _actuator_model(model: RowModel, states: Sequence[JointState] = ()) -> ActuatorModel | None:
+    """The actuator for the training simulator: what the sensors add is no part of it.
+
+    Args:
+        states: of joints whose torque sensor may have got another gain since an earlier record.
+    """
     if model.mode != "position":
         return None
     rows, neutral = model.rows.copy(), neutral_row()
     for name in SENSING:
         rows[:, slots(name)] = neutral[slots(name)]
+    for j, state in enumerate(states):
+        if state.data.then is not None and SCALE in state.chosen.effects:
+            rows[j] = multiplied(rows[j], SCALE, 1.0 / state.first_number(SCALE))
     return Augmented(model.joints, rows, float(rows[0, slot("setting", "sample_time")]))
 
 

@@ -6,21 +6,26 @@ widen the interval through Student's t.
 
 Noise is not all that is uncertain: an effect's formula simplifies what it stands for, in all joints alike. The intervals
 that are stated (`stated`) hold that too.
+
+Where a joint is compared with an earlier record, all that is not fitted stands where that record put it. An error δ of the
+record moves what is fitted by −H⁻¹ Jᵀ J_then δ (implicit function theorem), so that its covariance is added.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from hqpipe.effects import EFFECTS
 from hqpipe.effects.effect import Parameter
-from hqpipe.effects.layout import slots
+from hqpipe.effects.layout import slot
 from hqpipe.gap.bootstrap import BLOCK_S
+from hqpipe.gap.changes import CANDIDATES, FACTORS, columns, leaders, ratios
 from hqpipe.gap.joint_data import JointData
 from hqpipe.gap.set_fit import SetFit
 from hqpipe.kernels.augmented_fit import residual_windows
+from hqpipe.kernels.augmented_signals import Signals
 
 Z95 = 1.959964  # standard normal quantile at 97.5 %
 SIMPLIFIED_ROWS = 0.05  # samples that the formulas of times simplify, beside a share of the value; measured likewise
@@ -37,19 +42,40 @@ class Estimate:
     deviation: float
 
 
+@dataclass(frozen=True, eq=False)
+class Covariance:
+    """Of the free numbers of a fit, (n, n) each; infinite where the free run would run away.
+
+    Attributes:
+        columns: (n,) the free columns. values: (n,) numbers; of changes since an earlier record their ratio.
+        then: (n,) what they were in that record, of ratios 1; NaN without one.
+        now: of the numbers. change: of what they differ by from the earlier record; the same without one.
+        blocks: how many observations they rest on.
+    """
+
+    columns: np.ndarray
+    values: np.ndarray
+    then: np.ndarray
+    now: np.ndarray
+    change: np.ndarray
+    blocks: int
+
+    @property
+    def factor(self) -> float:
+        """Half of a 95 % interval over the standard deviation (Student's t)."""
+        from scipy.stats import t as student
+
+        return float(student.ppf(0.975, max(self.blocks - len(self.columns), 1)))
+
+
 def estimates(data: JointData, fit: SetFit, effect: str) -> dict[str, Estimate]:
     """Parameters of one effect of a fitted set; those that lie at "absent" are left out."""
-    from scipy.stats import t as student
-
-    covariance, blocks = _covariance(data, fit)
-    factor = float(student.ppf(0.975, max(blocks - len(fit.free), 1)))
-    found = {}
-    for column, parameter in zip(slots(effect), EFFECTS[effect].parameters, strict=True):
-        if column not in fit.free:
-            continue
-        at = int(np.flatnonzero(fit.free == column)[0])
-        value, deviation = float(fit.row[column]), float(np.sqrt(max(covariance[at, at], 0.0)))
-        low, high = value - factor * deviation, value + factor * deviation
+    if effect in FACTORS and data.then is not None and effect not in leaders(fit.effects, data.then.row):
+        return {}
+    covariance, found = covariance_of(data, fit), {}
+    for at, parameter in _free_parameters(data, fit, effect, covariance):
+        value, deviation = float(covariance.values[at]), float(np.sqrt(max(covariance.now[at, at], 0.0)))
+        low, high = value - covariance.factor * deviation, value + covariance.factor * deviation
         if parameter.inverse:
             if value <= 0.0:
                 continue
@@ -60,32 +86,118 @@ def estimates(data: JointData, fit: SetFit, effect: str) -> dict[str, Estimate]:
     return found
 
 
-def _covariance(data: JointData, fit: SetFit) -> tuple[np.ndarray, int]:
-    """(n, n) covariance of the free columns, and the number of blocks; infinite where the free run would run away."""
-    signals = data.fit.signals
+def _free_parameters(data: JointData, fit: SetFit, effect: str, covariance: Covariance) -> list[tuple[int, Parameter]]:
+    """Parameters of an effect that were fitted, with their places among the free numbers."""
+    wanted = columns(effect)
+    if effect in FACTORS and data.then is not None:
+        wanted = [leaders(fit.effects, data.then.row)[effect]]
+    pairs = zip(wanted, CANDIDATES[effect].parameters, strict=True)
+    return [(int(np.flatnonzero(covariance.columns == c)[0]), p) for c, p in pairs if c in covariance.columns]
+
+
+def certainty(data: JointData, fit: SetFit, effect: str, unchanged: dict[int, float] | None = None) -> float:
+    """Standard errors by which an effect of a set differs from the earlier record, in the number that does so most.
+
+    Args:
+        unchanged: place among the free numbers → what stands for no change, where it is not what the record holds.
+    """
+    covariance = covariance_of(data, fit)
+    if effect in FACTORS and effect not in leaders(fit.effects, data.then.row):
+        return 0.0
+    found = 0.0
+    for at, parameter in _free_parameters(data, fit, effect, covariance):
+        if parameter.counts:
+            then = (unchanged or {}).get(at, float(covariance.then[at]))
+            deviation = float(np.sqrt(max(covariance.change[at, at], 0.0)))
+            found = max(found, abs(float(covariance.values[at]) - then) / max(deviation, 1e-300))
+    return found
+
+
+def covariance_of(data: JointData, fit: SetFit) -> Covariance:
+    """Of the free numbers of a fit, with what the earlier record is uncertain by where there is one."""
+    signals, then = data.fit.signals, data.then
     residual = residual_windows(fit.row, signals)
     guess = np.sqrt(np.maximum(np.diag(np.linalg.pinv(fit.hessian)), 0.0) * max(fit.loss, 1e-300))
-    jacobian = np.empty((len(fit.free), *residual.shape))
+    ties = [group[group >= 0] for group in fit.tied] if fit.tied.shape[1:] != (0,) else []
+    moves = [_moved(fit.row, c, ties[i] if ties else (), guess[i]) for i, c in enumerate(fit.free)]
+    jacobian = _slopes(moves, residual, signals)
+    values, record = fit.row[fit.free].astype(np.float64), np.full(len(fit.free), np.nan)
+    if then is not None:
+        record = then.row[fit.free].astype(np.float64)
+        ratio = ratios(fit.row, then.row, fit.effects)
+        for name, column in leaders(fit.effects, then.row).items():
+            at = int(np.flatnonzero(fit.free == column)[0])
+            jacobian[at] *= fit.row[column] / ratio[name]
+            values[at], record[at] = ratio[name], 1.0
+    now, blocks, bread = _sandwich(jacobian, residual, data, values)
+    change = now
+    if then is not None and len(then.columns) and np.isfinite(now).all():
+        now, change = _with_then(data, fit, jacobian, residual, bread, now)
+    return Covariance(fit.free, values, record, now, change, blocks)
+
+
+def _moved(row: np.ndarray, column: int, tied: Sequence[int], size: float) -> tuple[np.ndarray, float]:
+    """A row with one column, and what is tied to it, a little further, and how far."""
+    moved = row.copy()
+    h = max(STEP * abs(row[column]), 0.1 * size, 1e-12)
+    if len(tied):
+        moved[list(tied)] *= (row[column] + h) / row[column]
+    else:
+        moved[column] += h
+    return moved, h
+
+
+def _slopes(moves: list[tuple[np.ndarray, float]], residual: np.ndarray, signals: Signals) -> np.ndarray:
+    """(n, steps, W) derivatives of the output by differences."""
+    jacobian = np.empty((len(moves), *residual.shape))
     with np.errstate(over="ignore", invalid="ignore"):
-        for slope, column, size in zip(jacobian, fit.free, guess, strict=True):
-            moved = fit.row.copy()
-            h = max(STEP * abs(fit.row[column]), 0.1 * size, 1e-12)
-            moved[column] += h
+        for slope, (moved, h) in zip(jacobian, moves, strict=True):
             slope[:] = (residual_windows(moved, signals) - residual) / h
+    return jacobian
+
+
+def _sandwich(
+    jacobian: np.ndarray, residual: np.ndarray, data: JointData, values: np.ndarray
+) -> tuple[np.ndarray, int, np.ndarray]:
+    """(n, n) covariance, the number of blocks, and H⁻¹."""
+    with np.errstate(over="ignore", invalid="ignore"):
         information = np.einsum("nkw,mkw->nm", jacobian, jacobian)
-    per_block = max(1, round(BLOCK_S / (signals.steps * data.row_dt)))
+    per_block = max(1, round(BLOCK_S / (data.fit.signals.steps * data.row_dt)))
     edges = np.arange(0, residual.shape[1], per_block)
     blocks = len(edges)
     if not np.isfinite(information).all():
-        return np.full_like(information, np.inf), blocks
+        return np.full_like(information, np.inf), blocks, information
     scores = np.einsum("nkw,kw->wn", jacobian, residual)
     sums = np.add.reduceat(scores, edges, axis=0)
     sums -= sums.mean(axis=0)
     bread = np.linalg.pinv(information)
     covariance = bread @ (sums.T @ sums) @ bread * blocks / max(blocks - 1, 1)
     silent = np.flatnonzero(np.diag(information) <= 0.0)  # the logs of this joint say nothing about these
-    covariance[silent, silent] = fit.row[fit.free[silent]] ** 2
-    return covariance, blocks
+    covariance[silent, silent] = values[silent] ** 2
+    return covariance, blocks, bread
+
+
+def _with_then(
+    data: JointData, fit: SetFit, jacobian: np.ndarray, residual: np.ndarray, bread: np.ndarray, own: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance (n, n) of the numbers and of their differences, with that of the earlier record in them."""
+    then = data.then
+    sizes = np.sqrt(np.maximum(np.diag(then.covariance), 0.0))
+    moves = [_moved(fit.row, c, (), size) for c, size in zip(then.columns, sizes, strict=True)]
+    slopes = _slopes(moves, residual, data.fit.signals)
+    led = [slot("base", name) for name in ("k1", "k2", "k3", "k4")]
+    for slope, column in zip(slopes, then.columns, strict=True):
+        if column in led and then.row[column] != 0.0:
+            slope *= fit.row[column] / then.row[column]  # what was multiplied since
+    passed = -bread @ np.einsum("nkw,mkw->nm", jacobian, slopes)
+    passed[~np.isfinite(passed)] = 0.0
+    apart = passed.copy()
+    for i, column in enumerate(fit.free):
+        if column not in led:
+            passed[:, then.columns == column] = 0.0  # it is fitted anew, wherever it was
+            apart[:, then.columns == column] = 0.0
+            apart[i, then.columns == column] = -1.0
+    return own + passed @ then.covariance @ passed.T, own + apart @ then.covariance @ apart.T
 
 
 def pooled(parts: list[Estimate]) -> Estimate:

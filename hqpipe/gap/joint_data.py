@@ -44,6 +44,33 @@ class Split:
 
 
 @dataclass(frozen=True, eq=False)
+class Then:
+    """What an earlier record says of one joint.
+
+    Attributes:
+        row: (WIDTH,) the joint as it was.
+        columns: (C,) columns that were fitted then, where it is known how well. covariance: (C, C).
+        familiar: mean squared error of the row on the logs of then beyond their noise; 0 where it is not known.
+        swing: mean squared error of holding the output there; None where it is not known.
+        heldout: windows of then that the row was not fitted to; None where the record holds none.
+        effects: that it had.
+    """
+
+    row: np.ndarray
+    columns: np.ndarray
+    covariance: np.ndarray
+    familiar: float = 0.0
+    swing: float | None = None
+    heldout: Split | None = None
+    effects: tuple[str, ...] = ()
+
+    @property
+    def rubs(self) -> bool:
+        """Whether the joint had friction of any kind that turns round."""
+        return bool({"coulomb_friction", "stribeck_friction", "load_dependent_friction"} & set(self.effects))
+
+
+@dataclass(frozen=True, eq=False)
 class JointData:
     """One joint.
 
@@ -53,6 +80,7 @@ class JointData:
         row: (WIDTH,) row without effects and with zero gains, settings filled in.
         noise: standard deviation of the output's sensor noise.
         barred: effects that this joint's log could only imitate.
+        then: the joint in an earlier record, where the question is what changed since.
     """
 
     joint: str
@@ -63,11 +91,24 @@ class JointData:
     row: np.ndarray
     noise: float
     barred: tuple[str, ...] = ()
+    then: Then | None = None
 
     @property
     def output(self) -> float:
         """RMS of what is predicted: torque, in valve mode speed."""
         return self.size[scales.VELOCITY if self.mode == "valve" else scales.EFFORT]
+
+    @property
+    def natural(self) -> dict[str, float]:
+        """Coefficient of the base model → the size that the signals of this log give it."""
+        size = self.size
+        return {
+            "k1": self.output / size[scales.COMMAND],
+            "k2": size[scales.VELOCITY] / size[scales.EFFORT] if self.mode == "valve" else 1.0,
+            "k3": self.output / size[scales.VELOCITY],
+            "k4": 1.0 / size[scales.COMMAND],
+            "neutral": size[scales.COMMAND],
+        }
 
     @property
     def row_dt(self) -> float:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 
 from scipy.stats import norm
 
-from hqpipe.effects import EFFECTS
+from hqpipe.effects.layout import slot
 from hqpipe.errors import UsageError, near_match
+from hqpipe.gap.changes import ABSENT, CANDIDATES, CHANGES, FACTORS, SCALE
 from hqpipe.gap.joint_data import JointData
 from hqpipe.gap.search import JointResult, JointSearch, Support
 from hqpipe.gap.set_fit import JointFitter, SetFit
@@ -41,6 +42,10 @@ class JointState:
     def data(self) -> JointData:
         return self.search.fitter.data
 
+    def first_number(self, effect: str) -> float:
+        """The first number of a chosen effect, in the fit's own form."""
+        return self.search.fitter.first_number(self.chosen, effect)
+
     def choose(self, fit: SetFit) -> JointState:
         """The joint with another set chosen."""
         if fit is self.chosen:
@@ -54,20 +59,32 @@ class JointState:
 
 
 def library(
-    mode: str, effort_source: str | None, joints: int, without: Sequence[str] = (), effort: bool = True
+    mode: str,
+    effort_source: str | None,
+    joints: int,
+    without: Sequence[str] = (),
+    effort: bool = True,
+    changes: bool = False,
 ) -> tuple[str, ...]:
-    """Effects that logs of this kind can show; `effort`: whether the torque was recorded.
+    """Effects that logs of this kind can show.
+
+    Args:
+        effort: whether the torque was recorded.
+        changes: whether an earlier record is there, so that changes of the coefficients can show too.
 
     Raises:
         UsageError: `without` names an effect that does not exist.
     """
     for name in without:
-        if name not in EFFECTS:
-            raise UsageError(f"without: no effect '{name}'{near_match(name, EFFECTS)} (known: {', '.join(EFFECTS)})")
+        if name not in CANDIDATES:
+            known = ", ".join(CANDIDATES)
+            raise UsageError(f"without: no effect '{name}'{near_match(name, CANDIDATES)} (known: {known})")
+    shown = {name for name, effect in CANDIDATES.items() if mode in effect.modes and (changes or name not in CHANGES)}
+    shown |= {SCALE} if changes and mode == "position" else set()
     return tuple(
         name
-        for name, effect in EFFECTS.items()
-        if mode in effect.modes
+        for name, effect in CANDIDATES.items()
+        if name in shown
         and effect.parameters
         and joints >= effect.least_joints
         and (effort or not effect.needs_effort)
@@ -76,13 +93,21 @@ def library(
     )
 
 
+def _askable(name: str, data: JointData) -> bool:
+    """Whether a joint can be asked for an effect: a coefficient that was nothing has no ratio."""
+    if data.then is None or name not in FACTORS:
+        return name not in data.barred
+    lead = FACTORS[name][0]
+    return name not in data.barred and data.then.row[slot("base", lead)] > ABSENT * data.natural[lead]
+
+
 def search_joints(
     data: Sequence[JointData], names: Sequence[str], workers: int = 1, progress: Progress | None = None
 ) -> list[JointState]:
     """Search every joint, `workers` at a time; the result does not depend on their number."""
     questions = max(len(data) * len(names), 1)
     significance = float(norm.isf(SIGNIFICANCE / questions))
-    searches = [JointSearch(JointFitter(d), [n for n in names if n not in d.barred], significance) for d in data]
+    searches = [JointSearch(JointFitter(d), [n for n in names if _askable(n, d)], significance) for d in data]
 
     def one(search: JointSearch) -> JointResult:
         return search.run()

@@ -66,7 +66,13 @@ class Named:
 
 
 PLACE = {"layer": _one_of(*LAYERS), "joint": TEXT, "regime": TEXT, "share": SHARE}
-PARAMETER = {"value": NUMBER, "unit": TEXT, "ci95": INTERVAL}
+PARAMETER = {
+    "value": NUMBER,
+    "unit": TEXT,
+    "ci95": INTERVAL,
+    "reference": Maybe(NUMBER, absent=True),  # its value then; null where the effect was absent
+}
+REFERENCE = {"path": TEXT, "kind": _one_of("logs", "actuator"), "sha256": TEXT}
 GAP = {
     "layer": _one_of(*LAYERS),
     "metric": TEXT,
@@ -109,6 +115,7 @@ DIAGNOSIS = {
         "joints": TEXTS,
         "control_mode": _one_of(*MODES),
     },
+    "reference": Maybe(REFERENCE, absent=True),
     "gap": Maybe(GAP),
     "gaps": Maybe([GAP], absent=True),
     "where": [PLACE],

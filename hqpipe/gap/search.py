@@ -13,9 +13,9 @@ from itertools import combinations
 
 import numpy as np
 
-from hqpipe.effects import EFFECTS
 from hqpipe.gap.bootstrap import BLOCK_S
-from hqpipe.gap.set_fit import JointFitter, Names, SetFit, in_order
+from hqpipe.gap.changes import CANDIDATES, in_order
+from hqpipe.gap.set_fit import JointFitter, Names, SetFit
 
 MOST_EFFECTS = 5  # per joint; more have never been told apart on logs of a minute; assumption
 BEAM = 4  # sets that are grown side by side
@@ -149,7 +149,7 @@ class JointSearch:
     def _added(self, fit: SetFit, name: str) -> SetFit:
         """The set with one effect more; one that can lie idle is woken from all its starts."""
         grown = self.fit((*fit.effects, name), [fit])
-        if EFFECTS[name].parameters[0].inverse:
+        if CANDIDATES[name].parameters[0].inverse:
             woken = self.fitter.fit_awake(grown, name)
             if woken.loss < grown.loss:
                 self._tried[grown.effects] = grown = woken

@@ -1,9 +1,12 @@
-"""Fit a set of effects to one joint, together with the base model's own coefficients."""
+"""Fit a set of effects to one joint, together with the base model's own coefficients.
+
+With an earlier record of the joint nothing but the set is fitted: all else is held at what it was then.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -11,6 +14,7 @@ import numpy as np
 from hqpipe.effects import EFFECTS
 from hqpipe.effects.effect import Parameter
 from hqpipe.effects.layout import neutral_row, slot, slots
+from hqpipe.gap.changes import FACTORS, MOST_RATIO, base_slots, in_order, leaders, multiplied, ratios
 from hqpipe.gap.joint_data import JointData, Split
 from hqpipe.kernels.augmented_fit import CHANGES, fit_windows, residual_windows
 
@@ -24,6 +28,8 @@ OUTLIER_SHARE = 0.5  # of the output's RMS; keeps impacts from counting as outli
 SPANS = (1, 5, 20)  # samples of the differences that first guesses come from
 FIRST_LOOK = 3  # iterations before a start is compared with its rivals
 ITERATIONS, TOLERANCE = 25, 1e-4
+RATIO_SCALE = 0.1  # of a coefficient: the size of a step of its change
+ALONE = np.full(1, -1)  # a column that nothing is tied to
 
 Names = tuple[str, ...]
 
@@ -40,6 +46,7 @@ class SetFit:
         free: (n,) free columns.
         heldout: (W,) mean squared error of each held-out window.
         fitted: (W,) the same in the fit trials.
+        tied: (n, T) what grows with each free column, see `fit_windows`.
     """
 
     effects: Names
@@ -49,6 +56,7 @@ class SetFit:
     free: np.ndarray
     heldout: np.ndarray
     fitted: np.ndarray
+    tied: np.ndarray = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))
 
     @property
     def error(self) -> float:
@@ -56,15 +64,10 @@ class SetFit:
         return float(self.heldout.mean())
 
 
-def in_order(effects: Iterable[str]) -> Names:
-    """The effects in the order of the chain, each once."""
-    wanted = set(effects)
-    return tuple(name for name in EFFECTS if name in wanted)
-
-
 def _settled(names: Names) -> list[tuple[int, Parameter]]:
     """Columns and parameters that others of the set speak for."""
-    pairs = [(c, p) for name in names for c, p in zip(slots(name), EFFECTS[name].parameters, strict=True)]
+    known = [name for name in names if name not in FACTORS]
+    pairs = [(c, p) for name in known for c, p in zip(slots(name), EFFECTS[name].parameters, strict=True)]
     return [(c, p) for c, p in pairs if set(p.yields_to) & set(names)]
 
 
@@ -80,6 +83,14 @@ def _squared(residuals: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(errors), errors, np.inf)
 
 
+def _huber(residuals: np.ndarray, outlier: float) -> float:
+    """Huber loss per sample of (steps, W) residuals; infinite where the free run ran away."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = np.abs(residuals)
+        loss = float(np.mean(np.where(size > outlier, outlier * (2.0 * size - outlier), size**2)))
+    return loss if np.isfinite(loss) else np.inf
+
+
 class JointFitter:
     """Fits effect sets to one joint, each set once.
 
@@ -89,6 +100,7 @@ class JointFitter:
 
     def __init__(self, data: JointData) -> None:
         self.data = data
+        self._ground = neutral_row() if data.then is None else data.then.row
         self._known: dict[Names, SetFit] = {}
 
     def fit(self, effects: Iterable[str] = (), warm: Sequence[SetFit] = (), iterations: int = ITERATIONS) -> SetFit:
@@ -109,8 +121,17 @@ class JointFitter:
     def fit_from(self, fit: SetFit, effect: str, value: float) -> SetFit:
         """The same set, fitted from where the first number of an effect is `value`; it is not remembered."""
         row = fit.row.copy()
-        row[slots(effect)[0]] = value
+        if effect in FACTORS:
+            row = multiplied(row, effect, value / self.first_number(fit, effect))
+        else:
+            row[slots(effect)[0]] = value
         return self._result(fit.effects, *self._run(fit.effects, row, ITERATIONS))
+
+    def first_number(self, fit: SetFit, effect: str) -> float:
+        """The first number of an effect of a set, in the fit's own form."""
+        if effect in FACTORS:
+            return ratios(fit.row, self._ground, fit.effects).get(effect, 1.0)
+        return float(fit.row[slots(effect)[0]])
 
     def fit_awake(self, fit: SetFit, effect: str) -> SetFit:
         """The same set, fitted from the best of an effect's own starts; it is not remembered."""
@@ -131,31 +152,50 @@ class JointFitter:
 
     def _result(self, names: Names, row: np.ndarray, loss: float, hessian: np.ndarray, residuals: np.ndarray) -> SetFit:
         heldout = window_errors(row, self.data.heldout)
-        return SetFit(names, row, loss, hessian, self._columns(names)[0], heldout, _squared(residuals))
+        free, *_, tied = self._columns(names)
+        return SetFit(names, row, loss, hessian, free, heldout, _squared(residuals), tied)
 
     def _run(self, names: Names, row: np.ndarray, iterations: int) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
-        free, lower, upper, scale = self._columns(names)
+        free, lower, upper, scale, tied = self._columns(names)
         row = row.copy()
         for column, parameter in _settled(names):
-            row[column] = parameter.starts[0] * self.data.size[parameter.scale]
-        output = self.data.fit.signals.target
-        outlier = max(OUTLIER_SIGMAS * self.data.noise, OUTLIER_SHARE * float(np.sqrt(np.mean(output**2))))
-        return fit_windows(
-            row, self.data.fit.signals, free, lower, upper, scale, CHANGES, outlier, iterations, TOLERANCE
-        )
+            settled = parameter.starts[0] * self.data.size[parameter.scale]
+            row[column] = settled if self.data.then is None else self._ground[column]
+        signals = self.data.fit.signals
+        outlier = max(OUTLIER_SIGMAS * self.data.noise, OUTLIER_SHARE * float(np.sqrt(np.mean(signals.target**2))))
+        if not len(free):
+            residuals = residual_windows(row, signals)
+            return row, _huber(residuals, outlier), np.empty((0, 0)), residuals
+        return fit_windows(row, signals, free, lower, upper, scale, tied, CHANGES, outlier, iterations, TOLERANCE)
 
-    def _columns(self, names: Names) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Free columns of a set with their bounds and sizes."""
+    def _columns(self, names: Names) -> tuple[np.ndarray, ...]:
+        """Free columns of a set with their bounds, sizes and what is tied to them."""
+        parts = self._base_columns(names) if self.data.then is None else self._factor_columns(names)
+        for more in (self._effect_columns(names), self._presliding(names)):
+            parts = [[*known, *new] for known, new in zip(parts, more, strict=True)]
+        free, *sizes, tied = parts
+        width = max([len(t) for t in tied], default=0) if self.data.then is not None else 0
+        ties = np.full((len(free), width), -1, dtype=np.int64)
+        for i, group in enumerate(tied if width else []):
+            ties[i, : len(group)] = group
+        return np.array(free, dtype=np.int64), *(np.array(values, dtype=np.float64) for values in sizes), ties
+
+    def _factor_columns(self, names: Names) -> list[list]:
+        """What of the base model changed since the earlier record: of each change the column that leads."""
+        free, lower, upper, scale, tied = [], [], [], [], []
+        for name, column in leaders(names, self._ground).items():
+            then = float(self._ground[column])
+            free.append(column)
+            lower.append(then / MOST_RATIO)
+            upper.append(min(then * MOST_RATIO, 1.0) if column == slot("base", "k2") else then * MOST_RATIO)
+            scale.append(RATIO_SCALE * then)
+            tied.append(base_slots(name))
+        return [free, lower, upper, scale, tied]
+
+    def _base_columns(self, names: Names) -> list[list]:
+        """All coefficients of the base model."""
         free, lower, upper, scale = [], [], [], []
-        size = self.data.size
-        output = size["velocity"] if self.data.mode == "valve" else size["effort"]
-        natural = {
-            "k1": output / size["command"],
-            "k2": size["velocity"] / size["effort"] if self.data.mode == "valve" else 1.0,
-            "k3": output / size["velocity"],
-            "k4": 1.0 / size["command"],
-            "neutral": size["command"],
-        }
+        natural = self.data.natural
         loaded = self.data.mode == "valve" and bool(self.data.fit.signals.effort.any())
         for name in BASE_OF_MODE[self.data.mode] + (LEAK,) * loaded:
             free.append(slot("base", name))
@@ -167,32 +207,44 @@ class JointFitter:
             lower.append(-self.data.row_dt)
             upper.append(self.data.row_dt)
             scale.append(self.data.row_dt)
-        settled = [column for column, _ in _settled(names)]
-        for effect in names:
+        return [free, lower, upper, scale, [ALONE] * len(free)]
+
+    def _effect_columns(self, names: Names) -> list[list]:
+        """The numbers of a set's effects; one that an earlier record holds may be as it was, whatever the logs' sizes."""
+        free, lower, upper, scale = [], [], [], []
+        settled, size = [column for column, _ in _settled(names)], self.data.size
+        for effect in (name for name in names if name not in FACTORS or self.data.then is None):
             for column, parameter in zip(slots(effect), EFFECTS[effect].parameters, strict=True):
                 if column in settled:
                     continue
                 unit = 1.0 / size[parameter.scale] if parameter.inverse else size[parameter.scale]
+                then = float(self._ground[column]) if self.data.then is not None else parameter.lower * unit
                 free.append(column)
-                lower.append(parameter.lower * unit)
-                upper.append(parameter.upper * unit)
+                lower.append(min(parameter.lower * unit, then))
+                upper.append(max(parameter.upper * unit, then))
                 scale.append(unit * max(abs(start) for start in (*parameter.starts, 0.01)))
+        return [free, lower, upper, scale, [ALONE] * len(free)]
+
+    def _presliding(self, names: Names) -> list[list]:
+        """The travel in which friction turns round, where an effect of the set needs it and none has it."""
         dry = {"stribeck_friction", "load_dependent_friction"} & set(names)
-        if dry and "coulomb_friction" not in names:
-            turn = next(p for p in EFFECTS["coulomb_friction"].parameters if p.name == "presliding_rad")
-            free.append(slot("coulomb_friction", turn.name))
-            lower.append(turn.lower * size[turn.scale])
-            upper.append(turn.upper * size[turn.scale])
-            scale.append(turn.starts[0] * size[turn.scale])
-        return (np.array(free), *(np.array(values, dtype=np.float64) for values in (lower, upper, scale)))
+        known = "coulomb_friction" in names or (self.data.then is not None and self.data.then.rubs)
+        if not dry or known:
+            return [[], [], [], [], []]
+        turn = next(p for p in EFFECTS["coulomb_friction"].parameters if p.name == "presliding_rad")
+        size = self.data.size[turn.scale]
+        column = slot("coulomb_friction", turn.name)
+        return [[column], [turn.lower * size], [turn.upper * size], [turn.starts[0] * size], [ALONE]]
 
     def _starts(self, names: Names, warm: Sequence[SetFit]) -> list[np.ndarray]:
         """Rows to begin with."""
-        base = self._first_guess() if not names else self.fit().row
         if not names:
-            return [base]
+            return [self._first_guess() if self.data.then is None else self._ground]
+        base = self.fit().row
         if warm:
             return [self._joined(names, fit, warm) for fit in warm]
+        if self.data.then is not None:
+            return self._changed(names)
         options = [
             [
                 (column, start / size if p.inverse else start * size)
@@ -212,25 +264,48 @@ class JointFitter:
                 rows.append(row)
         return rows
 
+    def _changed(self, names: Names) -> list[np.ndarray]:
+        """Rows in which each name of a set in turn is somewhere else than in the earlier record, and that record's own."""
+        rows = [self._ground]
+        for name in names:
+            if name in FACTORS:
+                rows += [multiplied(self._ground, name, start) for start in (0.7, 1.4)]
+                continue
+            parameters = list(zip(slots(name), EFFECTS[name].parameters, strict=True))
+            for start in product(*(p.starts for _, p in parameters)):
+                row = self._ground.copy()
+                for (column, p), value in zip(parameters, start, strict=True):
+                    size = self.data.size[p.scale]
+                    row[column] = value / size if p.inverse else value * size
+                rows.append(row)
+        return rows
+
     def _joined(self, names: Names, fit: SetFit, warm: Sequence[SetFit]) -> np.ndarray:
         """The row of one fit, with the effects that it lacks from the others."""
         row = fit.row.copy()
+        gone = ratios(fit.row, self._ground, fit.effects) if self.data.then is not None else {}
         for name in names:
             if name not in fit.effects:
                 donor = next((other for other in warm if name in other.effects), None)
                 if donor is None:
                     donor = self.fit((name,))
+                if name in FACTORS:
+                    row = multiplied(row, name, self.first_number(donor, name))
+                    continue
                 row[slots(name)] = donor.row[slots(name)]
                 self._reset_shape(row, name)
         for name in fit.effects:
             if name not in names:
-                row[slots(name)] = neutral_row()[slots(name)]
+                if name in FACTORS:
+                    row = multiplied(row, name, 1.0 / gone.get(name, 1.0))
+                else:
+                    row[slots(name)] = self._ground[slots(name)]
         return row
 
     def _reset_shape(self, row: np.ndarray, name: str) -> None:
         """Numbers that only shape an effect start afresh: alone, it may have bent them to imitate what it lacked."""
         for column, parameter in zip(slots(name), EFFECTS[name].parameters, strict=True):
-            if not parameter.counts and len(parameter.starts) == 1:
+            if not parameter.counts and len(parameter.starts) == 1 and not self._ground[slots(name)[0]]:
                 row[column] = parameter.starts[0] * self.data.size[parameter.scale]
 
     def _first_guess(self) -> np.ndarray:

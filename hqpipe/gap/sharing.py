@@ -10,8 +10,7 @@ from collections import Counter
 
 import numpy as np
 
-from hqpipe.effects import EFFECTS
-from hqpipe.effects.layout import slots
+from hqpipe.gap.changes import CANDIDATES
 from hqpipe.gap.estimate import agree, estimates
 from hqpipe.gap.groups import groups
 from hqpipe.gap.joint_state import JointState
@@ -72,10 +71,10 @@ def _shared_sets(states: list[JointState]) -> list[JointState]:
 
 def _as_sharers(state: JointState, fit: SetFit, states: list[JointState]) -> SetFit:
     """The set with limits that this joint's fit trials do not reach where the joints that chose the set have them."""
-    sharers = [s.chosen.row for s in states if s.chosen.effects == fit.effects]
+    sharers = [s for s in states if s.chosen.effects == fit.effects]
     for name in fit.effects:
-        if EFFECTS[name].parameters[0].inverse:
-            value = float(np.median([row[slots(name)[0]] for row in sharers]))
+        if CANDIDATES[name].parameters[0].inverse:
+            value = float(np.median([s.first_number(name) for s in sharers]))
             fit = state.search.as_others(fit, name, value)
     return fit
 
@@ -122,7 +121,7 @@ def _shared(effect: str, members: list[JointState]) -> list[JointState] | None:
         return None
     parts = [estimates(m.data, fits[m.joint], effect) for m in showing]
     parts += [estimates(m.data, m.chosen, effect) for m in already]
-    first = EFFECTS[effect].parameters[0].name
+    first = CANDIDATES[effect].parameters[0].name
     if not all(first in p for p in parts) or not agree([p[first] for p in parts], tolerance=0.5):
         return None
     return [m.choose(fits[m.joint]) if m in showing else m for m in members]
@@ -138,15 +137,14 @@ def _joined(
 
     What belongs to the machine by nature is added in all.
     """
-    first = EFFECTS[effect].parameters[0].name
+    first = CANDIDATES[effect].parameters[0].name
     known = [p[first].value for m in already if first in (p := estimates(m.data, m.chosen, effect))]
     if not known:
         return members
     middle, changed = float(np.median(known)), []
-    column = slots(effect)[0]
-    inner = float(np.median([m.chosen.row[column] for m in already]))
+    inner = float(np.median([m.first_number(effect) for m in already]))
     for m in members:
-        if m.joint in fits and not EFFECTS[effect].machine:
+        if m.joint in fits and not CANDIDATES[effect].machine:
             fits[m.joint] = m.search.as_others(m.chosen, effect, inner)
             ratio, z = m.search.gain(m.chosen, fits[m.joint])
             value = estimates(m.data, fits[m.joint], effect).get(first)

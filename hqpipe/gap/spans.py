@@ -15,6 +15,7 @@ from hqpipe.gap.joint_data import JointData, Split
 from hqpipe.gap.joint_state import JointState, search_joints
 from hqpipe.gap.set_fit import JointFitter, SetFit, window_errors
 from hqpipe.gap.sharing import pool_groups, seek_consensus
+from hqpipe.gap.unchanged import drop_unchanged
 from hqpipe.gap.worth import close_gap, drop_slight
 from hqpipe.kernels.augmented_signals import Signals
 
@@ -76,6 +77,7 @@ def search_spans(states: list[JointState], floor: np.ndarray, workers: int = 1) 
         return None
     found = search_joints([restrict(data[i], fit, heldout) for i in quiet], states[0].search.library, workers)
     found = close_gap(pool_groups(seek_consensus(found)), level[quiet])
+    found = drop_unchanged(found, level[quiet])
     found = drop_slight(found, assemble(found, level[quiet]))
     found = [state for state in found if state.chosen.effects]
     return Spans(found, outside, fit, heldout, _stretches(data[0].heldout, heldout, data[0])) if found else None

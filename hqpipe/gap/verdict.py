@@ -70,18 +70,19 @@ def shortage(fit: list[Replay], heldout: list[Replay], sensor: np.ndarray) -> tu
     return reasons, excited
 
 
-def weigh(sums: Tally, floor: np.ndarray, explained: list[Explained]) -> Evidence:
+def weigh(sums: Tally, floor: np.ndarray, explained: list[Explained], familiar: np.ndarray | float = 0.0) -> Evidence:
     """Compare error, floor and reference model with block-bootstrap bounds, joint by joint.
 
     Args:
         sums: held-out residuals by block.
         floor: (J,) from `hqpipe.gap.noise`.
         explained: one per joint, in order.
+        familiar: (J,) what an earlier record of the machine may be off by without anything having changed.
     """
     square, count = sums.square[:, :, 0], sums.count[:, :, 0]
     error = square.sum(axis=0) / count.sum(axis=0)
     ratio = np.array([e.after.sum() / max(e.before.sum(), np.finfo(float).tiny) for e in explained])
-    floor = np.minimum(floor, error * np.minimum(ratio, 1.0))
+    floor = np.maximum(np.minimum(floor, error * np.minimum(ratio, 1.0)), np.minimum(familiar, error))
     weights = block_weights(len(square))
     level = 100.0 * SIGNIFICANCE / len(error)
     low = np.percentile((weights @ square) / (weights @ count), level, axis=0)

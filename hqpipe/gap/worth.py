@@ -10,9 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hqpipe.effects import EFFECTS
-from hqpipe.effects.layout import slots
 from hqpipe.gap.causes import Cause
+from hqpipe.gap.changes import CANDIDATES, columns
 from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.rest import Rest
 
@@ -67,7 +66,7 @@ def drop_slight(states: list[JointState], causes: Sequence[Cause]) -> list[Joint
     found = {state.joint: state for state in states}
     for cause in causes:
         if all(_slight(cause.effect, found[joint]) for joint in cause.joints):
-            _take_back(cause, found, "too small to be a fault")
+            take_back(cause, found, "too small to be a fault")
     return list(found.values())
 
 
@@ -85,7 +84,7 @@ def drop_trifles(
         if least > 0.0 and share >= TRIFLE:
             continue
         if not _needed(cause, members):
-            _take_back(cause, found, f"shrinks the gap by {share:.1%} only")
+            take_back(cause, found, f"shrinks the gap by {share:.1%} only")
     return list(found.values())
 
 
@@ -109,11 +108,11 @@ def drop_outweighed(
         if fall >= OUTWEIGHED * sum(max(s.chosen.error - noise[s.joint], 0.0) for s in members):
             continue  # more than all that is left, so that nobody need ask what of it is predictable
         if fall < OUTWEIGHED * sum(rest.predictable(s.joint) * s.chosen.error for s in members):
-            _take_back(cause, found, "explains hardly more than what could still be explained in its joints")
+            take_back(cause, found, "explains hardly more than what could still be explained in its joints")
     return list(found.values())
 
 
-def _take_back(cause: Cause, states: dict[str, JointState], reason: str) -> None:
+def take_back(cause: Cause, states: dict[str, JointState], reason: str) -> None:
     """Drop a cause from the states of its joints, in place."""
     for joint in cause.joints:
         state = states[joint]
@@ -130,5 +129,8 @@ def _needed(cause: Cause, states: list[JointState]) -> bool:
 
 def _slight(effect: str, state: JointState) -> bool:
     """Whether the effect is smaller than what its file calls worth a name."""
+    least = CANDIDATES[effect].parameters[0].least
+    if not least or (state.data.then is not None and effect in state.data.then.effects):
+        return False
     largest = float(np.abs(state.data.fit.signals.effort).max())
-    return bool(abs(state.chosen.row[slots(effect)[0]]) * largest < EFFECTS[effect].parameters[0].least)
+    return bool(abs(state.chosen.row[columns(effect)[0]]) * largest < least)

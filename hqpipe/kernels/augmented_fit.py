@@ -80,6 +80,18 @@ def _cost(out: np.ndarray, target: np.ndarray, outlier: float, residual: np.ndar
 
 
 @njit(cache=True, nogil=True)
+def _move(moved: np.ndarray, p: np.ndarray, at: int, value: float, tied: np.ndarray) -> None:
+    """Bring column `at` from `p` to `value`; what is tied to it grows by the same factor, whatever else moved it."""
+    if tied.shape[0] == 0 or tied[0] < 0:
+        moved[at] = value
+        return
+    factor = value / p[at]
+    for column in tied:
+        if column >= 0:
+            moved[column] *= factor
+
+
+@njit(cache=True, nogil=True)
 def _jacobian(
     p: np.ndarray,
     s: Signals,
@@ -89,6 +101,7 @@ def _jacobian(
     free: np.ndarray,
     scale: np.ndarray,
     upper: np.ndarray,
+    tied: np.ndarray,
     changes: np.ndarray,
     weight: np.ndarray,
     jacobian: np.ndarray,
@@ -101,13 +114,13 @@ def _jacobian(
         h = STEP * scale[i]
         if p[at] + h > upper[i]:
             h = -h
-        moved[at] = p[at] + h
+        _move(moved, p, at, p[at] + h, tied[i])
         inputs = changes[at] if at not in GRIPS else CORE
         if p[KI] != 0.0 and at in HOLDS:
             inputs |= _DRIVEN  # what the integrator holds at the start hangs on the core
         simulate(moved, s, work, trial, inputs | stale)
         stale = inputs
-        moved[at] = p[at]
+        moved[:] = p
         row = jacobian[i]
         n = 0
         for k in range(base.shape[0]):
@@ -155,6 +168,7 @@ def fit_windows(
     lower: np.ndarray,
     upper: np.ndarray,
     scale: np.ndarray,
+    tied: np.ndarray,
     changes: np.ndarray,
     outlier: float,
     iterations: int,
@@ -166,6 +180,8 @@ def fit_windows(
         start: (WIDTH,) row to begin with.
         s: data.
         free: (n,) columns to fit; lower, upper, scale: (n,) bounds and sizes.
+        tied: (n, T) columns that grow by one factor with a free one, itself among them, filled up with −1; a row of −1, or
+            T = 0, for a column that moves alone. A column that something is tied to must not be 0.
         changes: (WIDTH,) `CHANGES`.
         outlier: residuals beyond count linearly, in the unit of the output.
         iterations: at most.
@@ -183,13 +199,13 @@ def fit_windows(
     p = start.copy()
     inputs = CORE
     for i in range(n):
-        inputs |= changes[free[i]]
+        inputs |= changes[free[i]]  # what is tied is of the core, like the column that it is tied to
     simulate(p, s, work, out, ALL)
     cost = _cost(out, s.target, outlier, residual, weight)
     damping, hessian = 1e-3, np.zeros((n, n))
     fresh = False
     for _ in range(iterations):
-        _jacobian(p, s, work, out, trial, free, scale, upper, changes, weight, jacobian)
+        _jacobian(p, s, work, out, trial, free, scale, upper, tied, changes, weight, jacobian)
         hessian = jacobian @ jacobian.T
         gradient = jacobian @ (weight * residual)
         if not np.isfinite(hessian).all() or not np.isfinite(gradient).all():
@@ -202,7 +218,7 @@ def fit_windows(
             step = _damped_step(hessian, gradient, p[free], lower, upper, damping)
             moved = p.copy()
             for i in range(n):
-                moved[free[i]] = min(max(p[free[i]] + step[i], lower[i]), upper[i])
+                _move(moved, p, free[i], min(max(p[free[i]] + step[i], lower[i]), upper[i]), tied[i])
             simulate(moved, s, work, trial, inputs)
             next_cost = _cost(trial, s.target, outlier, following, weight)
             if next_cost < cost:
@@ -216,7 +232,7 @@ def fit_windows(
         if fell <= tolerance * cost:
             break
     if not fresh:
-        _jacobian(p, s, work, out, trial, free, scale, upper, changes, weight, jacobian)
+        _jacobian(p, s, work, out, trial, free, scale, upper, tied, changes, weight, jacobian)
         hessian = jacobian @ jacobian.T
         if not np.isfinite(hessian).all():
             hessian[:] = 0.0

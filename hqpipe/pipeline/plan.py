@@ -127,7 +127,9 @@ class Planner:
         """
 
         def wanted(needed: Input) -> bool:
-            if not needed.optional or needed.name in self.explicit:
+            if needed.artifact is None or needed.name in self.explicit:
+                return needed.name in self.explicit
+            if not needed.optional:
                 return True
             there = needed.artifact in made or self.project.store.current(needed.artifact) is not None
             return there and not self.explicit

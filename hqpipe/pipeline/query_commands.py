@@ -60,7 +60,7 @@ def dag(table: StageTable, as_json: bool) -> None:
                 "stage": stage.name,
                 "artifact": stage.artifact,
                 "version": stage.version,
-                "inputs": {needed.name: needed.artifact for needed in stage.inputs},
+                "inputs": {needed.name: needed.artifact for needed in stage.inputs if needed.artifact},
             }
             for stage in table.values()
         ]
@@ -68,7 +68,7 @@ def dag(table: StageTable, as_json: bool) -> None:
         return
     width = max(len(name) for name in table)
     for stage in table.values():
-        reads = ", ".join(needed.artifact for needed in stage.inputs) or "–"
+        reads = ", ".join(needed.artifact for needed in stage.inputs if needed.artifact) or "–"
         print(f"{stage.name:<{width}}  {reads} → {stage.artifact}")
 
 

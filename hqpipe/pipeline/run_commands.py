@@ -63,7 +63,7 @@ class StageCommand(click.Command):
                 [needed.option, needed.name],
                 type=click.Path(path_type=Path),
                 metavar="DIR",
-                help=f"Read this folder instead of artifacts/{needed.artifact}.",
+                help=needed.help or f"Read this folder instead of artifacts/{needed.artifact}.",
             )
             for needed in stage.inputs
         ]

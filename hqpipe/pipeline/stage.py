@@ -16,16 +16,18 @@ class Input:
 
     Args:
         name: key in ``context.inputs``.
-        artifact: the artifact that is read when no folder is given.
+        artifact: the artifact that is read when no folder is given; None where the stage then does without.
         option: command-line option that names a folder instead, e.g. ``"--logs"``.
         optional: the stage does without it where it has not been made, and where the user names other inputs but
             not this one.
+        help: of the option; None for what is said of every artifact.
     """
 
     name: str
-    artifact: str
+    artifact: str | None
     option: str
     optional: bool = False
+    help: str | None = None
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ class StageTable(Mapping[str, Stage]):
         self._makers: dict[str, Stage] = {}
         for stage in stages:
             for needed in stage.inputs:
-                if needed.artifact not in self._makers:
+                if needed.artifact is not None and needed.artifact not in self._makers:
                     raise ValueError(f"stage '{stage.name}': no earlier stage makes '{needed.artifact}'")
             if stage.name in self._stages or stage.artifact in self._makers:
                 raise ValueError(f"stage '{stage.name}': name or artifact '{stage.artifact}' is taken")

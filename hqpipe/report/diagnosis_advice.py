@@ -31,6 +31,11 @@ MEANINGS = {
     "position_bias": "the joint's zero is off",
     "channel_skew": "torque is logged later than position",
     "unsigned_sensor": "a channel lost its sign",
+    "gain_change": "the same command opens the valve for more or less oil than it did",
+    "leakage_change": "more or less oil leaks away than did",
+    "velocity_coupling_change": "motion takes more or less torque away than it did",
+    "impact_change": "impacts against the command are braked differently",
+    "stiffness_change": "the oil and what encloses it have become stiffer or softer",
 }
 
 ADVICE = {
@@ -82,6 +87,16 @@ ADVICE = {
     "position_bias": "Redo the joint's zero against a jig or an end stop.",
     "channel_skew": "Stamp both channels at their source, or shift the later one by this much before the fit: it is an "
     "error of the log, not of the machine.",
+    "gain_change": "Look at the supply pressure first, then at the valve driver's gain and the valve's edges; train "
+    "with the model of now.",
+    "leakage_change": "Hold the joint under load and watch it sink: piston seals and the valve's lands leak with wear, "
+    "and more so in hot oil; plan the repair, and train with the model of now.",
+    "velocity_coupling_change": "Check the scales of encoder and torque sensor first, for area times stiffness does not "
+    "wear; then the volume of oil between valve and cylinder.",
+    "impact_change": "Look at relief and anti-cavitation valves; the coefficient acts only while an impact drives the "
+    "torque against the command.",
+    "stiffness_change": "Bleed the air, and look at the oil's temperature, the hoses and their length; train with the "
+    "model of now.",
     "unsigned_sensor": "Log the signed quantity, such as the difference of two pressures or the signed current; "
     "no model can be fitted without the sign.",
 }

@@ -13,7 +13,6 @@ from hqpipe.report.diagnosis_heat import heat_table
 from hqpipe.report.diagnosis_read import DiagnosisFiles, Trace
 from hqpipe.report.diagnosis_words import (
     MARKS,
-    VERDICTS,
     confusions,
     joints_text,
     listed,
@@ -21,7 +20,10 @@ from hqpipe.report.diagnosis_words import (
     parameter_name,
     parameter_text,
     percent,
+    reference_name,
+    then_text,
     verdict_sentence,
+    verdict_words,
     words,
 )
 
@@ -44,8 +46,8 @@ def verdict(content: Content) -> str:
     many = len(logs["joints"])
     trials = f"{logs['trials']} trial{'s' if logs['trials'] != 1 else ''}"
     head = (
-        f'<div class="top"><span class="badge {_text(mark)}">{MARKS[mark]} {_text(VERDICTS[mark])}</span>'
-        f"<span>{_text(log_name(content))} · {trials} · {many} joint{'s' if many != 1 else ''}</span></div>"
+        f'<div class="top"><span class="badge {_text(mark)}">{MARKS[mark]} {_text(verdict_words(content))}</span>'
+        f"<span>{_text(log_name(content))}{_since(content)} · {trials} · {many} joint{'s' if many != 1 else ''}</span></div>"
         f"<h1>{_text(verdict_sentence(content).replace(' N·m', NO_BREAK + 'N·m'))}</h1>"
     )
     gap = content["gap"]
@@ -85,8 +87,9 @@ def causes(content: Content) -> str:
         if content["effects_considered"]:
             text += " What was tried, and why it was not, is in the table further down."
     cards = "".join(_card(cause, content["logs"]["joints"]) for cause in found)
+    title = f"Changed since {_text(reference_name(content))}" if "reference" in content else "Causes"
     return (
-        f"<section><h2>Causes</h2><p>{text}</p>"
+        f"<section><h2>{title}</h2><p>{text}</p>"
         '<div class="chart" data-figure="waterfall" role="img" aria-label="The gap before, by cause, and after"></div>'
         f'{_other_layers(content)}<div class="cards">{cards}</div></section>'
     )
@@ -96,8 +99,7 @@ def _card(cause: Content, machine: Sequence[str]) -> str:
     low, high = cause["shrink_ci95"]
     many = len(cause["joints"]) > _CHIPS or len(machine) > 1 and set(cause["joints"]) == set(machine)
     chips = [joints_text(cause["joints"], machine, _CHIPS)] if many else cause["joints"]
-    rows = [(_text(parameter_name(key)), *map(_text, parameter_text(p))) for key, p in cause["parameters"].items()]
-    table = "".join(f'<tr><th>{n}</th><td><b>{value}</b></td><td class="soft">{ci}</td></tr>' for n, value, ci in rows)
+    table = "".join(_parameter_row(key, p) for key, p in cause["parameters"].items())
     other = confusions(cause)
     doubt = f"These logs cannot tell it from {listed(other, 'or')}." if other else ""
     return (
@@ -107,10 +109,22 @@ def _card(cause: Content, machine: Sequence[str]) -> str:
         f'<div class="bar"><i style="width:{100 * min(1.0, max(0.0, cause["shrink"])):.1f}%"></i></div>'
         f"<p>closes <b>{percent(cause['shrink'])}</b> of the gap ({percent(low)} … {percent(high)})<br>"
         f"probability <b>{percent(cause['probability'])}</b> · {_SCOPES.get(cause['scope'], _text(cause['scope']))}</p>"
-        + (f'<div class="scroll"><table class="plain"><tbody>{table}</tbody></table></div>' if rows else "")
+        + (f'<div class="scroll"><table class="plain"><tbody>{table}</tbody></table></div>' if table else "")
         + (f'<p class="but">{_text(doubt)}</p>' if doubt else "")
         + f'<p class="do">{_text(ADVICE.get(cause["effect"], NO_ADVICE))}</p></article>'
     )
+
+
+def _parameter_row(key: str, parameter: Content) -> str:
+    value, ci = map(_text, parameter_text(parameter))
+    then = f'<td class="soft">{_text(then)}</td>' if (then := then_text(parameter)) else ""
+    return f'<tr><th>{_text(parameter_name(key))}</th><td><b>{value}</b></td><td class="soft">{ci}</td>{then}</tr>'
+
+
+def _since(content: Content) -> str:
+    """The earlier record that the logs were compared with."""
+    since = reference_name(content)
+    return f" compared with {_text(since)}" if since else ""
 
 
 def _other_layers(content: Content) -> str:
@@ -282,6 +296,8 @@ def made(content: Content, provenance: Mapping[str, str]) -> str:
         "joints": ", ".join(logs["joints"]),
         "control mode": logs["control_mode"] or "not given",
     }
+    if "reference" in content:
+        rows["reference"] = f"{content['reference']['path']} ({content['reference']['kind']})"
     if gap is not None:
         rows["layer"] = words(gap["layer"])
         rows["metric"] = f"{words(gap['metric'])}, windows of {1e3 * gap['window_s']:g} ms, restarted from the log"

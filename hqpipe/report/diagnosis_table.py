@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from hqpipe.report.diagnosis_words import (
     MARKS,
-    VERDICTS,
     confusions,
     joints_text,
     listed,
@@ -16,6 +15,9 @@ from hqpipe.report.diagnosis_words import (
     parameter_name,
     parameter_text,
     percent,
+    reference_name,
+    then_text,
+    verdict_words,
     words,
 )
 
@@ -49,7 +51,7 @@ def diagnosis_table(content: Content) -> RenderableType:
     lines: list[RenderableType] = [_head(content)]
     if content["gap"] is not None:
         lines.append(_gap(content["gap"], bool(content["causes"])))
-        lines += _causes(content["causes"], content["logs"]["joints"])
+        lines += _causes(content["causes"], content["logs"]["joints"], "changed" if "reference" in content else "cause")
         lines += _rest(content)
     tail = _warnings(content["warnings"], 1 if content["gap"] is not None else _MAX_REASONS)
     if experiment := content["next_experiment"]:
@@ -82,7 +84,9 @@ def _head(content: Content) -> Text:
     from rich.text import Text
 
     verdict, gap = content["verdict"], content["gap"]
-    head = Text.assemble((f"{MARKS[verdict]} {VERDICTS[verdict]}", f"bold {_COLORS.get(verdict, 'default')}"))
+    head = Text.assemble((f"{MARKS[verdict]} {verdict_words(content)}", f"bold {_COLORS.get(verdict, 'default')}"))
+    if since := reference_name(content):
+        head.append(f" since {since}")
     if gap is not None:
         head.append(f"   {words(gap['layer'])}, held out, free-running over {1e3 * gap['window_s']:.0f} ms", "dim")
     return head
@@ -95,7 +99,7 @@ def _gap(gap: Content, changed: bool) -> _Line:
     return _Line("gap", f"{size}   noise floor {number(gap['noise_floor'])}   persistence {number(gap['persistence'])}")
 
 
-def _causes(causes: Sequence[Content], machine: Sequence[str]) -> list[_Line]:
+def _causes(causes: Sequence[Content], machine: Sequence[str], label: str) -> list[_Line]:
     """One line per cause: bar, share, effect, joints, first parameter, what it could be confused with."""
     room = len(causes) if len(causes) <= _MAX_CAUSES else _MAX_CAUSES - 1
     lines = []
@@ -104,9 +108,10 @@ def _causes(causes: Sequence[Content], machine: Sequence[str]) -> list[_Line]:
         text += f" · {joints_text(cause['joints'], machine)}"
         for name, parameter in list(cause["parameters"].items())[:1]:
             text += f" · {parameter_name(name)} {parameter_text(parameter)[0]}"
+            text += f", {then}" if (then := then_text(parameter)) else ""
         if other := confusions(cause):
             text += f" · or {listed(other, 'or')}"
-        lines.append(_Line("cause" if not lines else "", text))
+        lines.append(_Line(label if not lines else "", text))
     if len(causes) > room:
         rest = sum(cause["shrink"] for cause in causes[room:])
         lines.append(_Line("", f"{bar(rest)} {percent(rest):>4}  {len(causes) - room} more causes"))

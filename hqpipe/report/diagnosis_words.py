@@ -14,6 +14,14 @@ VERDICTS = {
     "no_gap": "no gap",
     "not_identifiable": "cannot tell",
 }
+SINCE = {
+    "explained": "changed",
+    "partly_explained": "changed, partly explained",
+    "unknown": "changed, cause unknown",
+    "no_gap": "nothing changed",
+    "not_identifiable": "cannot tell",
+}
+"""The verdict where logs were compared with an earlier record of the machine."""
 MARKS = {"explained": "✓", "partly_explained": "◐", "unknown": "?", "no_gap": "=", "not_identifiable": "–"}
 # unit → what is compared; the first two are the output of a rotary and of a linear drive
 _QUANTITIES = {"N·m": "torque", "N": "force", "rad/s": "speed", "m/s": "speed"}
@@ -29,6 +37,8 @@ def verdict_sentence(content: Mapping[str, Any]) -> str:
         return "These logs cannot tell how far the simulator is from the machine."
     unit, quantity = gap["unit"], _QUANTITIES.get(gap["unit"], "output")
     before, after, floor = (number(gap[key]) for key in ("before", "after", "noise_floor"))
+    if since := reference_name(content):
+        return _since_sentence(content, since, quantity)
     if verdict == "no_gap":
         return f"No gap: a {quantity} error of {before} {unit} is no more than noise would leave ({floor} {unit})."
     if verdict == "unknown":
@@ -43,6 +53,33 @@ def verdict_sentence(content: Mapping[str, Any]) -> str:
     if verdict == "partly_explained":
         return f"Part of the {quantity} error is explained: {names} {verb} it {fall}; something else is left."
     return f"The {quantity} error is {before} {unit} (noise: {floor}), but these logs cannot tell its cause."
+
+
+def _since_sentence(content: Mapping[str, Any], since: str, quantity: str) -> str:
+    """What changed since an earlier record, in one sentence."""
+    gap, unit = content["gap"], content["gap"]["unit"]
+    before, after, floor = (number(gap[key]) for key in ("before", "after", "noise_floor"))
+    missed = f"the model of then misses the {quantity} by {before} {unit} (noise: {floor})"
+    if content["verdict"] == "no_gap":
+        return f"Nothing changed since {since}: {missed}, no more than it does on an unchanged machine."
+    if not content["causes"]:
+        return f"Something changed since {since}: {missed}, and no known change accounts for it."
+    names = listed([words(cause["effect"]) for cause in content["causes"]])
+    verb = "bring" if len(content["causes"]) > 1 else "brings"
+    rest = "; something else is left" if content["verdict"] == "partly_explained" else ""
+    return f"Changed since {since}: {missed}; {names} {verb} it down to {after} {unit}{rest}."
+
+
+def reference_name(content: Mapping[str, Any]) -> str | None:
+    """The last part of the path of the earlier record that the logs were compared with; None without one."""
+    if "reference" not in content:
+        return None
+    return re.split(r"[/\\]", content["reference"]["path"].rstrip("/\\"))[-1] or "the reference"
+
+
+def verdict_words(content: Mapping[str, Any]) -> str:
+    """The verdict in two or three words."""
+    return (SINCE if "reference" in content else VERDICTS)[content["verdict"]]
 
 
 def words(name: str) -> str:
@@ -90,6 +127,14 @@ def percent(value: float) -> str:
 def parameter_name(name: str) -> str:
     """A parameter's name without the unit at its end, which stands beside the value: ``delay_s`` → ``delay``."""
     return words(_UNIT_SUFFIX.sub("", name)) or "value"
+
+
+def then_text(parameter: Mapping[str, Any]) -> str:
+    """What a parameter was in the earlier record: ``was 4.00 mrad``, ``was absent``, or nothing without one."""
+    if "reference" not in parameter:
+        return ""
+    then = parameter["reference"]
+    return "was absent" if then is None else f"was {parameter_text(parameter | {'value': then})[0]}"
 
 
 def parameter_text(parameter: Mapping[str, Any]) -> tuple[str, str]:

@@ -98,6 +98,7 @@ def simulate(
     middle: float = 0.0,
     order: tuple[str, ...] = ("lag", "deadband", "saturation", "asymmetry", "drift"),
     flow: tuple[float, float] = (1.0, 0.0),
+    gains: dict[str, list[float]] | None = None,
 ) -> Planted:
     """One trial of independent joints.
 
@@ -110,11 +111,12 @@ def simulate(
         middle: position at which the stiffness is the nominal one, rad.
         order: in which the command side acts.
         flow: what a joint's speed and its position error (1/s) count in the flow, rad/s.
+        gains: name in `GAINS` → per joint what it is multiplied by.
     """
     rng = np.random.default_rng(seed)
     number = _Numbers(effects)
     samples, joints = round(seconds / DT), len(effects)
-    k1, k2, k3, k4 = GAINS.values()
+    k1, k2, k3, k4 = (value * np.array((gains or {}).get(name, [1.0])) for name, value in GAINS.items())
     time = np.arange(samples) * DT
     rates, phases = rng.uniform(0.4, 4.0, (5, joints)), rng.uniform(0.0, 2.0 * np.pi, (5, joints))
     smooth = motion / 5.0 * sum(np.sin(2.0 * np.pi * rates[i] * time[:, None] + phases[i]) for i in range(5))

@@ -11,7 +11,7 @@ from planted_logs import STEPS, data_of, logs_of, planted, size
 from hqpipe.effects import EFFECTS
 from hqpipe.effects.effect import SIMPLIFIED
 from hqpipe.effects.layout import slot
-from hqpipe.gap.estimate import SIMPLIFIED_ROWS, Z95, Estimate, _covariance, agree, estimates, pooled, stated
+from hqpipe.gap.estimate import SIMPLIFIED_ROWS, Z95, Estimate, agree, covariance_of, estimates, pooled, stated
 from hqpipe.gap.joint_data import joint_data
 from hqpipe.gap.set_fit import JointFitter
 
@@ -55,7 +55,8 @@ def test_intervals_of_independent_samples_would_be_too_narrow(fits):
 
 def test_half_a_second_is_one_observation(fits):
     data, fit = fits[0]
-    covariance, blocks = _covariance(data, fit)
+    found = covariance_of(data, fit)
+    covariance, blocks = found.now, found.blocks
     assert len(data.fit.signals.first) == 59 and blocks == 12
     assert covariance.shape == (6, 6) and np.linalg.eigvalsh(covariance).min() > -1e-12
 

@@ -13,6 +13,7 @@ from hqpipe.kernels.augmented_fit import CHANGES, fit_windows, residual_windows
 from hqpipe.kernels.augmented_signals import make_work
 from hqpipe.kernels.augmented_windows import simulate
 
+ALONE = np.empty((len(FIELDS), 0), dtype=np.int64)  # nothing is tied to anything
 BASE = [slot("base", name) for name in planted.GAINS]
 # Shape parameters and small effects are told less sharply by 6 s of log with 3 N·m of noise.
 LOOSE = {"limit": 0.15, "rounding": 1.0, "asymmetry_nm": 0.4, "presliding_rad": 0.3, "velocity_rad_s": 0.25}
@@ -30,7 +31,7 @@ def fitted(effect, signals, outlier=np.inf, iterations=40):
     scale = np.abs(true[free])
     lower = np.where(true[free] >= 0.0, 0.0, -np.inf)
     upper = np.where(np.arange(len(free)) == 1, 1.0, np.inf)
-    found = fit_windows(begin, signals, free, lower, upper, scale, CHANGES, outlier, iterations, 1e-7)
+    found = fit_windows(begin, signals, free, lower, upper, scale, ALONE, CHANGES, outlier, iterations, 1e-7)
     return found, true, free
 
 
@@ -61,7 +62,7 @@ def test_start_and_data_are_left_alone_and_the_rest_of_the_row_stays():
     copy = begin.copy()
     free = np.array([*BASE, *slots("valve_lag")])
     bounds = np.zeros(5), np.full(5, np.inf)
-    p, *_ = fit_windows(begin, signals, free, *bounds, np.abs(begin[free]), CHANGES, np.inf, 3, 1e-4)
+    p, *_ = fit_windows(begin, signals, free, *bounds, np.abs(begin[free]), ALONE, CHANGES, np.inf, 3, 1e-4)
     np.testing.assert_array_equal(begin, copy)
     np.testing.assert_array_equal(signals.target, target)
     held = np.setdiff1d(np.arange(WIDTH), free)
@@ -74,7 +75,7 @@ def test_bounds_hold():
     begin = row({"valve_lag": {"time_constant_s": 0.003}})
     free = np.array([*BASE, *slots("valve_lag")])
     upper = np.array([np.inf, 1.0, np.inf, np.inf, 0.005])  # the truth is 12 ms
-    p, *_ = fit_windows(begin, signals, free, np.zeros(5), upper, np.abs(begin[free]), CHANGES, np.inf, 30, 1e-6)
+    p, *_ = fit_windows(begin, signals, free, np.zeros(5), upper, np.abs(begin[free]), ALONE, CHANGES, np.inf, 30, 1e-6)
     assert p[free[-1]] == 0.005
 
 
@@ -95,7 +96,7 @@ def test_runaway_start_ends_with_a_loss_that_says_so():
     begin = row({}, k1=1e6, k4=1e6)
     free = np.array(BASE)
     _, loss, hessian, _ = fit_windows(
-        begin, signals, free, np.zeros(4), np.full(4, np.inf), np.ones(4), CHANGES, np.inf, 3, 1e-4
+        begin, signals, free, np.zeros(4), np.full(4, np.inf), np.ones(4), ALONE, CHANGES, np.inf, 3, 1e-4
     )
     assert not loss < 1e6 and np.isfinite(hessian).all()
 
@@ -114,3 +115,21 @@ def test_what_a_change_makes_necessary_is_enough(column):
     simulate(moved, signals, work, partly, CHANGES[column])
     simulate(moved, signals, make_work(signals), anew, ALL)
     np.testing.assert_allclose(partly, anew, atol=1e-9, err_msg=f"{owner} {name}")
+
+
+def test_tied_columns_grow_by_one_factor():
+    """A joint whose k1, k2, k3 and k4 are all 0.8 of what the fit begins with; leakage alone is lower still."""
+    signals = signals_of(None, noise=3.0, seconds=6.0)
+    truth = row({})
+    begin = truth.copy()
+    begin[BASE] /= 0.8
+    begin[BASE[1]] /= 0.7
+    free = np.array([BASE[1], BASE[2]])
+    tied = np.array([[BASE[1], -1, -1, -1], BASE])
+    p, *_ = fit_windows(
+        begin, signals, free, np.zeros(2), np.full(2, np.inf), 0.1 * begin[free], tied, CHANGES, np.inf, 30, 1e-7
+    )
+    np.testing.assert_allclose(p[BASE] / truth[BASE], 1.0, rtol=0.02)
+    shared = (p / begin)[BASE]
+    np.testing.assert_allclose(shared[[0, 3]], shared[2], rtol=1e-12)
+    assert shared[1] / shared[2] == pytest.approx(0.7, rel=0.02)

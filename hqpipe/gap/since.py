@@ -1,0 +1,222 @@
+"""An earlier record of the same machine, its logs or its actuator model, and what it says of each joint."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hqpipe.actuators.augmented import Augmented
+from hqpipe.actuators.base import DT_TOLERANCE, ActuatorModel
+from hqpipe.actuators.files import FILE, load_actuator
+from hqpipe.actuators.hydraulic import Hydraulic
+from hqpipe.effects.layout import slot
+from hqpipe.errors import UsageError
+from hqpipe.gap.estimate import Z95
+from hqpipe.gap.joint_data import LOGGED, JointData, Then
+from hqpipe.gap.two_fits import two_fits
+from hqpipe.logs.trajectory import LogSet
+
+LOGS, ACTUATOR = "logs", "actuator"
+MODES = ("position", "torque")
+FIT, DIAGNOSIS = "fit.json", "diagnosis.json"
+_COEFFICIENTS = ("k1", "k2", "k3", "k4")
+_POWERS = (2, 0, 2, 1)  # of the sprocket's radius in joint space, eq. (7)
+
+
+@dataclass(frozen=True, eq=False)
+class Earlier:
+    """An earlier record.
+
+    Attributes:
+        path: as it is shown. kind: `LOGS` or `ACTUATOR`. sha256: of its files.
+        mode: control mode. dt: sample time, s. joints: names. source: of the torque, where it is known.
+        speed: the speed that its coefficients belong to, of `SPEEDS`; None if the record does not say.
+        then: joint → what is known of it. bare: it knows coefficients alone; settings, and what two fits differ by, are then
+            those of the new logs.
+        unsigned: joints whose torque had lost its sign. checked: what a second sensor showed, (effect, joint).
+        warnings: what to know of it.
+    """
+
+    path: str
+    kind: str
+    sha256: str
+    mode: str
+    dt: float
+    joints: tuple[str, ...]
+    speed: str | None
+    then: dict[str, Then]
+    source: str | None = None
+    unsigned: tuple[str, ...] = ()
+    checked: frozenset[tuple[str, str]] = frozenset()
+    warnings: tuple[str, ...] = ()
+    bare: bool = False
+
+    def header(self) -> dict[str, str]:
+        """As in diagnosis.json."""
+        return {"path": self.path, "kind": self.kind, "sha256": self.sha256}
+
+    def fits(self, log_set: LogSet) -> None:
+        """See `check_alike`."""
+        check_alike(log_set, self.path, self.mode, self.joints, self.dt, self.source)
+
+    def beside(self, data: Sequence[JointData]) -> list[JointData]:
+        """The joints of the new logs, each with what the record says of it."""
+        if not self.bare:
+            return [replace(d, then=self.then[d.joint], row=self.then[d.joint].row) for d in data]
+        return [_beside_bare(d, self.then[d.joint]) for d in data]
+
+
+def check_alike(
+    log_set: LogSet, path: str, mode: str | None, joints: Sequence[str], dt: float, source: str | None = None
+) -> None:
+    """Refuse logs that are not of the machine of a reference, or were not made alike.
+
+    Args:
+        path, mode, joints, dt, source: of the reference; source of its torque, None if it is not known.
+
+    Raises:
+        UsageError: names both sides and the mend.
+    """
+    pair = f"{log_set.path} and the reference {path}"
+    if log_set.control_mode not in MODES:
+        raise UsageError(
+            f"{log_set.path}: control mode {log_set.control_mode or 'not given'}; what changed since a reference can be asked "
+            f"in {' and '.join(MODES)} mode: diagnose such logs without --reference"
+        )
+    if log_set.control_mode != mode:
+        raise UsageError(
+            f"{pair}: control modes {log_set.control_mode} and {mode or 'not given'}; give a reference of the same mode"
+        )
+    if lacking := [joint for joint in log_set.joints if joint not in joints]:
+        raise UsageError(
+            f"{pair}: joints {', '.join(log_set.joints)} and {', '.join(joints)}, without '{lacking[0]}'; "
+            "give a reference of the same machine"
+        )
+    now = sample_time(log_set)
+    if abs(now / dt - 1.0) > DT_TOLERANCE:
+        raise UsageError(
+            f"{pair}: sample times {now:.6g} s and {dt:.6g} s, and coefficients are per sample; give a reference of the same "
+            "rate"
+        )
+    if source and log_set.effort_source and source != log_set.effort_source:
+        raise UsageError(
+            f"{pair}: torques from {log_set.effort_source} and from {source}, which do not mean the same; give a reference "
+            "with the same sensor"
+        )
+
+
+def sample_time(log_set: LogSet) -> float:
+    """Median over the trials, s."""
+    return float(np.median([trial.trajectory.dt for trial in log_set.trials]))
+
+
+def _beside_bare(data: JointData, then: Then) -> JointData:
+    """A joint beside coefficients alone: settings are those of the new logs, and so is what two fits differ by."""
+    row = np.where(np.isnan(then.row), data.row, then.row)
+    columns, covariance = two_fits(replace(data, row=row), then.effects)
+    for column, variance in zip(then.columns, np.diag(then.covariance), strict=True):
+        at = np.flatnonzero(columns == column)
+        covariance[at, at] = np.maximum(covariance[at, at], variance)
+    return replace(data, row=row, then=replace(then, row=row, columns=columns, covariance=covariance))
+
+
+def earlier_actuator(folder: Path, shown: str | None = None) -> Earlier:
+    """The record that an actuator model of fit-actuator or diagnose is.
+
+    Args:
+        folder: with actuator.json. shown: the path as the answer says it.
+
+    Raises:
+        UsageError: the model has no coefficients that could be compared.
+        ConfigError: actuator.json is broken.
+    """
+    model = load_actuator(folder)
+    if not isinstance(model, Hydraulic | Augmented):
+        raise UsageError(
+            f"{folder / FILE}: a model of kind '{model.NAME}' has no coefficients to compare; give artifacts/actuator, "
+            "artifacts/diagnosis or the logs that it was fitted to"
+        )
+    shown, sha256 = shown or str(folder), hashlib.sha256((folder / FILE).read_bytes()).hexdigest()
+    fitted, left = _intervals(folder, model), _left(folder, model)
+    effects = model.effects if isinstance(model, Augmented) else {}
+    then = {}
+    for j, joint in enumerate(model.joints):
+        row = model.parameters[j].copy() if isinstance(model, Augmented) else _joint_space(model, j)
+        variance = fitted.get(joint, {})
+        names = tuple(name for name, joints in effects.items() if joint in joints)
+        columns = np.array(list(variance), dtype=np.int64)
+        covariance = np.diag(np.array(list(variance.values()), dtype=np.float64))
+        familiar, swing = left.get(joint, (0.0, None))
+        then[joint] = Then(row, columns, covariance, familiar, swing, effects=names)
+    warnings = (
+        () if fitted else (f"the reference {shown} has no intervals: it is taken to be as sure as these logs are",)
+    )
+    speed = LOGGED if isinstance(model, Hydraulic) else None
+    return Earlier(
+        shown, ACTUATOR, sha256, "position", model.dt, model.joints, speed, then, warnings=warnings, bare=True
+    )
+
+
+def _joint_space(model: Hydraulic, j: int) -> np.ndarray:
+    """(WIDTH,) gains of a joint, effort limit and sample time; NaN where the model says nothing."""
+    from hqpipe.effects import EFFECTS
+    from hqpipe.effects.layout import neutral_row, slots
+
+    row = np.full_like(neutral_row(), np.nan)
+    for name in EFFECTS:
+        row[slots(name)] = neutral_row()[slots(name)]
+    row[slot("coulomb_friction", "presliding_rad")] = np.nan
+    radius = model.column("sprocket_radius")[j]
+    for name, power in zip(_COEFFICIENTS, _POWERS, strict=True):
+        row[slot("base", name)] = model.column(name)[j] * radius**power
+    row[slot("base", "neutral")] = 0.0
+    row[slot("setting", "effort_limit")] = model.column("effort_limit")[j]
+    row[slot("setting", "sample_time")] = model.dt
+    row[slot("setting", "speed_late")] = 0.0
+    return row
+
+
+def _intervals(folder: Path, model: ActuatorModel) -> dict[str, dict[int, float]]:
+    """Joint → column → variance, from the fit.json beside a model of fit-actuator; empty without one."""
+    if not isinstance(model, Hydraulic):
+        return {}
+    found: dict[str, dict[int, float]] = {}
+    for joint, radius in zip(model.joints, model.column("sprocket_radius"), strict=True):
+        fit = _fit_of(folder, model.scope, joint)
+        for name, power in zip(_COEFFICIENTS, _POWERS, strict=True):
+            known = next((c for c in fit.get("coefficients", ()) if c["name"] == name and c["ci95"]), None)
+            if known:
+                low, high = known["ci95"]
+                sigma = (high - low) / (2.0 * Z95) * radius**power
+                found.setdefault(joint, {})[slot("base", name)] = sigma**2
+    return found
+
+
+def _fit_of(folder: Path, scope: str, joint: str) -> dict[str, Any]:
+    path = folder / FIT
+    if not path.is_file():
+        return {}
+    fits = json.loads(path.read_text(encoding="utf-8")).get(scope, {}).get("fits", [])
+    return next((fit for fit in fits if fit["joint"] in (joint, "all")), {})
+
+
+def _left(folder: Path, model: ActuatorModel) -> dict[str, tuple[float, float | None]]:
+    """Joint → mean squared error of the model on its own logs beyond their noise, and that of holding the torque, if known."""
+    if isinstance(model, Hydraulic):
+        fits = {joint: _fit_of(folder, model.scope, joint) for joint in model.joints}
+        return {joint: (_beyond(fit["free_run_rmse"], fit["noise"]), None) for joint, fit in fits.items() if fit}
+    path = folder / DIAGNOSIS
+    gap = json.loads(path.read_text(encoding="utf-8"))["gap"] if path.is_file() else None
+    return (
+        dict.fromkeys(model.joints, (_beyond(gap["after"], gap["noise_floor"]), gap["persistence"] ** 2)) if gap else {}
+    )
+
+
+def _beyond(error: float, noise: float) -> float:
+    return max(error**2 - noise**2, 0.0)

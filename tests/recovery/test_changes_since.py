@@ -1,0 +1,47 @@
+"""What a machine was changed by since an earlier record is found again, with the whole library to choose from."""
+
+from __future__ import annotations
+
+import pytest
+from planted_effects import TYPICAL, logs_of
+
+from hqpipe.gap.diagnosis import diagnose
+from hqpipe.gap.since_logs import earlier_logs
+
+
+def size(*names):
+    return {name: dict(TYPICAL[name]) for name in names}
+
+
+@pytest.fixture(scope="module")
+def earlier():
+    """A machine whose second joint has a deadband."""
+    return earlier_logs(logs_of([{}, size("valve_deadband")]), 0.1)
+
+
+def since(earlier, effects, seed=1, **kwargs):
+    content = diagnose(logs_of(effects, seed=seed, **kwargs), earlier=earlier).content
+    return content, {(cause["effect"], tuple(cause["joints"])): cause["parameters"] for cause in content["causes"]}
+
+
+def test_nothing_changed(earlier):
+    content, causes = since(earlier, [{}, size("valve_deadband")])
+    assert content["verdict"] == "no_gap" and causes == {}
+
+
+def test_leakage_has_grown_in_one_joint(earlier):
+    content, causes = since(earlier, [{}, size("valve_deadband")], gains={"k2": [1.8, 1.0]})
+    assert content["verdict"] == "explained" and set(causes) == {("leakage_change", ("LFR",))}
+    ratio = causes["leakage_change", ("LFR",)]["ratio"]
+    assert ratio["value"] == pytest.approx(1.8, rel=0.1) and ratio["ci95"][0] <= 1.8 <= ratio["ci95"][1]
+
+
+def test_a_deadband_has_grown_and_a_valve_lags_now(earlier):
+    wider = {"valve_deadband": {"half_width": 0.03, "rounding": 0.2}}
+    content, causes = since(earlier, [size("valve_lag"), wider])
+    assert content["verdict"] == "explained"
+    assert set(causes) == {("valve_lag", ("LFR",)), ("valve_deadband", ("LFP",))}
+    width = causes["valve_deadband", ("LFP",)]["half_width"]
+    assert width["value"] == pytest.approx(0.03, rel=0.05) and width["reference"] == pytest.approx(0.02, rel=0.05)
+    lag = causes["valve_lag", ("LFR",)]["time_constant_s"]
+    assert lag["value"] == pytest.approx(0.012, rel=0.1) and lag["reference"] is None

@@ -1,0 +1,100 @@
+"""An actuator model as the record that logs are compared with, and what does not fit together."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from planted_logs import logs_of
+
+from hqpipe.actuators.augmented import Augmented
+from hqpipe.actuators.files import save_actuator
+from hqpipe.actuators.hydraulic import Hydraulic
+from hqpipe.actuators.stiff_pd import StiffPD
+from hqpipe.effects.layout import neutral_row, slot
+from hqpipe.errors import UsageError
+from hqpipe.gap.joint_data import LOGGED
+from hqpipe.gap.since import check_alike, earlier_actuator
+
+JOINTS = ("LFR", "LFP")
+RADIUS = 0.2
+
+
+@pytest.fixture(scope="module")
+def logs():
+    return logs_of([{}, {}], seconds=2.0)
+
+
+def hydraulic(**changes):
+    columns = {
+        "k1": 13500.0,
+        "k2": [0.05, 0.06],
+        "k3": 540.0,
+        "k4": 1.8,
+        "sprocket_radius": RADIUS,
+        "effort_limit": 900.0,
+    }
+    return Hydraulic.build(JOINTS, dt=1e-3, **(columns | changes))
+
+
+def test_the_paper_s_coefficients_become_joint_space(tmp_path):
+    save_actuator(hydraulic(), tmp_path)
+    found = earlier_actuator(tmp_path)
+    row = found.then["LFP"].row
+    gains = [row[slot("base", name)] for name in ("k1", "k2", "k3", "k4")]
+    assert gains == pytest.approx([540.0, 0.06, 21.6, 0.36])
+    assert row[slot("setting", "effort_limit")] == 900.0 and found.speed == LOGGED
+    assert found.header().keys() == {"path", "kind", "sha256"} and found.kind == "actuator"
+    assert "no intervals" in found.warnings[0]
+
+
+def test_intervals_of_the_fit_are_in_joint_space_too(tmp_path):
+    save_actuator(hydraulic(), tmp_path)
+    coefficients = [{"name": "k1", "ci95": [13000.0, 14000.0]}, {"name": "k4", "ci95": None}]
+    fits = [{"joint": joint, "coefficients": coefficients, "free_run_rmse": 5.0, "noise": 3.0} for joint in JOINTS]
+    (tmp_path / "fit.json").write_text(json.dumps({"per_joint": {"fits": fits}}))
+    found = earlier_actuator(tmp_path)
+    then = found.then["LFR"]
+    assert then.columns.tolist() == [slot("base", "k1")] and not found.warnings
+    assert np.sqrt(then.covariance[0, 0]) == pytest.approx(1000.0 / 2 / 1.96 * RADIUS**2, rel=1e-3)
+    assert then.familiar == 16.0
+
+
+def test_a_diagnosed_model_brings_its_effects(tmp_path):
+    rows = np.tile(neutral_row(), (2, 1))
+    rows[:, slot("base", "k1")] = 540.0
+    rows[1, slot("valve_lag", "time_constant_s")] = 0.01
+    save_actuator(Augmented(JOINTS, rows, 1e-3), tmp_path)
+    found = earlier_actuator(tmp_path)
+    assert found.then["LFR"].effects == () and found.then["LFP"].effects == ("valve_lag",)
+    np.testing.assert_array_equal(found.then["LFP"].row, rows[1])
+
+
+def test_a_model_without_coefficients_is_refused(tmp_path):
+    save_actuator(StiffPD.build(JOINTS, kp=100.0, kd=1.0, effort_limit=np.inf), tmp_path)
+    with pytest.raises(UsageError, match=r"kind 'stiff_pd' has no coefficients.*artifacts/diagnosis or the logs"):
+        earlier_actuator(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "change,message",
+    [
+        ({"mode": "torque"}, r"control modes position and torque; give a reference of the same mode"),
+        ({"joints": ("LFR", "LFQ")}, r"joints LFR, LFP and LFR, LFQ, without 'LFP'; give"),
+        ({"dt": 2e-3}, r"sample times 0\.001 s and 0\.002 s"),
+        ({"source": "pressure"}, r"torques from load_cell and from pressure"),
+    ],
+)
+def test_what_does_not_fit_together_names_both(logs, change, message):
+    told = {"path": "then", "mode": "position", "joints": JOINTS, "dt": 1e-3, "source": None}
+    check_alike(logs, **told)
+    with pytest.raises(UsageError, match=message) as caught:
+        check_alike(logs, **(told | change))
+    assert "synthetic and the reference then" in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_valve_mode_is_refused(logs):
+    with pytest.raises(UsageError, match=r"control mode valve.*position and torque mode: diagnose such logs without"):
+        check_alike(replace(logs, control_mode="valve"), "then", "valve", JOINTS, 1e-3)
