@@ -130,7 +130,8 @@ def accuse(
     lasting = len(causes)
     if spans:
         inside = [joints.index(state.joint) for state in spans.states]
-        causes += assemble(spans.states, floor[inside], joints)
+        passing = assemble(spans.states, floor[inside], joints)
+        causes += passing if earlier else [replace(cause, then={}) for cause in passing]  # beside the rest of the trial
     if mode == "valve":
         causes = [_in_rows(cause, late, speed, data[0].row_dt) for cause in causes]
     shrink = _shrink(states, causes, lasting, spans)

@@ -1,7 +1,7 @@
 """Effects that act for a part of each trial only: a filter that clogs, a valve that warms, a cable that slips.
 
 Where no set of effects explains a joint over whole trials, each trial is cut into one stretch with large errors and
-the rest. If the base model, fitted to the rest, is nearly right there, the stretch is searched by itself.
+the rest. If the base model, fitted to the rest, is nearly right there, the stretch is searched by itself, for effects alone.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hqpipe.gap.causes import assemble
-from hqpipe.gap.joint_data import JointData, Split
+from hqpipe.gap.joint_data import JointData, Split, Then
 from hqpipe.gap.joint_state import JointState, search_joints
 from hqpipe.gap.set_fit import JointFitter, SetFit, window_errors
 from hqpipe.gap.sharing import pool_groups, seek_consensus
@@ -58,11 +58,13 @@ def search_spans(states: list[JointState], floor: np.ndarray, workers: int = 1) 
     troubled = [i for i, s in enumerate(states) if not s.chosen.effects and s.base.error > TROUBLED * floor[i]]
     if not troubled:
         return None
-    data = [states[i].data for i in troubled]
-    level = floor[troubled]
-    rows = [states[i].base.row for i in troubled]
+    asked = [i for i, s in enumerate(states) if not s.chosen.effects]
+    data, level = [states[i].data for i in asked], floor[asked]
+    telling = [asked.index(i) for i in troubled]
+    rows = [states[i].base.row for i in asked]
     for _ in range(ROUNDS):
-        inside = [_cut(data, rows, level, split) for split in ("fit", "heldout")]
+        shown = [data[k] for k in telling], [rows[k] for k in telling], level[telling]
+        inside = [_cut(*shown, split) for split in ("fit", "heldout")]
         if any(mask is None or mask.all() for mask in inside):
             return None
         rest = [JointFitter(restrict(d, ~inside[0], ~inside[1])).fit() for d in data]
@@ -75,12 +77,21 @@ def search_spans(states: list[JointState], floor: np.ndarray, workers: int = 1) 
     quiet = [i for i, d in enumerate(data) if _is_quiet(outside[d.joint].heldout, heldout, level[i])]
     if not quiet:
         return None
-    found = search_joints([restrict(data[i], fit, heldout) for i in quiet], states[0].search.library, workers)
+    stretch = [_held(restrict(data[i], fit, heldout), outside[data[i].joint].row) for i in quiet]
+    found = search_joints(stretch, states[0].search.library, workers)
     found = close_gap(pool_groups(seek_consensus(found)), level[quiet])
-    found = drop_unchanged(found, level[quiet])
+    if data[0].then is not None:
+        found = drop_unchanged(found, level[quiet])
     found = drop_slight(found, assemble(found, level[quiet]))
     found = [state for state in found if state.chosen.effects]
     return Spans(found, outside, fit, heldout, _stretches(data[0].heldout, heldout, data[0])) if found else None
+
+
+def _held(inside: JointData, row: np.ndarray) -> JointData:
+    """The joint in the stretches with all but their effects held at what it is outside: it is one machine, and a stretch
+    alone is short enough for other coefficients to take much of an effect up."""
+    then = inside.then or Then(row, np.empty(0, dtype=np.int64), np.empty((0, 0)))
+    return replace(inside, then=then)
 
 
 def restrict(data: JointData, fit: np.ndarray, heldout: np.ndarray) -> JointData:
