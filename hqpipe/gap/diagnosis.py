@@ -11,10 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.actuators.augmented import SENSING, Augmented
 from hqpipe.actuators.base import ActuatorModel
 from hqpipe.actuators.files import save_actuator
-from hqpipe.effects.layout import neutral_row, slot, slots
 from hqpipe.errors import IdentificationError
 from hqpipe.gap.accuse import accuse
 from hqpipe.gap.answer import answer, not_identifiable
@@ -24,7 +22,6 @@ from hqpipe.gap.joint_data import COMMAND_CHANNEL
 from hqpipe.gap.locate import Place, locate
 from hqpipe.gap.reference import Explained, explain
 from hqpipe.gap.replay import Replay
-from hqpipe.gap.row_model import RowModel
 from hqpipe.gap.sanity import check_logs
 from hqpipe.gap.schema import validate_diagnosis
 from hqpipe.gap.second_channel import measured, scale_causes, settle_offsets
@@ -114,8 +111,8 @@ def diagnose(
     log_set = signed.log_set
     defects = check_logs(log_set, window_s=window_s)
     steps = window_samples(float(np.median([t.dt for t in trials])), window_s)
-    fatal = [d.message for d in defects if _stops(d) and confirmed(d, log_set, steps)]
-    warnings += [d.message for d in defects if not _stops(d)]
+    fatal = [d.message for d in defects if stops(d) and confirmed(d, log_set, steps)]
+    warnings += [d.message for d in defects if not stops(d)]
     if fatal:
         short = any(d.kind == "too_short" for d in defects)
         advice = LONGER if short else "mend the logs, then diagnose them again"
@@ -123,7 +120,7 @@ def diagnose(
     return _actuator(log_set, signed, window_s, without, effort_limit, workers, progress, warnings)
 
 
-def _stops(defect: Defect) -> bool:
+def stops(defect: Defect) -> bool:
     """Whether nothing can be said of logs with this defect, if it is confirmed."""
     return defect.fatal and defect.kind not in NOT_USED
 
@@ -172,7 +169,7 @@ def _actuator(
     )
     table = _table(before, after, found.heldout)
     traces = worst_windows(found.heldout, found.after_heldout, log_set, content["gap"]["unit"])
-    return Diagnosis(content, tuple(table), traces, _actuator_model(found.before), _actuator_model(found.after))
+    return Diagnosis(content, tuple(table), traces, found.before.actuator(), found.after.actuator())
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,16 +202,6 @@ def _table(before: Look, after: Look, heldout: list[Replay]) -> list[Row]:
 def _paired(trial: str, before: list[Place], after: list[Place]) -> list[Row]:
     known = {(p.joint, p.family, p.regime): p for p in after}
     return [Row(trial, p, known.get((p.joint, p.family, p.regime))) for p in before]
-
-
-def _actuator_model(model: RowModel) -> ActuatorModel | None:
-    """The actuator for the training simulator: what the sensors add is no part of it."""
-    if model.mode != "position":
-        return None
-    rows, neutral = model.rows.copy(), neutral_row()
-    for name in SENSING:
-        rows[:, slots(name)] = neutral[slots(name)]
-    return Augmented(model.joints, rows, float(rows[0, slot("setting", "sample_time")]))
 
 
 def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> None:

@@ -1,10 +1,15 @@
-"""Which trials are held out when logset.yaml does not say."""
+"""Which trials are held out when logset.yaml does not say, and what of the fit trials is held back for a choice."""
 
 from __future__ import annotations
 
-from hqpipe.logs.trajectory import Trajectory, Trial
+from dataclasses import replace
+
+from hqpipe.logs.trajectory import Excerpt, LogSet, Trajectory, Trial, recording_of
 
 _HELDOUT_SHARE = 0.25
+_HELD_BACK_SHARE = (
+    0.3  # of every fit trial; assumption: a choice among models needs more to judge on than one model does
+)
 _GAP_S = 0.5  # assumption: longer than the memory of an actuator, so that no state is shared across it
 _GAP_SHARE = 0.05
 
@@ -26,12 +31,31 @@ def infer_split(named: list[tuple[str, Trajectory]]) -> list[Trial]:
     return [Trial(file, "fit", None, whole.section(*fit)), Trial(file, "heldout", None, whole.section(*heldout))]
 
 
-def split_rows(samples: int, dt: float) -> tuple[tuple[int, int], tuple[int, int]]:
+def split_rows(samples: int, dt: float, share: float = _HELDOUT_SHARE) -> tuple[tuple[int, int], tuple[int, int]]:
     """First row and the one after the last, of the fit and of the held-out part of a lone trial.
 
     Args:
-        samples: rows of the trial. dt: sample time, s.
+        samples: rows of the trial. dt: sample time, s. share: of the rows that are held out.
     """
-    cut = int(round((1.0 - _HELDOUT_SHARE) * samples))
+    cut = int(round((1.0 - share) * samples))
     gap = int(round(min(_GAP_S / dt, _GAP_SHARE * samples)))
     return (0, cut - gap), (cut, samples)
+
+
+def hold_back(log_set: LogSet) -> LogSet:
+    """The fit trials alone, the end of each held out: what a choice among models may see that is to be judged later.
+
+    Both parts keep the time of the recorded trial. The held-out trials are not in it.
+
+    Args:
+        log_set: with fit trials.
+    """
+    trials = []
+    for trial in log_set.fit:
+        t = trial.trajectory
+        parts = split_rows(t.samples, t.dt, _HELD_BACK_SHARE)
+        for name, (start, stop) in zip(("fit", "heldout"), parts, strict=True):
+            excerpt = Excerpt(recording_of(trial), t.start + float(t.time[start] - t.time[0]), t.whole)
+            part = replace(t.section(start, stop), excerpt=excerpt)
+            trials.append(replace(trial, split=name, trajectory=part))
+    return replace(log_set, trials=tuple(trials))

@@ -1,0 +1,140 @@
+"""The paper's model with the effects that a diagnosis of the fit trials alone finds, fitted to all of them.
+
+The choice of effects needs trials of its own to be accepted on: the end of every fit trial is held back for it. Then the
+coefficients and parameters of the chosen set are fitted once more, to the whole of the fit trials. Trials on which models
+are compared play no part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hqpipe.actuators.augmented import Augmented
+from hqpipe.effects.layout import slot
+from hqpipe.errors import IdentificationError
+from hqpipe.gap.accuse import Accusation, accuse
+from hqpipe.gap.confirm import confirmed
+from hqpipe.gap.diagnosis import stops
+from hqpipe.gap.joint_data import joint_data
+from hqpipe.gap.row_model import FLOW, RowModel
+from hqpipe.gap.sanity import check_logs
+from hqpipe.gap.set_fit import JointFitter
+from hqpipe.gap.signs import restore_efforts
+from hqpipe.gap.verdict import shortage
+from hqpipe.logs.split import hold_back
+from hqpipe.logs.trajectory import LogSet, Trajectory
+from hqpipe.sysid.fit_actuator import PerJoint, per_joint
+from hqpipe.sysid.free_run import WINDOW_S, require_channels, window_samples
+from hqpipe.sysid.windows import common_dt
+
+SPEED_LATE = slot("setting", "speed_late")  # chosen with the effects
+Effects = dict[str, tuple[str, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosed:
+    """The fitted model; a `hqpipe.sysid.free_run.TorquePredictor`.
+
+    Attributes:
+        rows: what the logs say, effects of the sensors included.
+        actuator: what the simulator steps, without the sensors.
+        effects: effect → joints that have it.
+        warnings: what was found and is not in the model.
+    """
+
+    rows: RowModel
+    actuator: Augmented
+    effects: Effects
+    warnings: tuple[str, ...] = ()
+
+    def predict(self, trajectory: Trajectory, window: int) -> np.ndarray:
+        """(T, J) N·m, replayed as the diagnosis does.
+
+        Raises:
+            IdentificationError: a channel is missing.
+            UsageError: the sample time is another one than that of the fit.
+        """
+        require_channels(trajectory, ("effort", "position_command"), "replaying the model with diagnosed effects")
+        self.actuator.check_dt(trajectory.dt)
+        return self.rows.predict(trajectory, window)
+
+
+def fit_diagnosed(
+    log_set: LogSet,
+    *,
+    window_s: float = WINDOW_S,
+    without: Sequence[str] = (),
+    effort_limit: PerJoint = np.inf,
+    workers: int = 1,
+) -> Diagnosed:
+    """Choose effects on the fit trials and fit them.
+
+    Args:
+        log_set: of position mode; only its fit trials are used.
+        window_s: of the free run, s. without: effects left out of the library. effort_limit: N·m, or joint → N·m.
+        workers: joints searched at a time; the answer does not depend on it.
+
+    Raises:
+        IdentificationError: the logs are broken, too short, or of another mode.
+    """
+    if log_set.control_mode != "position":
+        raise IdentificationError(
+            f"control mode is {log_set.control_mode or 'unknown'}: effects are added to the paper's model, which is one of "
+            "position control; hqpipe diagnose names the effects of other modes"
+        )
+    steps = window_samples(common_dt(log_set.fit), window_s)
+    part = _in_windows(hold_back(log_set), steps, window_s)
+    signed = restore_efforts(part, without)
+    if signed.joints:
+        raise IdentificationError(
+            f"the torque of {', '.join(signed.joints)} has lost its sign, which a prediction of the log cannot have either; "
+            "record it with its sign"
+        )
+    fatal = [d.message for d in check_logs(part, window_s=window_s) if stops(d) and confirmed(d, part, steps)]
+    if fatal:
+        raise IdentificationError(fatal[0])
+    limit = per_joint(effort_limit, log_set.joints, "effort_limit")
+    found = accuse(part, steps, without, effort_limit=limit, workers=workers)
+    reasons, _ = shortage(found.fit, found.heldout, np.array([state.data.noise for state in found.states]) ** 2)
+    if reasons:
+        raise IdentificationError(reasons[0])
+    rows = RowModel(log_set.joints, _refitted(log_set, found, steps, limit), "position", found.before.speed)
+    return Diagnosed(rows, rows.actuator(), _effects(found), tuple(_left_out(found)))
+
+
+def _in_windows(log_set: LogSet, steps: int, window_s: float) -> LogSet:
+    """The log set without the parts that hold no window."""
+    kept = replace(log_set, trials=tuple(t for t in log_set.trials if t.trajectory.samples > steps))
+    if not kept.fit or not kept.heldout:
+        raise IdentificationError(
+            f"no fit trial is long enough to be cut in two parts with windows of {window_s:g} s: record longer ones"
+        )
+    return kept
+
+
+def _refitted(log_set: LogSet, found: Accusation, steps: int, limit: np.ndarray) -> np.ndarray:
+    """(J, WIDTH) the chosen sets, fitted to the whole fit trials from where the choice left them."""
+    trials = [trial.trajectory for trial in log_set.fit if trial.trajectory.samples > steps]
+    rows = []
+    for j, state in enumerate(found.states):
+        row, noise = state.chosen.row, state.data.noise
+        flow = tuple(row[FLOW])
+        data = joint_data(trials, trials, j, "position", steps, noise, float(limit[j]), found.before.speed, flow)
+        data.row[SPEED_LATE] = row[SPEED_LATE]
+        rows.append(JointFitter(data).fit(state.chosen.effects, [state.chosen]).row)
+    return np.array(rows)
+
+
+def _effects(found: Accusation) -> Effects:
+    named = dict.fromkeys(name for state in found.states for name in state.chosen.effects)
+    return {name: tuple(s.joint for s in found.states if name in s.chosen.effects) for name in named}
+
+
+def _left_out(found: Accusation) -> list[str]:
+    return [
+        f"{cause.effect} in {', '.join(cause.joints)} acts for a part of the fit trials only and is left out"
+        for cause in found.passing
+    ]
