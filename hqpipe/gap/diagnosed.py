@@ -17,14 +17,14 @@ from hqpipe.effects.layout import slot
 from hqpipe.errors import IdentificationError
 from hqpipe.gap.accuse import Accusation, accuse
 from hqpipe.gap.confirm import confirmed
-from hqpipe.gap.diagnosis import stops
-from hqpipe.gap.joint_data import joint_data
+from hqpipe.gap.diagnosis import LARGEST, stops
+from hqpipe.gap.joint_data import CONTINUED, MOVED, joint_data
 from hqpipe.gap.row_model import FLOW, RowModel
 from hqpipe.gap.sanity import check_logs
 from hqpipe.gap.set_fit import JointFitter
 from hqpipe.gap.signs import restore_efforts
 from hqpipe.gap.verdict import shortage
-from hqpipe.logs.split import hold_back
+from hqpipe.logs.split import fit_sections, hold_back
 from hqpipe.logs.trajectory import LogSet, Trajectory
 from hqpipe.sysid.fit_actuator import PerJoint, per_joint
 from hqpipe.sysid.free_run import WINDOW_S, require_channels, window_samples
@@ -51,7 +51,10 @@ class Diagnosed:
     warnings: tuple[str, ...] = ()
 
     def predict(self, trajectory: Trajectory, window: int) -> np.ndarray:
-        """(T, J) N·m, replayed as the diagnosis does.
+        """(T, J) N·m, replayed as the diagnosis does, but for the speed.
+
+        Where the diagnosis takes the change of position over the step that is predicted, this sees the positions up to it
+        only, as every other model does.
 
         Raises:
             IdentificationError: a channel is missing.
@@ -59,7 +62,8 @@ class Diagnosed:
         """
         require_channels(trajectory, ("effort", "position_command"), "replaying the model with diagnosed effects")
         self.actuator.check_dt(trajectory.dt)
-        return self.rows.predict(trajectory, window)
+        known = replace(self.rows, speed=CONTINUED) if self.rows.speed == MOVED else self.rows
+        return known.predict(trajectory, window)
 
 
 def fit_diagnosed(
@@ -73,7 +77,7 @@ def fit_diagnosed(
     """Choose effects on the fit trials and fit them.
 
     Args:
-        log_set: of position mode; only its fit trials are used.
+        log_set: of position mode; only its fit trials are used, of long ones evenly spaced sections.
         window_s: of the free run, s. without: effects left out of the library. effort_limit: N·m, or joint → N·m.
         workers: joints searched at a time; the answer does not depend on it.
 
@@ -86,7 +90,7 @@ def fit_diagnosed(
             "position control; hqpipe diagnose names the effects of other modes"
         )
     steps = window_samples(common_dt(log_set.fit), window_s)
-    part = _in_windows(hold_back(log_set), steps, window_s)
+    part = _in_windows(hold_back(log_set, LARGEST), steps, window_s)
     signed = restore_efforts(part, without)
     if signed.joints:
         raise IdentificationError(
@@ -117,7 +121,7 @@ def _in_windows(log_set: LogSet, steps: int, window_s: float) -> LogSet:
 
 def _refitted(log_set: LogSet, found: Accusation, steps: int, limit: np.ndarray) -> np.ndarray:
     """(J, WIDTH) the chosen sets, fitted to the whole fit trials from where the choice left them."""
-    trials = [trial.trajectory for trial in log_set.fit if trial.trajectory.samples > steps]
+    trials = [t.trajectory for t in fit_sections(log_set, LARGEST).trials if t.trajectory.samples > steps]
     rows = []
     for j, state in enumerate(found.states):
         row, noise = state.chosen.row, state.data.noise

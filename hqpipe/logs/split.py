@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from hqpipe.logs.manifest import SPLITS
+from hqpipe.logs.sections import rows_within, sections
 from hqpipe.logs.trajectory import Excerpt, LogSet, Trajectory, Trial, recording_of
 
 _HELDOUT_SHARE = 0.25
@@ -42,20 +44,34 @@ def split_rows(samples: int, dt: float, share: float = _HELDOUT_SHARE) -> tuple[
     return (0, cut - gap), (cut, samples)
 
 
-def hold_back(log_set: LogSet) -> LogSet:
+def hold_back(log_set: LogSet, most: int | None = None) -> LogSet:
     """The fit trials alone, the end of each held out: what a choice among models may see that is to be judged later.
 
-    Both parts keep the time of the recorded trial. The held-out trials are not in it.
+    All parts keep the time of the recorded trial. The held-out trials are not in it.
 
     Args:
-        log_set: with fit trials.
+        log_set: with fit trials. most: as in `fit_sections`.
     """
     trials = []
-    for trial in log_set.fit:
+    for trial in fit_sections(log_set, most).trials:
         t = trial.trajectory
         parts = split_rows(t.samples, t.dt, _HELD_BACK_SHARE)
-        for name, (start, stop) in zip(("fit", "heldout"), parts, strict=True):
-            excerpt = Excerpt(recording_of(trial), t.start + float(t.time[start] - t.time[0]), t.whole)
-            part = replace(t.section(start, stop), excerpt=excerpt)
-            trials.append(replace(trial, split=name, trajectory=part))
+        trials += [replace(_part(trial, *rows), split=name) for name, rows in zip(SPLITS, parts, strict=True)]
     return replace(log_set, trials=tuple(trials))
+
+
+def fit_sections(log_set: LogSet, most: int | None = None) -> LogSet:
+    """The fit trials alone; of more than `most` samples × joints evenly spaced sections, see `hqpipe.logs.sections`."""
+    fit = log_set.fit
+    rows = rows_within(most, len(log_set.joints), 0) if most else sum(t.trajectory.samples for t in fit)
+    if sum(t.trajectory.samples for t in fit) > rows:
+        cuts = sections([(t.trajectory.samples, t.trajectory.dt) for t in fit], rows)
+        fit = [_part(trial, *cut) for trial, each in zip(fit, cuts, strict=True) for cut in each]
+    return replace(log_set, trials=tuple(fit))
+
+
+def _part(trial: Trial, start: int, stop: int) -> Trial:
+    """Some rows of a trial as a trial, with its place in the recorded one."""
+    t = trial.trajectory
+    excerpt = Excerpt(recording_of(trial), t.start + float(t.time[start] - t.time[0]), t.whole)
+    return replace(trial, trajectory=replace(t.section(start, stop), excerpt=excerpt))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hqpipe.logs.split import hold_back
+from hqpipe.logs.split import fit_sections, hold_back
 from hqpipe.logs.trajectory import LogSet, Trajectory, Trial, recording_of
 
 
@@ -37,3 +37,13 @@ def test_parts_keep_their_time_in_the_recording():
     assert part.trajectory.start == pytest.approx(14.0) and part.trajectory.whole == pytest.approx(19.999)
     again = hold_back(hold_back(log_set())).trials[1]
     assert again.trajectory.start == pytest.approx(0.7 * 13.5)
+
+
+def test_of_long_trials_sections_are_taken():
+    whole, some = fit_sections(log_set()), fit_sections(log_set(), most=20000)
+    assert [t.trajectory.samples for t in whole.trials] == [20000, 10000]
+    assert [(recording_of(t), t.trajectory.start, t.trajectory.samples) for t in some.trials] == [
+        ("a", 0.0, 10000),
+        ("b", 0.0, 10000),
+    ]
+    assert [t.trajectory.samples for t in hold_back(log_set(), most=20000).heldout] == [3000, 3000]
