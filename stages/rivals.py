@@ -90,9 +90,9 @@ def fit_rival(
 
 def stepped(model: Any) -> ActuatorModel:
     """What the simulator steps of a model in the table: without what only the sensors add."""
-    from hqpipe.gap.diagnosed import Diagnosed
+    from hqpipe.actuators.base import ActuatorModel
 
-    return model.actuator if isinstance(model, Diagnosed) else model
+    return model if isinstance(model, ActuatorModel) else model.actuator
 
 
 def found_effects(model: Any) -> str:
