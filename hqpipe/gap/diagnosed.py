@@ -18,7 +18,7 @@ from hqpipe.errors import IdentificationError
 from hqpipe.gap.accuse import Accusation, accuse
 from hqpipe.gap.confirm import confirmed
 from hqpipe.gap.diagnosis import LARGEST, stops
-from hqpipe.gap.joint_data import CONTINUED, MOVED, joint_data
+from hqpipe.gap.joint_data import CONTINUED, LATE, LOGGED, MOVED, joint_data
 from hqpipe.gap.row_model import FLOW, RowModel
 from hqpipe.gap.sanity import check_logs
 from hqpipe.gap.set_fit import JointFitter
@@ -105,8 +105,9 @@ def fit_diagnosed(
     reasons, _ = shortage(found.fit, found.heldout, np.array([state.data.noise for state in found.states]) ** 2)
     if reasons:
         raise IdentificationError(reasons[0])
-    rows = RowModel(log_set.joints, _refitted(log_set, found, steps, limit), "position", found.before.speed)
-    return Diagnosed(rows, rows.actuator(), _effects(found), tuple(_left_out(found)))
+    speeds = dict.fromkeys((found.before.speed, LOGGED))
+    models = [_refitted(log_set, found, speed, steps, limit) for speed in speeds]
+    return min(models, key=lambda model: _misfit(model, fit_sections(log_set, LARGEST), steps))
 
 
 def _in_windows(log_set: LogSet, steps: int, window_s: float) -> LogSet:
@@ -119,17 +120,32 @@ def _in_windows(log_set: LogSet, steps: int, window_s: float) -> LogSet:
     return kept
 
 
-def _refitted(log_set: LogSet, found: Accusation, steps: int, limit: np.ndarray) -> np.ndarray:
-    """(J, WIDTH) the chosen sets, fitted to the whole fit trials from where the choice left them."""
+def _refitted(log_set: LogSet, found: Accusation, speed: str, steps: int, limit: np.ndarray) -> Diagnosed:
+    """The chosen sets, fitted to the whole fit trials from where the choice left them.
+
+    Args:
+        speed: of `hqpipe.gap.joint_data.SPEEDS`. steps: samples per window. limit: (J,) N·m.
+    """
     trials = [t.trajectory for t in fit_sections(log_set, LARGEST).trials if t.trajectory.samples > steps]
     rows = []
     for j, state in enumerate(found.states):
-        row, noise = state.chosen.row, state.data.noise
-        flow = tuple(row[FLOW])
-        data = joint_data(trials, trials, j, "position", steps, noise, float(limit[j]), found.before.speed, flow)
+        row, noise = state.chosen.row.copy(), state.data.noise
+        row[SPEED_LATE] += LATE[speed] - LATE[found.before.speed]
+        data = joint_data(trials, trials, j, "position", steps, noise, float(limit[j]), speed, tuple(row[FLOW]))
         data.row[SPEED_LATE] = row[SPEED_LATE]
-        rows.append(JointFitter(data).fit(state.chosen.effects, [state.chosen]).row)
-    return np.array(rows)
+        chosen = replace(state.chosen, row=row)
+        rows.append(JointFitter(data).fit(chosen.effects, [chosen]).row)
+    model = RowModel(log_set.joints, np.array(rows), "position", speed)
+    return Diagnosed(model, model.actuator(), _effects(found), tuple(_left_out(found)))
+
+
+def _misfit(model: Diagnosed, log_set: LogSet, steps: int) -> float:
+    """Mean squared error, free-running in the fit trials, with the speeds that the model is judged on."""
+    trials = [trial.trajectory for trial in log_set.fit]
+    errors = np.concatenate([(model.predict(t, steps) - t.effort)[1:] for t in trials])
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = float(np.mean(errors**2))
+    return found if np.isfinite(found) else np.inf
 
 
 def _effects(found: Accusation) -> Effects:

@@ -13,11 +13,13 @@ from hqpipe.effects.layout import neutral_row, slot, slots
 from hqpipe.errors import IdentificationError, UsageError
 from hqpipe.gap.accuse import accuse
 from hqpipe.gap.diagnosed import fit_diagnosed
+from hqpipe.gap.joint_data import LOGGED, MOVED
 from hqpipe.logs.split import hold_back
 
 KEPT = ("command_delay", "valve_deadband", "backlash", "torque_bias")
 WITHOUT = tuple(name for name in EFFECTS if name not in KEPT)
 NOISE = 3.0
+LATE_ROWS = 2
 BIAS = slots("torque_bias")[0]
 
 
@@ -61,6 +63,20 @@ def test_the_whole_of_the_fit_trials_sets_the_numbers(logs, found):
     assert 0.0 < abs(chosen[0, delay] - found.rows.rows[0, delay]) < 0.2 * chosen[0, delay]
     whole = logs.fit[0].trajectory
     assert (error(found.rows, whole) < error(replace(found.rows, rows=chosen), whole)).all()
+
+
+def test_a_speed_that_was_filtered_is_replaced_by_what_the_positions_say(logs, found):
+    """The logged one is kept where it is right: what two steps make expect of the next is noisier."""
+    assert found.rows.speed == LOGGED
+    late = tuple(
+        replace(t, trajectory=replace(t.trajectory, velocity=np.roll(t.trajectory.velocity, LATE_ROWS, axis=0)))
+        for t in logs.trials
+    )
+    other = fit_diagnosed(replace(logs, trials=late), without=WITHOUT)
+    assert other.rows.speed == MOVED and other.effects == found.effects
+    assert (error(other, late[1].trajectory) < 2.0 * NOISE).all()
+    logged = replace(other, rows=replace(other.rows, speed=LOGGED))
+    assert (error(logged, late[1].trajectory) > 2.0 * NOISE).any()
 
 
 def test_the_simulator_gets_all_but_the_sensors(found):
