@@ -15,7 +15,10 @@ LOGS = Input("logs", "rollouts", "--logs")
 REFERENCE = Input(
     "reference", None, "--reference", help="Say what changed since: logs or an actuator model of the same machine."
 )
-ACTUATOR = Input("actuator", "actuator", "--actuator")
+# What `load_actuator` reads, and fit.json for the question which logs a model was fitted to: no rival, table or figure.
+MODEL = ("actuator.json", "weights.safetensors")
+ACTUATOR = Input("actuator", "actuator", "--actuator", files=MODEL)
+FITTED = Input("actuator", "actuator", "--actuator", files=(*MODEL, "fit.json"))
 POLICY = Input("policy", "policy", "--policy")
 ONNX = Input("onnx", "onnx", "--policy")
 ONNX_FLAG = ("--onnx", "Write ONNX; the only format, so it is the default.")
@@ -26,9 +29,9 @@ STAGES = StageTable(
         Stage("bootstrap", "bootstrap", "hqpipe.stages.bootstrap",
               "Train a first policy, with no actuator model.", version=1),
         Stage("collect", "rollouts", "hqpipe.stages.collect",
-              "Record logs of the machine under that policy.", version=2, inputs=(BOOTSTRAP,)),
+              "Record logs of the machine under that policy.", version=3, inputs=(BOOTSTRAP,)),
         Stage("fit-actuator", "actuator", "hqpipe.stages.fit_actuator",
-              "Fit the actuator model to the logs.", version=2, inputs=(LOGS,)),
+              "Fit the actuator model to the logs.", version=3, inputs=(LOGS,)),
         Stage("diagnose", "diagnosis", "hqpipe.stages.diagnose",
               "Find where the gap lies, what causes it and how far it shrinks.", version=6,
               inputs=(LOGS, WALKER, REFERENCE)),
@@ -38,7 +41,7 @@ STAGES = StageTable(
               "Write the policy as ONNX for the robot.", version=1, inputs=(POLICY,), flags=(ONNX_FLAG,)),
         Stage("validate", "validation", "hqpipe.stages.validate",
               "Hold the exported policy against its thresholds; exit 4 if one is missed.", version=1,
-              inputs=(ONNX, LOGS, ACTUATOR)),
+              inputs=(ONNX, LOGS, FITTED)),
     ],
     template=Path(__file__).with_name("pipeline_template.yaml"),
 )

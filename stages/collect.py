@@ -100,8 +100,9 @@ def _write(context: Any, jobs: list[Any], trials: list[Any], header: dict[str, A
 def _jobs(context: Any) -> list[Any]:
     from hqpipe.stages.machine import Job
 
-    base = 1000 * context.seed  # every trial has noise of its own
-    jobs = [Job(name, context.params.walk_seconds, base + i, vx=vx) for i, (name, vx, _) in enumerate(_WALKS)]
+    base = 1000 * context.seed  # every trial has noise, and every walk a start, of its own
+    seconds = context.params.walk_seconds
+    jobs = [Job(name, seconds, base + i, vx=vx, repeat=True) for i, (name, vx, _) in enumerate(_WALKS)]
     for i, (name, kind, _) in enumerate(_GANTRY, start=len(jobs)):
         jobs.append(Job(name, context.params.gantry_seconds, base + i, excitation=kind))
     return jobs

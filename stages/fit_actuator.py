@@ -14,7 +14,7 @@ from hqpipe.errors import UsageError, near_match
 from hqpipe.pipeline.config import StageParams
 from hqpipe.stages.judging import judge, write_data_curve
 from hqpipe.stages.logs import FIT, read_logs
-from hqpipe.stages.rivals import EVERY, NAMES, Rival, fit_rivals
+from hqpipe.stages.rivals import EVERY, NAMES, TITLES, Rival, fit_rivals, found_effects, stepped
 
 SCOPES = ("per_joint", "shared")
 FREE_RUNNING, ONE_STEP = "{}, free-running", "{}, one-step"  # names of the models of a scope
@@ -25,7 +25,8 @@ class Params(StageParams):
     """Attributes:
     scope: which fit the later stages use; both are made. window_s: length of the free-running windows, s.
     data_seconds: lengths of fit data, s, for the curve of error against data; none for no curve.
-    rivals: models that the paper's is held against; nets as in the paper, and strong_ with every advantage.
+    rivals: models that the paper's is held against: itself with diagnosed effects, two chambers of oil, nets as in the paper,
+        and strong_ with every advantage.
     net_iterations, strong_net_iterations: of their training.
     resample: interpolate trials whose clock jitters onto a uniform one.
     """
@@ -65,6 +66,10 @@ def run(context: Any) -> dict[str, Any]:
     show(*(f"warning: {text}" for text in notes))
     _write(context.output, log_set, fits)
     others, seconds, refused = _rivals(context, log_set, constants, total)
+    diagnosed = others.get(TITLES["diagnosed"])
+    if diagnosed is not None:
+        show(found_effects(diagnosed))
+        refused += diagnosed.warnings
     show(*(f"warning: {text}" for text in refused))
     context.progress(total - 2, total, "held-out trials")
     metrics = judge(context, log_set, models | others, fit_s | seconds)
@@ -72,7 +77,11 @@ def run(context: Any) -> dict[str, Any]:
     draw_fit(context.output, log_set, chosen.model, context.params.window_s)
     if context.params.data_seconds:
         write_data_curve(context, log_set, paper_fits(options))
-    return {**_metrics(metrics, chosen), "warnings": [*log_set.warnings, *notes, *refused]}
+    return {
+        **_metrics(metrics, chosen),
+        "effects": diagnosed.effects if diagnosed is not None else None,
+        "warnings": [*log_set.warnings, *notes, *refused],
+    }
 
 
 def _rivals(context: Any, log_set: Any, constants: dict[str, Any], total: int) -> tuple[Any, ...]:
@@ -84,13 +93,14 @@ def _rivals(context: Any, log_set: Any, constants: dict[str, Any], total: int) -
         log_set,
         p.rivals,
         constants,
+        p.window_s,
         (p.net_iterations, p.strong_net_iterations),
         context.seed,
         context.workers,
         lambda title: context.progress(next(told), total, title),
     )
     for title, model in models.items():
-        save_actuator(model, context.output / "rivals" / NAMES[title])
+        save_actuator(stepped(model), context.output / "rivals" / NAMES[title])
     return models, seconds, refused
 
 

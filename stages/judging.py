@@ -25,6 +25,7 @@ def judge(context: Any, log_set: Any, models: Mapping[str, Any], fit_s: Mapping[
     """
     from hqpipe.report.tables import comparison_table
     from hqpipe.stages.figures import draw_comparison
+    from hqpipe.stages.rivals import stepped
     from hqpipe.stages.terminal import show
     from hqpipe.stages.training import write_rows
     from hqpipe.sysid.compare import ALL, HELDOUT, STRESS, compare_models
@@ -34,7 +35,7 @@ def judge(context: Any, log_set: Any, models: Mapping[str, Any], fit_s: Mapping[
     window_s = context.params.window_s
     rows = compare_models(log_set, models, window_s=window_s, stress=read_stress(context, log_set.joints))
     longest = max((trial.trajectory for trial in log_set.heldout), key=lambda t: t.samples)
-    step_us = {name: 1e6 * step_time(longest, model, window_s) for name, model in models.items()}
+    step_us = {name: 1e6 * step_time(longest, stepped(model), window_s) for name, model in models.items()}
     plain = [asdict(row) for row in rows]
     show(comparison_table(plain, fit_s, step_us))
     write_rows(context.output / "comparison.csv", long_rows(rows))

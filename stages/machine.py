@@ -22,6 +22,7 @@ class Job:
         excitation: "multisine" or "chirp" on the gantry, or None for a walk of the policy.
         postures: "jumps" or "collapse" on the floor, instead of a walk.
         clearance: m above the ground that the robot is let go from.
+        repeat: whether it is one of several walks under the same order, which start and are steered each in their own way.
         disturbances: `hqpipe.plant.Push` and `hqpipe.plant.Grip`.
         stop_at_fall: whether the trial ends with a fall.
     """
@@ -35,6 +36,7 @@ class Job:
     excitation: str | None = None
     postures: str | None = None
     clearance: float = 0.0
+    repeat: bool = False
     disturbances: tuple[Any, ...] = ()
     stop_at_fall: bool = True
 
@@ -73,12 +75,15 @@ def run_job(job: Job, robot_folder: Path, policy: Path, overrides: dict[str, Any
     from hqpipe.plant import Plant, PlantConfig
     from hqpipe.plant.excitation import excitation
     from hqpipe.plant.postures import postures
+    from hqpipe.plant.repeat import repeat
+    from hqpipe.rl.controller import HeadingHold
     from hqpipe.robots import load_robot
 
     robot = load_robot(robot_folder)
     base = "floating" if job.excitation is None else "fixed"
     plant = Plant(robot, PlantConfig(overrides), seed=job.seed, base=base)
-    walker = _policy_controller(policy, robot.joints, hold=job.wz is None)
+    hold = HeadingHold(heading=0.0 if job.repeat else None) if job.wz is None else None
+    walker = _policy_controller(policy, robot.joints, hold)
     if job.clearance > 0.0:
         plant.reset(clearance=job.clearance)
     how: dict[str, Any] = {
@@ -90,19 +95,24 @@ def run_job(job: Job, robot_folder: Path, policy: Path, overrides: dict[str, Any
         return plant.run(excitation(robot, job.excitation, job.seconds, job.seed), job.seconds, **how)
     if job.postures is not None:
         return plant.run(postures(robot, job.postures, job.seconds), job.seconds, **how)
-    command = {"vx": job.vx, "vy": job.vy, "wz": job.wz or 0.0}
+    order = (job.vx, job.vy, job.wz or 0.0)
+    command: Any = dict(zip(("vx", "vy", "wz"), order, strict=True))
+    if job.repeat:
+        own = repeat(robot, job.seed)
+        plant.reset(own.posture, own.heading)
+        walker.phase, command = own.phase, own.command(*order)
     return plant.run(walker, job.seconds, command=command, control_period_s=walker.period_s, **how)
 
 
-def _policy_controller(folder: Path, joints: tuple[str, ...], hold: bool) -> Any:
-    from hqpipe.rl.controller import HeadingHold, onnx_controller, torch_controller
+def _policy_controller(folder: Path, joints: tuple[str, ...], hold: Any) -> Any:
+    from hqpipe.rl.controller import onnx_controller, torch_controller
 
     load = onnx_controller if (folder / "policy.onnx").is_file() else torch_controller
-    return load(folder, joints=joints, heading_hold=HeadingHold() if hold else None)
+    return load(folder, joints=joints, heading_hold=hold)
 
 
 def walked(trial: Any, vx: float) -> dict[str, Any]:
-    """Speed, drift and fall of a walk along the heading that it started with.
+    """Speed, drift and fall of a walk along world x, which is its course.
 
     Returns:
         distance, speed, speed_error (m, m/s; means after the settling time), drift (m, sideways),

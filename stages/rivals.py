@@ -1,16 +1,22 @@
-"""What the paper's model is held against in fit-actuator: a physical model and neural ones, fitted to the same trials."""
+"""What the paper's model is held against in fit-actuator: itself with more physics, another physical model and nets, fitted
+to the same trials."""
 
 from __future__ import annotations
 
 import multiprocessing
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
-Rival = Literal["two_chamber", "mlp", "lstm", "gru", "strong_mlp", "strong_lstm", "strong_gru"]
-"""Nets as in the paper, and `strong_` with every advantage, see `hqpipe.sysid.nets`."""
+if TYPE_CHECKING:
+    from hqpipe.actuators.base import ActuatorModel
+
+Rival = Literal["diagnosed", "two_chamber", "mlp", "lstm", "gru", "strong_mlp", "strong_lstm", "strong_gru"]
+"""The paper's model with the effects of `hqpipe.gap.diagnosed`; nets as in the paper, and `strong_` with every advantage, see
+`hqpipe.sysid.nets`."""
 EVERY: tuple[Rival, ...] = get_args(Rival)
 TITLES = {
+    "diagnosed": "paper's model with diagnosed effects",
     "two_chamber": "two chambers of oil",
     **{kind: f"{kind.upper()}, as the paper" for kind in ("mlp", "lstm", "gru")},
     **{f"strong_{kind}": f"{kind.upper()}, every advantage" for kind in ("mlp", "lstm", "gru")},
@@ -22,6 +28,7 @@ def fit_rivals(
     log_set: Any,
     names: Sequence[str],
     constants: Mapping[str, Any],
+    window_s: float,
     iterations: tuple[int, int],
     seed: int,
     workers: int,
@@ -31,6 +38,7 @@ def fit_rivals(
 
     Args:
         log_set: only its fit trials are used. names: of `Rival`. constants: of the robot's joints, may be empty.
+        window_s: of the free run of those that are not nets, s.
         iterations: of a net as in the paper, and with every advantage. seed: of the nets. told: called with each title.
 
     Returns:
@@ -40,7 +48,7 @@ def fit_rivals(
     limit = constants.get("effort_limit", float("inf"))
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(max(1, min(workers, len(names))), mp_context=context) as pool:
-        futures = {name: pool.submit(fit_rival, name, log_set, limit, iterations, seed) for name in names}
+        futures = {name: pool.submit(fit_rival, name, log_set, limit, window_s, iterations, seed) for name in names}
         try:
             for name, future in futures.items():
                 model, time_s, reason = future.result()
@@ -55,14 +63,19 @@ def fit_rivals(
     return models, seconds, refused
 
 
-def fit_rival(name: str, log_set: Any, limit: Any, iterations: tuple[int, int], seed: int) -> tuple[Any, float, str]:
+def fit_rival(
+    name: str, log_set: Any, limit: Any, window_s: float, iterations: tuple[int, int], seed: int
+) -> tuple[Any, float, str]:
     """One model with the time of its fit, s, or None and the reason why the logs do not allow it."""
     from hqpipe.errors import IdentificationError
+    from hqpipe.gap.diagnosed import fit_diagnosed
     from hqpipe.sysid.fit_chambers import fit_chambers
     from hqpipe.sysid.nets.fit_net import fit_paper_net, fit_strong_net
     from hqpipe.sysid.timing import timed
 
     def fit() -> Any:
+        if name == "diagnosed":
+            return fit_diagnosed(log_set, window_s=window_s, effort_limit=limit)
         if name == "two_chamber":
             return fit_chambers(log_set, effort_limit=limit).model
         train, count = (fit_strong_net, iterations[1]) if name.startswith("strong_") else (fit_paper_net, iterations[0])
@@ -73,3 +86,19 @@ def fit_rival(name: str, log_set: Any, limit: Any, iterations: tuple[int, int], 
         return *timed(fit), ""
     except IdentificationError as error:
         return None, 0.0, str(error)
+
+
+def stepped(model: Any) -> ActuatorModel:
+    """What the simulator steps of a model in the table: without what only the sensors add."""
+    from hqpipe.actuators.base import ActuatorModel
+
+    return model if isinstance(model, ActuatorModel) else model.actuator
+
+
+def found_effects(model: Any) -> str:
+    """The effects of a diagnosed model for the terminal."""
+    joints = len(model.actuator.joints)
+    parts = [
+        f"{name} ({', '.join(where) if len(where) < joints else 'all joints'})" for name, where in model.effects.items()
+    ]
+    return f"{TITLES['diagnosed']}: {', '.join(parts) or 'none found'}"

@@ -123,7 +123,7 @@ def accuse(
         machine = _machine(states, mode, speed, chosen=True)
         sensor, rest = _sensor_floor(machine, states, steps), Rest(machine, log_set, steps)
         states = drop_outweighed(states, assemble(states, floor), sensor, rest)
-    spans = search_spans(states, floor, workers)
+    spans = _tidy_spans(search_spans(states, floor, workers), states, floor)
     after = _with_spans(_machine(states, mode, speed, chosen=True), spans, states, log_set)
     after_fit, after_heldout = replay_all(after, log_set.fit, steps), replay_all(after, log_set.heldout, steps)
     causes = assemble(states, floor)
@@ -247,6 +247,18 @@ def _tidy(states: list[JointState], floor: np.ndarray) -> list[JointState]:
     causes = assemble(states, floor)
     shares = _shrink(states, causes, len(causes), None)
     return drop_trifles(states, causes, shares.each, shares.each_ci95[:, 0])
+
+
+def _tidy_spans(spans: Spans | None, states: list[JointState], floor: np.ndarray) -> Spans | None:
+    """The stretches without the names that shrink the machine's gap by next to nothing."""
+    if spans is None:
+        return None
+    joints = tuple(state.joint for state in states)
+    passing = assemble(spans.states, floor[[joints.index(state.joint) for state in spans.states]], joints)
+    shares = _shrink(states, passing, 0, spans)
+    kept = drop_trifles(spans.states, passing, shares.each, shares.each_ci95[:, 0])
+    kept = [state for state in kept if state.chosen.effects]
+    return replace(spans, states=kept) if kept else None
 
 
 def _final_error(states: list[JointState], spans: Spans | None) -> np.ndarray:

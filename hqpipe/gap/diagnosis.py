@@ -11,10 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.actuators.augmented import SENSING, Augmented
 from hqpipe.actuators.base import ActuatorModel
 from hqpipe.actuators.files import save_actuator
-from hqpipe.effects.layout import neutral_row, slot, slots
 from hqpipe.gap.accuse import accuse
 from hqpipe.gap.answer import answer, not_identifiable
 from hqpipe.gap.changes import SCALE, multiplied
@@ -143,9 +141,7 @@ def _actuator(
     )
     table = _table(before, after, found.heldout)
     traces = worst_windows(found.heldout, found.after_heldout, log_set, content["gap"]["unit"])
-    return Diagnosis(
-        content, tuple(table), traces, _actuator_model(found.before), _actuator_model(found.after, found.states)
-    )
+    return Diagnosis(content, tuple(table), traces, found.before.actuator(), _simulated(found.after, found.states))
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,21 +178,13 @@ def _paired(trial: str, before: list[Place], after: list[Place]) -> list[Row]:
     return [Row(trial, p, known.get((p.joint, p.family, p.regime))) for p in before]
 
 
-def _actuator_model(model: RowModel, states: Sequence[JointState] = ()) -> ActuatorModel | None:
-    """The actuator for the training simulator: what the sensors add is no part of it.
-
-    Args:
-        states: of joints whose torque sensor may have got another gain since an earlier record.
-    """
-    if model.mode != "position":
-        return None
-    rows, neutral = model.rows.copy(), neutral_row()
-    for name in SENSING:
-        rows[:, slots(name)] = neutral[slots(name)]
+def _simulated(model: RowModel, states: Sequence[JointState]) -> ActuatorModel | None:
+    """The actuator for the training simulator; a sensor whose gain changed since an earlier record is no part of it."""
+    rows = model.rows.copy()
     for j, state in enumerate(states):
         if state.data.then is not None and SCALE in state.chosen.effects:
             rows[j] = multiplied(rows[j], SCALE, 1.0 / state.first_number(SCALE))
-    return Augmented(model.joints, rows, float(rows[0, slot("setting", "sample_time")]))
+    return replace(model, rows=rows).actuator()
 
 
 def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> None:

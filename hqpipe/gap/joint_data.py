@@ -20,6 +20,8 @@ CLEAR_SHARE = 0.5  # of the RMS torque: more than a chain chatters within its sl
 MOVED, LOGGED = SPEEDS = ("moved", "logged")
 """Speed from one position to the next, or the logged channel. The first adds up to the travel however coarse the
 encoder is, and no filter delays it; the second is right where the controller computes with it."""
+CONTINUED = "continued"
+"""The first as far as it is known at its sample, for a prediction that is to see no more than others do; no fit uses it."""
 LATE = {MOVED: 0.5, LOGGED: 0.0}
 """Samples by which a speed belongs later than its row: the mean speed of the step that begins there, half a one."""
 Flow = tuple[float, float]
@@ -220,7 +222,7 @@ def _channels(t: Trajectory, j: int, mode: str, speed: str, flow: Flow) -> tuple
     return (
         getattr(t, COMMAND_CHANNEL[mode])[:, j].astype(np.float64),
         t.position[:, j].astype(np.float64),
-        moved(t.position[:, j], t.dt) if speed == MOVED else t.velocity[:, j].astype(np.float64),
+        _SPEED_OF[speed](t, j),
         effort.astype(np.float64),
         rate,
         t.time - t.time[0] + t.start,
@@ -292,6 +294,19 @@ def moved(position: np.ndarray, dt: float) -> np.ndarray:
     speed[:-1] = np.diff(position) / dt
     speed[-1] = speed[-2]
     return speed
+
+
+def continued(position: np.ndarray, dt: float) -> np.ndarray:
+    """`moved` from the positions up to each sample, rad/s: the speed of the step before it and its change, kept up."""
+    before = np.diff(position, prepend=position[0]) / dt
+    return before + np.diff(before, prepend=before[0])
+
+
+_SPEED_OF = {
+    MOVED: lambda t, j: moved(t.position[:, j], t.dt),
+    LOGGED: lambda t, j: t.velocity[:, j].astype(np.float64),
+    CONTINUED: lambda t, j: continued(t.position[:, j], t.dt),
+}
 
 
 def _sizes(fit: Sequence[Trajectory], j: int, mode: str) -> dict[str, float]:

@@ -7,11 +7,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hqpipe.effects.layout import slot
+from hqpipe.actuators.augmented import SENSING, Augmented
+from hqpipe.effects.layout import neutral_row, slot, slots
 from hqpipe.gap.joint_data import COMMAND_CHANNEL, MOVED, cut, output_of
 from hqpipe.gap.replay import Replay
 from hqpipe.gap.signals import LOAD
 from hqpipe.kernels.augmented_fit import residual_windows
+from hqpipe.kernels.augmented_signals import Signals
 from hqpipe.logs.trajectory import Trajectory, Trial, recording_of
 
 FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
@@ -76,6 +78,15 @@ class RowModel:
         decay = self.rows[:, slot("base", "k2")] + (self.rows[:, slot("base", "k1")] if self.mode == "torque" else 0.0)
         return np.clip(1.0 - decay, 0.0, 1.0) if self.mode != "valve" else np.zeros(len(self.rows))
 
+    def actuator(self) -> Augmented | None:
+        """The actuator for the training simulator, where the mode is position: what the sensors add is no part of it."""
+        if self.mode != "position":
+            return None
+        rows, neutral = self.rows.copy(), neutral_row()
+        for name in SENSING:
+            rows[:, slots(name)] = neutral[slots(name)]
+        return Augmented(self.joints, rows, float(rows[0, slot("setting", "sample_time")]))
+
     def replay(self, trial: Trial, steps: int) -> Replay:
         """Run the model through one trial in windows of `steps` samples, and one step ahead."""
         t = trial.trajectory
@@ -85,12 +96,35 @@ class RowModel:
         one = self._predict(file, t, seen, 1) if self.mode != "valve" else free
         return Replay(trial.file, driven(t, seen, free, self.mode), steps, free, one)
 
+    def predict(self, trajectory: Trajectory, window: int) -> np.ndarray:
+        """(T, J) torque as the log has it, sensors included; the last window of the trial may be a short one.
+
+        For the position and the torque mode; stretches play no part.
+        """
+        t, predicted = trajectory.for_joints(self.joints), np.array(trajectory.effort, dtype=np.float64)
+        whole = (t.samples - 1) // window * window
+        for j, joint in enumerate(self.joints):
+            row, column = self.rows[j], trajectory.joint(joint)
+            if whole:
+                signals = self._signals(t, j, window)
+                output = residual_windows(row, signals) + signals.target[1:]
+                predicted[1 : whole + 1, column] = output.T.ravel()
+            if rest := t.samples - 1 - whole:
+                signals = self._signals(t, j, rest)
+                target = np.ascontiguousarray(signals.effort[whole:, None])
+                signals = signals._replace(first=np.array([whole]), target=target)
+                predicted[whole + 1 :, column] = (residual_windows(row, signals) + target[1:])[:, 0]
+        return predicted
+
+    def _signals(self, t: Trajectory, j: int, steps: int) -> Signals:
+        return cut([t], j, self.mode, steps, EVERY, self.speed, tuple(self.rows[j, FLOW])).signals
+
     def _predict(self, file: str, t: Trajectory, seen: Trajectory, steps: int) -> np.ndarray:
         predicted = seen.effort.astype(np.float64).copy()
         if t.samples <= steps:
             return predicted
         for j in range(len(self.joints)):
-            signals = cut([t], j, self.mode, steps, EVERY, self.speed, tuple(self.rows[j, FLOW])).signals
+            signals = self._signals(t, j, steps)
             output = residual_windows(self.rows[j], signals) + signals.target[1:]
             if j in self.spans and file in self.spans[j].stretches:
                 start, end = (round((at - t.start) / t.dt) for at in self.spans[j].stretches[file])

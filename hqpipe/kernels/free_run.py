@@ -87,3 +87,31 @@ def free_run_remembering(
         for j in range(joints):
             take_back(kind, driven[j], logged[j] - effort[k + 1, j])
     return predicted
+
+
+@njit(cache=True, nogil=True)
+def step_along(
+    kind: int,
+    parameters: np.ndarray,
+    weights: np.ndarray,
+    columns: int,
+    effort: np.ndarray,
+    q_des: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    window: int,
+) -> np.ndarray:
+    """Step one copy of a model through a trial, as a simulator does; its torque is set to the log's every `window` samples.
+
+    Args:
+        all of them: as in `free_run_remembering`, with J = the joints of the model.
+
+    Returns:
+        (J,) N·m after the last sample.
+    """
+    memory, torque = np.zeros((effort.shape[1], columns)), np.empty(effort.shape[1])
+    for k in range(effort.shape[0] - 1):
+        if k % window == 0:
+            torque[:] = effort[k]
+        step_row(kind, parameters, weights, torque, memory, q_des[k], q[k], qd[k])
+    return torque

@@ -1,10 +1,17 @@
-"""Which trials are held out when logset.yaml does not say."""
+"""Which trials are held out when logset.yaml does not say, and what of the fit trials is held back for a choice."""
 
 from __future__ import annotations
 
-from hqpipe.logs.trajectory import Trajectory, Trial
+from dataclasses import replace
+
+from hqpipe.logs.manifest import SPLITS
+from hqpipe.logs.sections import rows_within, sections
+from hqpipe.logs.trajectory import Excerpt, LogSet, Trajectory, Trial, recording_of
 
 _HELDOUT_SHARE = 0.25
+_HELD_BACK_SHARE = (
+    0.3  # of every fit trial; assumption: a choice among models needs more to judge on than one model does
+)
 _GAP_S = 0.5  # assumption: longer than the memory of an actuator, so that no state is shared across it
 _GAP_SHARE = 0.05
 
@@ -26,12 +33,45 @@ def infer_split(named: list[tuple[str, Trajectory]]) -> list[Trial]:
     return [Trial(file, "fit", None, whole.section(*fit)), Trial(file, "heldout", None, whole.section(*heldout))]
 
 
-def split_rows(samples: int, dt: float) -> tuple[tuple[int, int], tuple[int, int]]:
+def split_rows(samples: int, dt: float, share: float = _HELDOUT_SHARE) -> tuple[tuple[int, int], tuple[int, int]]:
     """First row and the one after the last, of the fit and of the held-out part of a lone trial.
 
     Args:
-        samples: rows of the trial. dt: sample time, s.
+        samples: rows of the trial. dt: sample time, s. share: of the rows that are held out.
     """
-    cut = int(round((1.0 - _HELDOUT_SHARE) * samples))
+    cut = int(round((1.0 - share) * samples))
     gap = int(round(min(_GAP_S / dt, _GAP_SHARE * samples)))
     return (0, cut - gap), (cut, samples)
+
+
+def hold_back(log_set: LogSet, most: int | None = None) -> LogSet:
+    """The fit trials alone, the end of each held out: what a choice among models may see that is to be judged later.
+
+    All parts keep the time of the recorded trial. The held-out trials are not in it.
+
+    Args:
+        log_set: with fit trials. most: as in `fit_sections`.
+    """
+    trials = []
+    for trial in fit_sections(log_set, most).trials:
+        t = trial.trajectory
+        parts = split_rows(t.samples, t.dt, _HELD_BACK_SHARE)
+        trials += [replace(_part(trial, *rows), split=name) for name, rows in zip(SPLITS, parts, strict=True)]
+    return replace(log_set, trials=tuple(trials))
+
+
+def fit_sections(log_set: LogSet, most: int | None = None) -> LogSet:
+    """The fit trials alone; of more than `most` samples × joints evenly spaced sections, see `hqpipe.logs.sections`."""
+    fit = log_set.fit
+    rows = rows_within(most, len(log_set.joints), 0) if most else sum(t.trajectory.samples for t in fit)
+    if sum(t.trajectory.samples for t in fit) > rows:
+        cuts = sections([(t.trajectory.samples, t.trajectory.dt) for t in fit], rows)
+        fit = [_part(trial, *cut) for trial, each in zip(fit, cuts, strict=True) for cut in each]
+    return replace(log_set, trials=tuple(fit))
+
+
+def _part(trial: Trial, start: int, stop: int) -> Trial:
+    """Some rows of a trial as a trial, with its place in the recorded one."""
+    t = trial.trajectory
+    excerpt = Excerpt(recording_of(trial), t.start + float(t.time[start] - t.time[0]), t.whole)
+    return replace(trial, trajectory=replace(t.section(start, stop), excerpt=excerpt))

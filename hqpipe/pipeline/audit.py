@@ -11,7 +11,7 @@ from hqpipe.pipeline.hashing import SHORT
 from hqpipe.pipeline.manifest import Manifest
 from hqpipe.pipeline.plan import KEEP, Decision, Planner, explicit_source
 from hqpipe.pipeline.project import Project
-from hqpipe.pipeline.stage import Stage
+from hqpipe.pipeline.stage import Input, Stage
 from hqpipe.pipeline.store import Store
 
 CURRENT, STALE, MISSING, DAMAGED = "current", "stale", "missing", "damaged"
@@ -111,31 +111,35 @@ def _check(project: Project, stage: Stage) -> Check:
     problems, notes = entry.problems(), []
     for name, source in entry.manifest.sources.items():
         recorded = entry.manifest.recipe.inputs[name]
-        if source["artifact"] is None:
-            notes += _outside(name, source["path"], recorded)
-        elif wrong := _chain_problem(project.store, source["artifact"], recorded):
+        needed = next((each for each in stage.inputs if each.name == name), None)
+        if needed is None:
+            notes.append(f"made with an input {name} that {stage.name} no longer has")
+        elif source["artifact"] is None:
+            notes += _outside(needed, source["path"], recorded)
+        elif wrong := _chain_problem(project.store, needed, recorded):
             problems.append(f"{entry.shown}: input {name}: {wrong}")
     return Check(stage.artifact, len(entry.manifest.outputs), tuple(problems), tuple(notes))
 
 
-def _chain_problem(store: Store, artifact: str, recorded: str) -> str | None:
+def _chain_problem(store: Store, needed: Input, recorded: str) -> str | None:
     """What is wrong with the recorded content of an input that is an artifact."""
+    artifact = needed.artifact
     try:
         entry = store.current(artifact)
     except HqpipeError as error:
         return str(error)
     if entry is None:
         return f"made from {artifact} {recorded[:SHORT]}…, which is gone"
-    if entry.manifest.content != recorded:
-        content = entry.manifest.content
+    content = needed.content(entry.manifest.outputs)
+    if content != recorded:
         return f"made from {artifact} {recorded[:SHORT]}…, but the current one is {content[:SHORT]}…"
     return None
 
 
-def _outside(name: str, path: str, recorded: str) -> list[str]:
+def _outside(needed: Input, path: str, recorded: str) -> list[str]:
     """A note if a folder from outside is gone or differs by now; the artifact itself is still good."""
     try:
-        content = explicit_source(Path(path), f"--{name}").content
+        content = explicit_source(Path(path), needed).content
     except HqpipeError as error:
         return [f"made from a folder that cannot be checked: {error}"]
-    return [] if content == recorded else [f"input {name}: {path} has changed since"]
+    return [] if content == recorded else [f"input {needed.name}: {path} has changed since"]

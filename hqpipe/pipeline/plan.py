@@ -10,7 +10,7 @@ from typing import Any
 
 from hqpipe.errors import IntegrityError, UsageError
 from hqpipe.pipeline.config import Settings
-from hqpipe.pipeline.hashing import tree_hash
+from hqpipe.pipeline.hashing import hash_files
 from hqpipe.pipeline.manifest import Recipe, is_artifact
 from hqpipe.pipeline.project import Project
 from hqpipe.pipeline.reasons import Reason, differences
@@ -26,7 +26,7 @@ class Source:
 
     Args:
         path: the folder.
-        content: hash over its files.
+        content: hash over the files in it that are read.
         artifact: name under ``artifacts/``, None for a folder from outside.
         key: key of the result in it, None if it is no artifact.
     """
@@ -107,13 +107,13 @@ class Planner:
             IntegrityError: it is an artifact and a file in it was changed.
         """
         if needed.name in self.explicit:
-            return explicit_source(self.explicit[needed.name], needed.option)
+            return explicit_source(self.explicit[needed.name], needed)
         maker = self.project.table.maker(needed.artifact)
         with _mend(f"Make it again with `{self._command(maker)} --force`"):
             entry = self.project.store.current(needed.artifact)
             if entry is not None:
                 entry.verify()
-                return Source(entry.path, entry.manifest.content, needed.artifact, entry.manifest.key)
+                return Source(entry.path, needed.content(entry.manifest.outputs), needed.artifact, entry.manifest.key)
         raise UsageError(
             f"{stage.name} needs {self.project.store.shown(needed.artifact)}, which has not been made: "
             f"run `{self._command(maker)}` or give a folder with {needed.option}"
@@ -226,18 +226,19 @@ class Planner:
             elif upstream.recipe is not None and upstream.action != RUN:
                 entry = read_entry(self.project.store.path(upstream.recipe.key))
                 key = entry.manifest.key
-                sources[needed.name] = Source(entry.path, entry.manifest.content, needed.artifact, key)
+                content = needed.content(entry.manifest.outputs)
+                sources[needed.name] = Source(entry.path, content, needed.artifact, key)
         return sources
 
 
-def explicit_source(path: Path, option: str) -> Source:
+def explicit_source(path: Path, needed: Input) -> Source:
     """A folder that the user named: verified if it is an artifact, hashed otherwise.
 
     Raises:
         UsageError: there is no such folder, or it is empty.
         IntegrityError: it is an artifact and was changed.
     """
-    folder = path.resolve()
+    folder, option = path.resolve(), needed.option
     if not folder.is_dir():
         what = "is a file, expected its folder" if folder.is_file() else "no such folder"
         raise UsageError(f"{option} {path}: {what}")
@@ -245,10 +246,10 @@ def explicit_source(path: Path, option: str) -> Source:
         with _mend(f"Make it again, or give another folder with {option}"):
             entry = read_entry(folder)
             entry.verify()
-        return Source(folder, entry.manifest.content, None, entry.manifest.key)
+        return Source(folder, needed.content(entry.manifest.outputs), None, entry.manifest.key)
     if not any(folder.iterdir()):
         raise UsageError(f"{option} {path}: the folder is empty")
-    return Source(folder, tree_hash(folder, links=True), None, None)
+    return Source(folder, needed.content(hash_files(folder, links=True)), None, None)
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hqpipe.errors import UsageError, near_match
+from hqpipe.pipeline.hashing import data_hash
 from hqpipe.registry import load
 
 
@@ -21,6 +22,8 @@ class Input:
         optional: the stage does without it where it has not been made, and where the user names other inputs but
             not this one.
         help: of the option; None for what is said of every artifact.
+        files: names of all files in it that the stage reads, where those are not all of them: it is not run again when
+            others change. A name that is not there says nothing.
     """
 
     name: str
@@ -28,6 +31,16 @@ class Input:
     option: str
     optional: bool = False
     help: str | None = None
+    files: tuple[str, ...] = ()
+
+    def content(self, outputs: Mapping[str, str]) -> str:
+        """Hash over what the stage reads of a folder.
+
+        Args:
+            outputs: relative path → SHA-256 of every file in the folder.
+        """
+        read = {name: outputs[name] for name in self.files if name in outputs} if self.files else dict(outputs)
+        return data_hash(read)
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,12 @@ import time
 from collections.abc import Callable
 from typing import TypeVar
 
+import numpy as np
+
+from hqpipe.actuators.base import ActuatorModel
+from hqpipe.kernels.free_run import step_along
 from hqpipe.logs.trajectory import Trajectory
-from hqpipe.sysid.free_run import WINDOW_S, Model, predict, window_samples
+from hqpipe.sysid.free_run import WINDOW_S, window_samples
 
 T = TypeVar("T")
 
@@ -22,14 +26,20 @@ def timed(call: Callable[[], T]) -> tuple[T, float]:
     return result, time.perf_counter() - started
 
 
-def step_time(trajectory: Trajectory, model: Model, window_s: float = WINDOW_S) -> float:
-    """Wall time of one free-running step of all joints, s.
+def step_time(trajectory: Trajectory, model: ActuatorModel, window_s: float = WINDOW_S) -> float:
+    """Wall time of one step of all joints, as the simulator steps them, s.
 
     Args:
-        trajectory: a trial that the model can be replayed on; its first two seconds are.
-        model: see `hqpipe.sysid.free_run.Model`. window_s: s.
+        trajectory: a trial with torque and position command; the model is stepped along its first two seconds.
+        window_s: s after which the torque is set to the logged one again, so that no model runs away.
     """
     window = window_samples(trajectory.dt, window_s)
     part = trajectory.section(0, min(trajectory.samples, round(_SECONDS / trajectory.dt) + 1))
-    predict(part, model, window)  # compiles, and fills caches
-    return min(timed(lambda: predict(part, model, window))[1] for _ in range(_REPEATS)) / (part.samples - 1)
+    model = model.for_joints(part.joints)
+    signals = (part.effort, part.position_command, part.position, part.velocity)
+
+    def along() -> np.ndarray:
+        return step_along(model.KIND, model.parameters, model.weights, model.memory_columns, *signals, window)
+
+    along()  # compiles, and fills caches
+    return min(timed(along)[1] for _ in range(_REPEATS)) / (part.samples - 1)

@@ -74,6 +74,15 @@ def test_same_content_upstream_does_not_rerun_downstream(toy):
     assert answer.actions == {"numbers": "ran", "square-up": "kept", "report": "kept"}
 
 
+def test_a_file_that_nobody_reads_reruns_nobody(toy):
+    toy("run", "all")
+    answer = toy("run", "all", "--set", "square_up.fault=chatty", "--json")
+    assert answer.actions == {"numbers": "kept", "square-up": "ran", "report": "kept"}
+    assert (toy.artifacts / "squares" / "note.txt").is_file()
+    assert toy("verify").code == 0
+    assert toy("report", "--squares", str(toy.artifacts / "squares"), "--json").actions == {"report": "kept"}
+
+
 def test_seed_of_one_stage_reruns_only_it_and_its_readers(toy):
     toy("run", "all")
     answer = toy("run", "all", "--set", "square_up.seed=3", "--json")

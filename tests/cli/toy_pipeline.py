@@ -83,6 +83,8 @@ def square(context) -> dict:
         return {}
     if params.fault == "empty":
         return {}
+    if params.fault == "chatty":
+        (context.output / "note.txt").write_text("more than anyone reads")
     numbers = json.loads((context.inputs["numbers"] / "part" / "numbers.json").read_text())
     squares = [n * n + params.offset for n in numbers]
     content = [time.time_ns()] if params.fault == "random" else squares
@@ -121,7 +123,7 @@ TABLE = StageTable(
             "report",
             _module("toy_report", report, ReportParams),
             "Write about them.",
-            inputs=(Input("squares", "squares", "--squares"),),
+            inputs=(Input("squares", "squares", "--squares", files=("squares.json",)),),
         ),
     ],
     template=Path(__file__).parents[2] / "pipeline.yaml",

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from hqpipe.actuators import files, weights_file
 from hqpipe.pipeline.config import Configuration, StageParams
-from hqpipe.stages import STAGES
+from hqpipe.stages import ACTUATOR, FITTED, MODEL, STAGES
+from hqpipe.stages.logs import FIT
 
 ROOT = Path(__file__).parents[2]
 
@@ -37,3 +39,8 @@ def test_pipeline_yaml_is_valid_in_every_profile(profile):
 
 def test_init_writes_the_pipeline_yaml_of_this_project():
     assert STAGES.template.read_bytes() == (ROOT / "pipeline.yaml").read_bytes()
+
+
+def test_what_is_read_of_an_actuator_is_what_counts():
+    assert MODEL == (files.FILE, weights_file.FILE)
+    assert ACTUATOR.files == MODEL and FITTED.files == (*MODEL, FIT)

@@ -9,7 +9,7 @@ import pytest
 from planted_logs import STEPS, TYPICAL, logs_of, planted, size
 
 from hqpipe.effects.layout import neutral_row, slot
-from hqpipe.gap.joint_data import LOGGED
+from hqpipe.gap.joint_data import CONTINUED, LOGGED, continued
 from hqpipe.gap.row_model import RowModel, SpanRow, driven, kept, replay_all, view
 
 EXACT = 1e-7  # N·m, on torques of 400
@@ -85,3 +85,24 @@ def test_trials_without_a_window_are_left_out(logs, model):
     short = replace(logs.trials[0], trajectory=logs.trials[0].trajectory.section(0, STEPS))
     assert replay_all(model, [short, logs.trials[1]], STEPS)[0].file == logs.trials[1].file
     assert len(replay_all(model, [short], STEPS)) == 0
+
+
+def test_prediction_goes_to_the_last_sample_of_the_trial(logs, model):
+    """Windows that do not fit in: the last one is shorter, and as right as the others."""
+    trial = logs.trials[0].trajectory
+    assert (trial.samples - 1) % 64
+    np.testing.assert_allclose(model.predict(trial, 64), trial.effort, atol=EXACT)
+    np.testing.assert_allclose(model.predict(trial, 2 * trial.samples), trial.effort, atol=1e-4)
+    np.testing.assert_array_equal(
+        model.predict(trial, STEPS)[1:2001], model.replay(logs.trials[0], STEPS).predicted[1:2001]
+    )
+
+
+def test_a_speed_that_is_continued_sees_no_later_sample(logs, model):
+    trial, known = logs.trials[0].trajectory, replace(model, speed=CONTINUED)
+    predicted = known.predict(trial, STEPS)
+    later = {name: np.concatenate([v[:1234], 2.0 * v[1234:]]) for name, v in trial.channels().items()}
+    np.testing.assert_array_equal(known.predict(replace(trial, **later), STEPS)[:1235], predicted[:1235])
+    assert np.abs(model.predict(replace(trial, **later), STEPS)[:1235] - model.predict(trial, STEPS)[:1235]).max() > 1.0
+    speed = np.arange(50.0)
+    np.testing.assert_allclose(continued(np.cumsum(speed), 1.0)[3:-1], speed[4:], atol=1e-9)

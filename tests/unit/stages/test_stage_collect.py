@@ -25,6 +25,46 @@ def test_stress_has_names_and_seeds_of_its_own():
     assert len(set(seeds)) == len(seeds) and max(seeds) < 1500, "validate begins there"
     assert len({job.name for job in stress}) == len(stress)
     assert all(job.stop_at_fall and not job.disturbances for job in walks)
+    assert all(job.repeat == (job.excitation is None) for job in walks), "no two walks start alike"
+    assert not any(job.repeat for job in stress)
+
+
+def test_a_walk_starts_as_its_seed_says(monkeypatch, tmp_path):
+    """Posture, heading, clock and order of the plant's walk; without `repeat` the nominal ones."""
+    from hqpipe.plant.repeat import repeat
+    from hqpipe.robots import load_robot, robot_folder
+    from hqpipe.stages import machine
+
+    folder = robot_folder("hydraulic_quadruped")
+    robot = load_robot(folder)
+    walkers = []
+
+    def standing(policy, joints, hold):
+        def walker(frame, command):
+            return robot.nominal_position
+
+        walker.wiring, walker.period_s, walker.phase, walker.hold = (
+            SimpleNamespace(control_mode="position"),
+            0.01,
+            0.0,
+            hold,
+        )
+        walkers.append(walker)
+        return walker
+
+    monkeypatch.setattr(machine, "_policy_controller", standing)
+    trials = [
+        machine.run_job(machine.Job("walk", 0.75, seed, vx=1.0, repeat=again), folder, tmp_path, {})
+        for seed, again in ((5, True), (6, True), (5, True), (5, False))
+    ]
+    first, other, same, plain = (np.stack(list(trial.columns.values())) for trial in trials)
+    assert first.tobytes() == same.tobytes()
+    knee = "joint/LFK/position"
+    assert np.abs(trials[0].columns[knee][0] - trials[1].columns[knee][0]) > 1e-3
+    assert [walker.phase for walker in walkers] == [repeat(robot, seed).phase for seed in (5, 6, 5)] + [0.0]
+    assert [walker.hold.heading for walker in walkers] == [0.0, 0.0, 0.0, None]
+    speeds = [trial.columns["command/vx"] for trial in trials]
+    assert speeds[0][0] == 0.0 and (speeds[0] != speeds[1]).any() and (speeds[3] == 1.0).all()
 
 
 def test_no_seconds_no_stress():

@@ -137,6 +137,21 @@ def test_rivals_stand_in_the_same_table(logs, tmp_path):
     assert metrics["held_out_rmse"]["two chambers of oil"]["free_run"] < 10.0
 
 
+def test_the_model_with_diagnosed_effects_stands_in_the_table_and_can_be_stepped(tmp_path):
+    """On the paper's own model there is nothing to find."""
+    title, longer = "paper's model with diagnosed effects", tmp_path / "longer"
+    with LogSetWriter(longer) as writer:
+        writer.add("a.parquet", columns(7501, 1))
+        writer.add("b.parquet", columns(1501, 2), split="heldout")
+    output, metrics = fitted(longer, tmp_path, rivals=["diagnosed"])
+    assert metrics["effects"] == {} and not [text for text in metrics["warnings"] if text.startswith(title)]
+    plain = metrics["held_out_rmse"]["per joint, free-running"]["free_run"]
+    assert metrics["held_out_rmse"][title]["free_run"] == pytest.approx(plain, rel=0.1)
+    assert metrics["step_us"][title] > 0.0 and metrics["fit_s"][title] > 0.0
+    saved = load_actuator(output / "rivals" / "diagnosed")
+    assert saved.NAME == "augmented" and saved.effects == {} and saved.joints == JOINTS
+
+
 def test_a_rival_that_the_logs_do_not_allow_is_told_and_left_out(logs, tmp_path):
     still = tmp_path / "still"
     with LogSetWriter(still) as writer:
