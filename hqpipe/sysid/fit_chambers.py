@@ -199,7 +199,7 @@ def _report(group: _Group, windows: Windows) -> ChamberJointFit:
     pressed = group.free & ((group.x <= group.lower + _BOUND) | (group.x >= group.upper - _BOUND))
     known = group.free & (inflation(group.at.hessian, group.free) < MAX_INFLATION)
     inner = known & ~pressed
-    spread = uncertainty(group.at, windows, inner)
+    spread = uncertainty(group.at, inner)
     low, high = spread.interval(group.x, group.lower, group.upper)
     parameters = tuple(
         ChamberParameter(

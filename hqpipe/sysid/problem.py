@@ -41,6 +41,7 @@ class Problem:
         self.joints = joints
         self.windows = windows
         self.limit = limit
+        self._radius = radius
         # eq. (7): coefficient → joint-space gain
         self.scale = np.stack([radius**2, np.ones_like(radius), radius**2, radius], axis=1)
         self._residuals = [np.full(len(data.effort), np.nan) for data in joints]
@@ -82,6 +83,15 @@ class Problem:
             total += cost.sum()
             blocks.append((ratio, g[:, 4] / a[:, 4, 4]))
         return Evaluation(float(total), hessians, scores, tuple(blocks))
+
+    def by_joint(self, k: np.ndarray, starts: list[np.ndarray]) -> list[Evaluation]:
+        """`evaluate` for each joint by itself."""
+        found = []
+        for j, data in enumerate(self.joints):
+            alone = Problem([data], self.windows, self._radius[[j]], self.limit[[j]])
+            alone.start_weight, alone.outlier = self.start_weight[[j]], self.outlier[[j]]
+            found.append(alone.evaluate(k, [starts[j]]))
+        return found
 
     def residuals(self, k: np.ndarray) -> list[np.ndarray]:
         """Errors of the predicted samples, restarted from the log at every window, per joint, N·m."""
