@@ -149,8 +149,11 @@ def _known(problem: Problem, solution: Solution | None, fit: JointFit) -> Known:
     free = np.array([c.identifiable for c in fit.coefficients])
     if solution is None:
         return Known(joints, np.zeros(4), free, np.zeros((4, 4)), ())
-    parts = problem.by_joint(solution.k, solution.starts)
-    sections = sections_of(parts, problem.windows, solution.k, free, LOWER, UPPER)
+    single = [solution]
+    if len(joints) > 1:
+        starts = solution.starts
+        single = [solve(problem.alone(j), solution.k, [starts[j]], free) for j in range(len(joints))]
+    sections = sections_of([(part.k, part.at) for part in single], problem.windows, free, LOWER, UPPER)
     scatter = uncertainty(solution.at, free).covariance
     return Known(joints, solution.k, free, scatter, sections, {"k4": _assumed_k4(problem, solution.k)})
 

@@ -41,7 +41,7 @@ def posterior_of(model: str, fields: Sequence[str], fits: Sequence[Known]) -> Po
     from what the model holds for it; where no joint does, from the range `assumed`; where there is none, it stays.
     """
     units = _units(fits)
-    shares = between_sections([fit.sections for fit in fits], units)
+    shares = between_sections([fit.sections for fit in fits], [fit.value for fit in fits], units)
     groups = []
     for fit, unit in zip(fits, units, strict=True):
         ranges = {}

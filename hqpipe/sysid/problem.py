@@ -84,13 +84,10 @@ class Problem:
             blocks.append((ratio, g[:, 4] / a[:, 4, 4]))
         return Evaluation(float(total), hessians, scores, tuple(blocks))
 
-    def by_joint(self, k: np.ndarray, starts: list[np.ndarray]) -> list[Evaluation]:
-        """`evaluate` for each joint by itself."""
-        found = []
-        for j, data in enumerate(self.joints):
-            alone = Problem([data], self.windows, self._radius[[j]], self.limit[[j]])
-            alone.start_weight, alone.outlier = self.start_weight[[j]], self.outlier[[j]]
-            found.append(alone.evaluate(k, [starts[j]]))
+    def alone(self, j: int) -> Problem:
+        """The problem of one of the joints by itself."""
+        found = Problem([self.joints[j]], self.windows, self._radius[[j]], self.limit[[j]])
+        found.start_weight, found.outlier = self.start_weight[[j]], self.outlier[[j]]
         return found
 
     def residuals(self, k: np.ndarray) -> list[np.ndarray]:

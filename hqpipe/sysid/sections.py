@@ -15,6 +15,7 @@ from hqpipe.sysid.windows import Windows
 
 SECTION_S = 5.0  # s; assumption: several strides, so that sections differ in more than the phase of the gait
 _SHORTEST_S = 2.0  # s; assumption: shorter ones tell more of noise than of the machine
+_TURNS = 5  # the weights settle in two or three
 _ONE_WINDOW = 0.5  # share of a section's information in one window beyond which its own scatter cannot be told
 
 
@@ -24,34 +25,33 @@ class Section:
 
     Attributes:
         joint, trial: numbers, to tell sections of one from those of another.
-        deviation: (P,) from the fit to all sections. covariance: (P, P) of its scatter.
-        information: (P,) on each parameter were all noise of one size; unlike the covariance it does not depend on the
+        value: (P,) its estimate. covariance: (P, P) of its scatter.
+        information: (P,) on each parameter were all noise of size 1; unlike the covariance it does not depend on the
             residuals, so that a section does not count more because its residuals happen to be small. 0 tells nothing.
     """
 
     joint: int
     trial: int
-    deviation: np.ndarray
+    value: np.ndarray
     covariance: np.ndarray
     information: np.ndarray
 
 
 def sections_of(
-    joints: Sequence[NormalEquations],
+    joints: Sequence[tuple[np.ndarray, NormalEquations]],
     windows: Windows,
-    x: np.ndarray,
     free: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
 ) -> list[Section]:
-    """Sections of about 5 s, each estimated by a Gauss-Newton step from the fit to all.
+    """Sections of about 5 s, each estimated by a Gauss-Newton step from the fit of its joint.
 
     Args:
-        joints: normal equations at `x` of each joint that shares the parameters.
-        windows: of the fit. x: (P,) its parameters. free: (P,) bool. lower, upper: (P,) bounds.
+        joints: parameters (P,) of each joint by itself, and the normal equations there.
+        windows: of the fit. free: (P,) bool. lower, upper: (P,) bounds.
     """
     found = []
-    for joint, at in enumerate(joints):
+    for joint, (x, at) in enumerate(joints):
         for trial, part in _parts(windows):
             section = _section(at, part, x, free, lower, upper)
             if section is not None:
@@ -59,33 +59,62 @@ def sections_of(
     return found
 
 
-def between_sections(groups: Sequence[Sequence[Section]], units: Sequence[np.ndarray]) -> np.ndarray | None:
+def between_sections(
+    groups: Sequence[Sequence[Section]], shared: Sequence[np.ndarray], units: Sequence[np.ndarray]
+) -> np.ndarray | None:
     """(P, P) covariance of what a section is, in units of its group; None where no two can be compared.
 
-    Method of moments for random effects (DerSimonian and Laird 1986), over pairs and in several dimensions: for the
-    estimates a and b of two sections, ½ (a − b)(a − b)ᵀ is on average the covariance sought plus the mean covariance of the
-    scatter of a and b, which is subtracted. Pairs count by what they know, parameter by parameter; they are of one group, and
-    of different trials and joints wherever there are several. What noise makes negative is set to 0, so that the spread
-    of equal sections comes out rather too large than too small.
+    Method of moments for random effects (DerSimonian and Laird 1986) in several dimensions: for the estimates a and b of two
+    sections, ½ (a − b)(a − b)ᵀ is on average the covariance sought plus the mean covariance of the scatter of a and b, which
+    is subtracted. Pairs are of one group, and of different trials where there are several; where joints share their
+    parameters, what counts is how far each of them is from what they share. Parameter by parameter a pair counts by the
+    inverse square of the variance of its difference, which holds the one sought and so is found in turns (DerSimonian and
+    Kacker 2007). What noise makes negative is set to 0, so that the spread of equal sections comes out rather too large
+    than too small.
 
     Args:
-        groups: sections of joints that share their parameters. units: (P,) > 0 for each of the groups.
+        groups: sections of joints that share their parameters. shared: (P,) parameters of each group.
+        units: (P,) > 0 for each of the groups.
     """
-    pairs = [
-        (first, second, unit) for group, unit in zip(groups, units, strict=True) for first, second in _pairs(group)
+    contrasts = [
+        (difference / unit, noise / np.outer(unit, unit), scatter / unit**2)
+        for group, centre, unit in zip(groups, shared, units, strict=True)
+        for difference, noise, scatter in _contrasts(group, centre)
     ]
-    if not pairs:
+    if not contrasts:
         return None
-    size = len(units[0])
-    total, weights = np.zeros((size, size)), np.zeros((size, size))
-    for a, b, unit in pairs:
-        difference, noise = a.deviation - b.deviation, a.covariance + b.covariance
-        together = a.information * b.information * unit**2
-        precision = np.sqrt(together / np.where(together > 0.0, a.information + b.information, 1.0))
-        weight = np.outer(precision, precision)
-        total += weight * 0.5 * (np.outer(difference, difference) - noise) / np.outer(unit, unit)
-        weights += weight
-    return _definite(np.where(weights > 0.0, total / np.where(weights > 0.0, weights, 1.0), 0.0))
+    difference, noise, shape = (np.array(column) for column in zip(*contrasts, strict=True))
+    found, told = _outer(difference) - noise, np.isfinite(shape)
+    shape = np.where(told, shape, 0.0)
+    size = np.diagonal(noise, axis1=1, axis2=2).sum(axis=0, where=told) / np.maximum(shape.sum(axis=0), 1e-300)
+    between = np.zeros(found.shape[1:])
+    for _ in range(_TURNS):
+        variance = np.diag(between) + size * shape
+        weight = np.where(told, 1.0 / np.where(told & (variance > 0.0), variance, np.inf), 0.0)
+        weights = _outer(weight)
+        total = np.maximum(weights.sum(axis=0), 1e-300)
+        between = _definite((weights * found).sum(axis=0) / total)
+    return between
+
+
+def _contrasts(sections: Sequence[Section], shared: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Differences (P,) whose square is on average the covariance sought plus a noise (P, P) that is proportional to the
+    last (P,), infinite where nothing is told."""
+    with np.errstate(divide="ignore"):
+        known = [(s.value, s.covariance, 1.0 / s.information) for s in sections]
+    if len({s.joint for s in sections}) > 1:
+        return [(value - shared, covariance, scatter) for value, covariance, scatter in known]
+    several = len({s.trial for s in sections}) > 1
+    return [
+        ((a[0] - b[0]) / np.sqrt(2.0), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2]))
+        for (i, a), (j, b) in combinations(enumerate(known), 2)
+        if not several or sections[i].trial != sections[j].trial
+    ]
+
+
+def _outer(rows: np.ndarray) -> np.ndarray:
+    """(N, P, P) outer product of each row (N, P) with itself."""
+    return rows[:, :, None] * rows[:, None, :]
 
 
 def _parts(windows: Windows) -> list[tuple[int, np.ndarray]]:
@@ -108,17 +137,17 @@ def _section(
     lower: np.ndarray,
     upper: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Deviation, covariance and information of one section, by a Gauss-Newton step from the fit to all."""
+    """Estimate, covariance and information of one section."""
     own = NormalEquations(0.0, at.hessians[part], at.scores[part])
     told = _told(own, free)
     if not told.any():
         return None
     step = own.step(x, told, lower, upper, 0.0)
-    step = np.clip(x + step, lower, upper) - x
-    moved = NormalEquations(0.0, own.hessians, own.scores + own.hessians @ step)
+    there = np.clip(x + step, lower, upper)
+    moved = NormalEquations(0.0, own.hessians, own.scores + own.hessians @ (there - x))
     information = np.zeros(len(told))
     information[told] = np.diag(own.hessian)[told] / inflation(own.hessian, told)[told]
-    return step, uncertainty(moved, told).covariance, information
+    return there, uncertainty(moved, told).covariance, information
 
 
 def _told(own: NormalEquations, free: np.ndarray) -> np.ndarray:
@@ -139,16 +168,6 @@ def _largest(own: NormalEquations, told: np.ndarray) -> np.ndarray:
         information = own.hessians[:, told, told]
         found[told] = information.max(axis=0) / information.sum(axis=0) / _ONE_WINDOW
     return found
-
-
-def _pairs(sections: Sequence[Section]) -> list[tuple[Section, Section]]:
-    """Sections to compare: they differ in trial and in joint where there are several of these."""
-    trials, joints = len({s.trial for s in sections}), len({s.joint for s in sections})
-    return [
-        (a, b)
-        for a, b in combinations(sections, 2)
-        if (trials == 1 or a.trial != b.trial) and (joints == 1 or a.joint != b.joint)
-    ]
 
 
 def _definite(covariance: np.ndarray) -> np.ndarray:
