@@ -21,7 +21,7 @@ ONNX_FLAG = ("--onnx", "Write ONNX; the only format, so it is the default.")
 STAGES = StageTable(
     [
         Stage("bootstrap", "bootstrap", "hqpipe.stages.bootstrap",
-              "Train a first policy, with no actuator model.", version=1),
+              "Train a first policy, with no actuator model.", version=2),
         Stage("collect", "rollouts", "hqpipe.stages.collect",
               "Record logs of the machine under that policy.", version=2, inputs=(BOOTSTRAP,)),
         Stage("fit-actuator", "actuator", "hqpipe.stages.fit_actuator",

@@ -16,10 +16,14 @@ class Params(StageParams):
 
 
 def run(context: Any) -> dict[str, Any]:
+    from hqpipe.actuators.files import load_actuator
+    from hqpipe.actuators.posterior_file import load_posterior
     from hqpipe.robots import load_robot
     from hqpipe.stages.logs import model_for
 
     actuator = model_for(context, load_robot(context.robot).joints)
-    metrics = run_training(context, actuator, context.params.training, "position")
+    folder = context.inputs["actuator"]
+    posterior = load_posterior(folder, load_actuator(folder))
+    metrics = run_training(context, actuator, context.params.training, "position", posterior=posterior)
     draw_training(context.output, {"actuator model": context.output / METRICS})
     return {"headline": headline(metrics), **metrics}

@@ -33,6 +33,7 @@ class Group:
         between: (F, F) covariance of what a joint is in another section of the logs, and, where several joints share an
             estimate, of what each of them is; None where there were no two sections to compare.
         sections: of these joints that could be judged.
+        lower, upper: (F,) physical bounds.
         ranges: parameter → range, for those that the logs do not determine; their rows of the covariances are 0.
     """
 
@@ -41,6 +42,8 @@ class Group:
     scatter: np.ndarray
     between: np.ndarray | None
     sections: int
+    lower: np.ndarray
+    upper: np.ndarray
     ranges: Mapping[str, Range] = field(default_factory=dict)
 
     @property
@@ -78,23 +81,22 @@ class Posterior:
         if actuator.NAME != self.model:
             raise UsageError(f"the posterior is one of the model {self.model}, the actuator is {actuator.NAME}")
         columns = [list(actuator.FIELDS).index(name) for name in self.fields]
-        bounds = np.array([[actuator.FIELDS[name].lower, actuator.FIELDS[name].upper] for name in self.fields]).T
         table = np.tile(actuator.parameters, (count, 1, 1))
         known = [joint for group in self.groups for joint in group.joints]
         for joint in actuator.joints:
             if joint not in known:
                 raise UsageError(f"the posterior has no joint '{joint}'{near_match(joint, known)}")
         for group in self.groups:
-            common = _truncated(np.tile(group.mean, (count, 1)), scale**2 * group.scatter, bounds, rng, group)
+            common = _truncated(np.tile(group.mean, (count, 1)), scale**2 * group.scatter, rng, group)
             for joint in group.joints:
                 drawn = common
                 if group.between is not None:
-                    drawn = _truncated(common, scale**2 * group.between, bounds, rng, group)
+                    drawn = _truncated(common, scale**2 * group.between, rng, group)
                 drawn = drawn.copy()
                 for name, span in group.ranges.items():
                     at = self.fields.index(name)
                     offset = rng.uniform(span.low, span.high, count) - group.mean[at]
-                    drawn[:, at] = np.clip(group.mean[at] + scale * offset, *bounds[:, at])
+                    drawn[:, at] = np.clip(group.mean[at] + scale * offset, group.lower[at], group.upper[at])
                 if joint in actuator.joints:
                     table[:, actuator.joints.index(joint), columns] = drawn
         return table
@@ -119,15 +121,13 @@ def check_fields(names: tuple[str, ...], fields: Mapping[str, ParameterField]) -
             raise UsageError(f"fields: '{name}' is no fitted parameter{near_match(name, fields)}")
 
 
-def _truncated(
-    centre: np.ndarray, covariance: np.ndarray, bounds: np.ndarray, rng: np.random.Generator, group: Group
-) -> np.ndarray:
-    """(N, F) draws round `centre` (N, F), each within `bounds` (2, F)."""
+def _truncated(centre: np.ndarray, covariance: np.ndarray, rng: np.random.Generator, group: Group) -> np.ndarray:
+    """(N, F) draws round `centre` (N, F), each within the bounds of the group."""
     spread = factor(covariance).T
     drawn, outside = centre.copy(), np.arange(len(centre))
     for _ in range(_TRIES):
         drawn[outside] = centre[outside] + rng.normal(size=(len(outside), centre.shape[1])) @ spread
-        outside = outside[((drawn[outside] < bounds[0]) | (drawn[outside] > bounds[1])).any(axis=1)]
+        outside = outside[((drawn[outside] < group.lower) | (drawn[outside] > group.upper)).any(axis=1)]
         if not len(outside):
             return drawn
     raise ConfigError(

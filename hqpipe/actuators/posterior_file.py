@@ -16,7 +16,7 @@ from hqpipe.errors import ConfigError, UsageError, near_match
 FILE = "posterior.json"
 FORMAT = "hqpipe-posterior/1"
 _KEYS = ("format", "model", "fields", "units", "groups")
-_GROUP_KEYS = ("joints", "mean", "scatter", "between", "sections", "ranges")
+_GROUP_KEYS = ("joints", "mean", "scatter", "between", "sections", "lower", "upper", "ranges")
 _ROUNDING = 1e-6  # of a correlation
 
 
@@ -29,6 +29,8 @@ def save_posterior(posterior: Posterior, actuator: ActuatorModel, folder: Path) 
             "scatter": group.scatter.tolist(),
             "between": None if group.between is None else group.between.tolist(),
             "sections": group.sections,
+            "lower": group.lower.tolist(),
+            "upper": [value if np.isfinite(value) else None for value in group.upper.tolist()],
             "ranges": {n: {"low": r.low, "high": r.high, "reason": r.reason} for n, r in group.ranges.items()},
         }
         for group in posterior.groups
@@ -90,25 +92,34 @@ def _group(raw: Any, fields: tuple[str, ...], where: str) -> Group:
             raise UsageError(f"{where}.ranges.{name}: low {span['low']} is above high {span['high']}")
     size = len(fields)
     between = raw["between"]
+    mean = _array(raw["mean"], (size,), f"{where}.mean")
+    lower = _array(raw["lower"], (size,), f"{where}.lower")
+    upper = _array([np.inf if value is None else value for value in raw["upper"]], (size,), f"{where}.upper")
+    if not ((lower <= mean) & (mean <= upper)).all():
+        raise UsageError(f"{where}.mean: expected values between lower and upper")
     return Group(
         joints=tuple(raw["joints"]),
-        mean=_array(raw["mean"], (size,), f"{where}.mean"),
+        mean=mean,
         scatter=_covariance(raw["scatter"], size, f"{where}.scatter"),
         between=None if between is None else _covariance(between, size, f"{where}.between"),
         sections=int(raw["sections"]),
+        lower=lower,
+        upper=upper,
         ranges=ranges,
     )
 
 
 def _array(raw: Any, shape: tuple[int, ...], where: str) -> np.ndarray:
     found = np.array(raw, dtype=np.float64)
-    if found.shape != shape or not np.isfinite(found).all():
-        raise UsageError(f"{where}: expected {' × '.join(map(str, shape))} finite numbers, got shape {found.shape}")
+    if found.shape != shape or np.isnan(found).any():
+        raise UsageError(f"{where}: expected {' × '.join(map(str, shape))} numbers, got shape {found.shape}")
     return found
 
 
 def _covariance(raw: Any, size: int, where: str) -> np.ndarray:
     found = _array(raw, (size, size), where)
+    if not np.isfinite(found).all():
+        raise UsageError(f"{where}: expected finite numbers")
     unit = np.sqrt(np.maximum(np.diag(found), 0.0))
     scaled = found / np.outer(np.where(unit > 0, unit, 1.0), np.where(unit > 0, unit, 1.0))
     if not np.allclose(scaled, scaled.T, rtol=0.0, atol=_ROUNDING) or np.linalg.eigvalsh(scaled).min() < -_ROUNDING:

@@ -239,4 +239,4 @@ def _known(group: _Group, report: ChamberJointFit, windows: Windows) -> Known:
     sections = sections_of(single, windows, inner, group.lower, group.upper)
     joints = tuple(data.joint for data in problem.joints)
     determined = np.array([p.identifiable for p in report.parameters])
-    return Known(joints, group.x, determined, report.covariance, sections)
+    return Known(joints, group.x, determined, report.covariance, sections, group.lower, group.upper)

@@ -20,6 +20,7 @@ class Known:
     Attributes:
         joints: names. value: (P,) as the model holds it. known: (P,) whether the logs determine it.
         scatter: (P, P) covariance of the estimate, 0 where not known. sections: what parts of the logs say.
+        lower, upper: (P,) physical bounds.
         assumed: parameter → range to draw from where no joint of the machine determines it.
     """
 
@@ -28,6 +29,8 @@ class Known:
     known: np.ndarray
     scatter: np.ndarray
     sections: Sequence[Section]
+    lower: np.ndarray
+    upper: np.ndarray
     assumed: Mapping[str, Range] = field(default_factory=dict)
 
 
@@ -57,7 +60,8 @@ def posterior_of(model: str, fields: Sequence[str], fits: Sequence[Known]) -> Po
                 ranges[name] = fit.assumed[name]
         kept = unit * fit.known
         between = None if shares is None else shares * np.outer(kept, kept)
-        groups.append(Group(fit.joints, fit.value, fit.scatter, between, len(fit.sections), ranges))
+        count = len(fit.sections)
+        groups.append(Group(fit.joints, fit.value, fit.scatter, between, count, fit.lower, fit.upper, ranges))
     return Posterior(model, tuple(fields), tuple(groups))
 
 
