@@ -29,7 +29,7 @@ class Group:
     Attributes:
         joints: their names.
         mean: (F,) the estimate, which is what the model holds.
-        scatter: (F, F) covariance of the estimate.
+        scatter: (F, F) covariance of the estimate, as it would come out of other trials.
         between: (F, F) covariance of what a joint is in another section of the logs, and, where several joints share an
             estimate, of what each of them is; None where there were no two sections to compare.
         sections: of these joints that could be judged.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hqpipe.actuators.posterior import Group, Posterior, Range
-from hqpipe.sysid.sections import Section, between_sections
+from hqpipe.sysid.sections import Section, between_sections, of_mean
 
 _LEAST = 0.1  # assumption: a parameter that is nearly 0 in one joint varies there by a share of what it is in others
 
@@ -60,8 +60,9 @@ def posterior_of(model: str, fields: Sequence[str], fits: Sequence[Known]) -> Po
                 ranges[name] = fit.assumed[name]
         kept = unit * fit.known
         between = None if shares is None else shares * np.outer(kept, kept)
+        scatter = fit.scatter if between is None else fit.scatter + of_mean(fit.sections, between)
         count = len(fit.sections)
-        groups.append(Group(fit.joints, fit.value, fit.scatter, between, count, fit.lower, fit.upper, ranges))
+        groups.append(Group(fit.joints, fit.value, scatter, between, count, fit.lower, fit.upper, ranges))
     return Posterior(model, tuple(fields), tuple(groups))
 
 

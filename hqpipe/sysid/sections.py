@@ -28,6 +28,7 @@ class Section:
         value: (P,) its estimate. covariance: (P, P) of its scatter.
         information: (P,) on each parameter were all noise of size 1; unlike the covariance it does not depend on the
             residuals, so that a section does not count more because its residuals happen to be small. 0 tells nothing.
+        weight: (P, P) by which its parameters enter the fit to all sections of the joint.
     """
 
     joint: int
@@ -35,6 +36,7 @@ class Section:
     value: np.ndarray
     covariance: np.ndarray
     information: np.ndarray
+    weight: np.ndarray
 
 
 def sections_of(
@@ -52,10 +54,11 @@ def sections_of(
     """
     found = []
     for joint, (x, at) in enumerate(joints):
+        whole = _inverse(at.hessian, free)
         for trial, part in _parts(windows):
             section = _section(at, part, x, free, lower, upper)
             if section is not None:
-                found.append(Section(joint, trial, *section))
+                found.append(Section(joint, trial, *section, whole @ at.hessians[part].sum(axis=0)))
     return found
 
 
@@ -95,6 +98,32 @@ def between_sections(
         total = np.maximum(weights.sum(axis=0), 1e-300)
         between = _definite((weights * found).sum(axis=0) / total)
     return between
+
+
+def of_mean(sections: Sequence[Section], between: np.ndarray) -> np.ndarray:
+    """(P, P) covariance that the fit to all trials, or to all sections of a single one, has because these differ.
+
+    0 where joints share their parameters: how far they are from what they share holds it.
+
+    Args:
+        sections: of one group. between: (P, P) covariance between them.
+    """
+    if len({section.joint for section in sections}) > 1:
+        return np.zeros_like(between)
+    trials = {section.trial for section in sections}
+    weights = [sum(s.weight for s in sections if s.trial == trial) for trial in sorted(trials)]
+    if len(trials) == 1:
+        weights = [section.weight for section in sections]
+    return sum((weight @ between @ weight.T for weight in weights), np.zeros_like(between))
+
+
+def _inverse(hessian: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """(P, P) inverse in the free parameters, 0 in the others."""
+    found, part = np.zeros_like(hessian), hessian[np.ix_(free, free)]
+    unit = np.sqrt(np.maximum(np.diag(part), 1e-300))
+    scale = np.outer(unit, unit)
+    found[np.ix_(free, free)] = np.linalg.pinv(part / scale, rcond=1e-14, hermitian=True) / scale
+    return found
 
 
 def _contrasts(sections: Sequence[Section], shared: np.ndarray) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:

@@ -5,6 +5,7 @@ Every joint is an experiment of its own: command, impacts, disturbances and nois
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ POLICY_STEPS = 10  # the target is held for 10 ms
 INERTIA, DAMPING = 6.0, 15.0  # kg·m², N·m·s/rad; with k1 … k4 of `TRUTH` a position loop of 40 ms
 STANCE = 180.0  # N·m of body weight while the foot is down
 BLOW, BLOW_S = (200.0, 900.0), (0.02, 0.06)  # N·m and s; touch-downs and stumbles
+PUSH, PUSH_S = 60.0, 0.3  # N·m, and s over which it is correlated; what else pushes a leg
 LIMIT = 2000.0  # N·m
 
 
@@ -36,27 +38,25 @@ class Sensors:
     drift_s: float = 0.03
 
 
-@dataclass(frozen=True)
-class Push:
-    """Load disturbance: N·m, correlated over `time_s`."""
-
-    size: float = 60.0
-    time_s: float = 0.3
-
-
-def trot(seconds: float, joints: int, seed: int, sensors: Sensors | None = None, push: Push | None = None):
-    """Simulate `joints` unrelated joints.
+def trot(
+    seconds: float,
+    joints: int,
+    seed: int | Sequence[int],
+    sensors: Sensors | None = None,
+    truth: np.ndarray | None = None,
+):
+    """Simulate `joints` unrelated joints of coefficients `truth` (4,) or (4, joints), else of `TRUTH`.
 
     Returns:
         time (T,), and q_des, q, qd, torque (T, joints) as they are logged; see `hydraulic_truth.log_set`.
     """
-    sensors, push = sensors or Sensors(), push or Push()
+    sensors = sensors or Sensors()
     rng = np.random.default_rng(seed)
     samples = round(seconds / DT)
     t = np.arange(samples) * DT
     target, stance = _gait(t, joints, rng)
-    load = STANCE * stance + _coloured(samples, joints, push.size, push.time_s, rng) + _blows(t, joints, rng)
-    q, qd, torque = _run(target, load)
+    load = STANCE * stance + _coloured(samples, joints, PUSH, PUSH_S, rng) + _blows(t, joints, rng)
+    q, qd, torque = _run(target, load, list(TRUTH.values()) if truth is None else truth)
     measured = torque + sensors.torque * rng.normal(size=torque.shape)
     measured += _coloured(samples, joints, sensors.drift, sensors.drift_s, rng)
     q = sensors.resolution * np.round((q + sensors.position * rng.normal(size=q.shape)) / sensors.resolution)
@@ -96,9 +96,11 @@ def _coloured(samples: int, joints: int, size: float, time_s: float, rng: np.ran
     return kick
 
 
-def _run(target: np.ndarray, load: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _run(
+    target: np.ndarray, load: np.ndarray, truth: Sequence[float] | np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(T, J) q, qd and torque of eq. (7) of the paper under a load."""
-    k1, k2, k3, k4 = TRUTH.values()
+    k1, k2, k3, k4 = truth
     q, qd, torque = target[0].copy(), np.zeros(target.shape[1]), np.zeros(target.shape[1])
     log = np.empty((3, *target.shape))
     for k in range(len(target)):
