@@ -55,12 +55,14 @@ class ChamberJointFit:
 
     Attributes:
         covariance: (P, P) of the parameters in the order of `PARAMETERS`; 0 where not identifiable.
+        freedom: (P,) degrees of freedom of its diagonal.
         free_run_rmse: on the fit trials, N·m. noise: noise floor of their torque, N·m.
     """
 
     joint: str
     parameters: tuple[ChamberParameter, ...]
     covariance: np.ndarray
+    freedom: np.ndarray
     free_run_rmse: float
     noise: float
 
@@ -223,9 +225,8 @@ def _report(group: _Group) -> ChamberJointFit:
     )
     rmse = float(np.sqrt(np.mean(np.concatenate(group.problem.residuals(group.x)) ** 2)))
     joints = group.problem.joints
-    return ChamberJointFit(
-        joints[0].joint if len(joints) == 1 else "all", parameters, spread.covariance, rmse, group.noise
-    )
+    name = joints[0].joint if len(joints) == 1 else "all"
+    return ChamberJointFit(name, parameters, spread.covariance, spread.freedom, rmse, group.noise)
 
 
 def _known(group: _Group, report: ChamberJointFit, windows: Windows) -> Known:

@@ -73,4 +73,5 @@ def _units(fits: Sequence[Known]) -> list[np.ndarray]:
     least = [
         _LEAST * np.median(column[told]) if told.any() else 0.0 for column, told in zip(values.T, known.T, strict=True)
     ]
-    return [np.maximum(np.maximum(value, least), 1e-300) for value in values]
+    sizes = [np.maximum(value, least) for value in values]
+    return [np.where(size > 0.0, size, 1.0) for size in sizes]
