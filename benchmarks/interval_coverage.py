@@ -4,7 +4,8 @@
 
 Every fit has a command, impacts, disturbances and noise of its own (tests/recovery/closed_loop_truth.py): one joint, or
 `--joints` of them that share their coefficients. Besides white noise of 4 N·m the measured torque has a disturbance of 8 N·m
-that is correlated over the time in the first column, and none in the first row. "independent" are intervals that take the
+that is correlated over the time in the first column, and none in the first row. With `--inside` it is 1 N·m a sample that the
+actuator itself adds instead, which moves the joint. "independent" are intervals that take the
 residuals for independent of each other, as is usual.
 """
 
@@ -33,16 +34,17 @@ from hqpipe.sysid.results import FitResult, JointFit
 from hqpipe.sysid.windows import cut_windows, joint_data
 
 KNOWN = np.array([TRUTH[name] for name in COEFFICIENTS])
-DRIFT = 8.0  # N·m
+DRIFT, RIPPLE = 8.0, 1.0  # N·m, and N·m a sample
 TIMES = (0.0, 0.005, 0.03, 0.1, 0.3, 1.0)  # s; 0 for no disturbance
 TOGETHER = 60  # joints simulated at a time, for memory
 Z95 = 1.959964
 CLOSE = 2.0  # %
 
 
-def logs_of(seed: int, fits: int, joints: int, seconds: float, correlated_s: float) -> Iterator[LogSet]:
+def logs_of(seed: int, fits: int, joints: int, seconds: float, correlated_s: float, inside: bool) -> Iterator[LogSet]:
     """Logs of `joints` joints each, `fits` of them."""
-    sensors = Sensors(drift=DRIFT if correlated_s else 0.0, drift_s=correlated_s or 1.0)
+    sizes = {"drift": 0.0, "ripple": RIPPLE} if inside else {"drift": DRIFT}
+    sensors = Sensors(**sizes, drift_s=correlated_s) if correlated_s else Sensors(drift=0.0)
     per_batch = max(1, TOGETHER // joints)
     for batch, first in enumerate(range(0, fits, per_batch)):
         count = min(per_batch, fits - first)
@@ -86,14 +88,14 @@ def main() -> None:
     parser.add_argument("--joints", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--disturbed", type=float, nargs="+", default=TIMES, help="correlation times, s; 0 for none")
+    parser.add_argument("--inside", action="store_true")
     options = parser.parse_args()
     scope = "per_joint" if options.joints == 1 else "shared"
     print(f"{options.fits} fits of {options.seconds:g} s × {options.joints} joints, seed {options.seed}; %")
-    print(
-        f"{'s':>6}  covered: {' '.join(COEFFICIENTS)}, all (Wilson 95 %), independent | RMS error | worst | all within {CLOSE:g}"
-    )
+    head = f"{'s':>6}  covered: {' '.join(COEFFICIENTS)}, all (Wilson 95 %), independent"
+    print(f"{head} | RMS error | worst | all within {CLOSE:g}")
     for time_s in options.disturbed:
-        logs = logs_of(options.seed, options.fits, options.joints, options.seconds, time_s)
+        logs = logs_of(options.seed, options.fits, options.joints, options.seconds, time_s, options.inside)
         fits = [(one, fit_actuator(one, sprocket_radius=RADIUS, scope=scope)) for one in logs]
         print(f"{time_s:6.3f}  {judge(fits)}", flush=True)
 

@@ -28,6 +28,7 @@ class Sensors:
         resolution: of the encoder, rad.
         drift: N·m of an autocorrelated part of the measured torque (seal friction, hoses, electronics).
         drift_s: its correlation time, s.
+        ripple: N·m that come on in every sample within the actuator, as by the supply, and drive the joint; as correlated.
     """
 
     torque: float = 4.0
@@ -36,6 +37,7 @@ class Sensors:
     resolution: float = 4.8e-5
     drift: float = 8.0
     drift_s: float = 0.03
+    ripple: float = 0.0
 
 
 def trot(
@@ -56,7 +58,10 @@ def trot(
     t = np.arange(samples) * DT
     target, stance = _gait(t, joints, rng)
     load = STANCE * stance + _coloured(samples, joints, PUSH, PUSH_S, rng) + _blows(t, joints, rng)
-    q, qd, torque = _run(target, load, list(TRUTH.values()) if truth is None else truth)
+    ripple = np.zeros_like(target)
+    if sensors.ripple:
+        ripple = _coloured(samples, joints, sensors.ripple, sensors.drift_s, rng)
+    q, qd, torque = _run(target, load, ripple, list(TRUTH.values()) if truth is None else truth)
     measured = torque + sensors.torque * rng.normal(size=torque.shape)
     measured += _coloured(samples, joints, sensors.drift, sensors.drift_s, rng)
     q = sensors.resolution * np.round((q + sensors.position * rng.normal(size=q.shape)) / sensors.resolution)
@@ -97,7 +102,7 @@ def _coloured(samples: int, joints: int, size: float, time_s: float, rng: np.ran
 
 
 def _run(
-    target: np.ndarray, load: np.ndarray, truth: Sequence[float] | np.ndarray
+    target: np.ndarray, load: np.ndarray, ripple: np.ndarray, truth: Sequence[float] | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(T, J) q, qd and torque of eq. (7) of the paper under a load."""
     k1, k2, k3, k4 = truth
@@ -110,5 +115,5 @@ def _run(
         following = k1 * RADIUS**2 * error + (1 - k2) * torque - k3 * RADIUS**2 * qd + k4 * RADIUS * error * opposed
         qd = qd + DT * (torque - DAMPING * qd - load[k]) / INERTIA
         q = q + DT * qd
-        torque = np.clip(following, -LIMIT, LIMIT)
+        torque = np.clip(following + ripple[k], -LIMIT, LIMIT)
     return log[0], log[1], log[2]
