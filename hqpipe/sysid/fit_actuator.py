@@ -59,8 +59,7 @@ def fit_actuator(
     radius = per_joint(sprocket_radius, log_set.joints, "sprocket_radius")
     limit = per_joint(effort_limit, log_set.joints, "effort_limit")
     k, one_step = np.zeros((2, len(log_set.joints), 4))
-    fits: list[JointFit] = []
-    known: list[Known] = []
+    fits, known = [], []
     for group in _groups(scope, len(log_set.joints)):
         data = [joint_data(trials, log_set.joints[j]) for j in group]
         noise = np.array([noise_floor(trials, joint.joint).value for joint in data])
@@ -69,9 +68,7 @@ def fit_actuator(
         fits.append(fit)
         known.append(_known(problem, solution, fit))
         k[group] = known[-1].value
-    if not any(c.identifiable for fit in fits for c in fit.coefficients):
-        why = fits[0].coefficients[0].reason
-        raise IdentificationError(f"{log_set.path}: none of k1 … k4 can be identified: {why}")
+    _require_any(log_set, fits)
     fixed = {"dt": windows.dt, "scope": scope, "sprocket_radius": radius, "effort_limit": limit}
     return FitResult(
         model=_hydraulic(log_set, k, fixed),
@@ -84,6 +81,12 @@ def fit_actuator(
         warnings=tuple(_warnings(log_set, trials, fits)),
         posterior=posterior_of(Hydraulic.NAME, COEFFICIENTS, known) if _enough(windows) else None,
     )
+
+
+def _require_any(log_set: LogSet, fits: list[JointFit]) -> None:
+    if not any(c.identifiable for fit in fits for c in fit.coefficients):
+        why = fits[0].coefficients[0].reason
+        raise IdentificationError(f"{log_set.path}: none of k1 … k4 can be identified: {why}")
 
 
 def _enough(windows: Windows) -> bool:

@@ -151,11 +151,10 @@ def fit_chambers(
     table = np.empty((len(names), len(TwoChamber.FIELDS)))
     for joints, group in zip(scopes[scope], groups, strict=True):
         table[joints] = np.concatenate((np.tile(group.x, (len(joints), 1)), settings[joints]), axis=1)
-    model = TwoChamber(names, table, windows.dt, scope)
     reports = tuple(_report(group) for group in groups)
-    known = [_known(group, report, windows) for group, report in zip(groups, reports, strict=True)]
-    posterior = posterior_of(TwoChamber.NAME, PARAMETERS, known)
-    return ChamberFit(model, reports, tuple(trial.file for trial in log_set.fit), window_s, posterior)
+    known = [_known(*pair, windows) for pair in zip(groups, reports, strict=True)]
+    model, files = TwoChamber(names, table, windows.dt, scope), tuple(trial.file for trial in log_set.fit)
+    return ChamberFit(model, reports, files, window_s, posterior_of(TwoChamber.NAME, PARAMETERS, known))
 
 
 def _settings(
