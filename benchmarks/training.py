@@ -18,7 +18,7 @@ import numpy as np
 
 from hqpipe.actuators.base import ActuatorModel
 from hqpipe.actuators.hydraulic import Hydraulic
-from hqpipe.rl.config import CONTROL_PERIOD_S, TrainConfig, from_mapping
+from hqpipe.rl.config import CONTROL_PERIOD_S, ActuatorRandomisationConfig, TrainConfig, from_mapping
 from hqpipe.rl.evaluate import Actor, Evaluation, network_actor, zero_actor
 from hqpipe.rl.policy_spec import PolicySpec
 from hqpipe.rl.task import LocomotionTask
@@ -94,7 +94,7 @@ def _disturbed(
         config,
         randomisation=replace(
             config.randomisation,
-            actuator=SPREAD,
+            actuator=ActuatorRandomisationConfig("half_range", half_range=SPREAD),
             friction=0.4,
             kinematics=2.0,
             push_speed=PUSH_SPEED,

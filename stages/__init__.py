@@ -15,9 +15,10 @@ LOGS = Input("logs", "rollouts", "--logs")
 REFERENCE = Input(
     "reference", None, "--reference", help="Say what changed since: logs or an actuator model of the same machine."
 )
-# What `load_actuator` reads, and fit.json for the question which logs a model was fitted to: no rival, table or figure.
+# What `load_actuator` reads, with the posterior for training and fit.json for the question which logs a model was fitted to: no
+# rival, table or figure.
 MODEL = ("actuator.json", "weights.safetensors")
-ACTUATOR = Input("actuator", "actuator", "--actuator", files=MODEL)
+ACTUATOR = Input("actuator", "actuator", "--actuator", files=(*MODEL, "posterior.json"))
 FITTED = Input("actuator", "actuator", "--actuator", files=(*MODEL, "fit.json"))
 POLICY = Input("policy", "policy", "--policy")
 ONNX = Input("onnx", "onnx", "--policy")
@@ -27,16 +28,16 @@ ONNX_FLAG = ("--onnx", "Write ONNX; the only format, so it is the default.")
 STAGES = StageTable(
     [
         Stage("bootstrap", "bootstrap", "hqpipe.stages.bootstrap",
-              "Train a first policy, with no actuator model.", version=1),
+              "Train a first policy, with no actuator model.", version=2),
         Stage("collect", "rollouts", "hqpipe.stages.collect",
               "Record logs of the machine under that policy.", version=3, inputs=(BOOTSTRAP,)),
         Stage("fit-actuator", "actuator", "hqpipe.stages.fit_actuator",
               "Fit the actuator model to the logs.", version=3, inputs=(LOGS,)),
         Stage("diagnose", "diagnosis", "hqpipe.stages.diagnose",
-              "Find where the gap lies, what causes it and how far it shrinks.", version=6,
+              "Find where the gap lies, what causes it and how far it shrinks.", version=7,
               inputs=(LOGS, WALKER, REFERENCE)),
         Stage("retrain", "policy", "hqpipe.stages.retrain",
-              "Train the policy with the actuator model.", version=1, inputs=(ACTUATOR,)),
+              "Train the policy with the actuator model.", version=2, inputs=(ACTUATOR,)),
         Stage("export", "onnx", "hqpipe.stages.export",
               "Write the policy as ONNX for the robot.", version=1, inputs=(POLICY,), flags=(ONNX_FLAG,)),
         Stage("validate", "validation", "hqpipe.stages.validate",

@@ -41,7 +41,6 @@ class Params(StageParams):
 
 
 def run(context: Any) -> dict[str, Any]:
-    from hqpipe.actuators.files import save_actuator
     from hqpipe.report.tables import coefficient_table
     from hqpipe.stages.figures import draw_fit
     from hqpipe.stages.terminal import show
@@ -58,9 +57,9 @@ def run(context: Any) -> dict[str, Any]:
         fits[scope], seconds = timed(lambda scope=scope: fit_actuator(log_set, scope=scope, **options))
         models |= both_models(fits[scope])
         fit_s[FREE_RUNNING.format(scope.replace("_", " "))] = seconds
-        save_actuator(fits[scope].model, context.output / scope)
+        _save(fits[scope].model, fits[scope].posterior, context.output / scope)
     chosen = fits[context.params.scope]
-    save_actuator(chosen.model, context.output)
+    _save(chosen.model, chosen.posterior, context.output)
     show(coefficient_table(chosen.to_dict()))
     notes = [*([] if constants else [FOREIGN]), *chosen.warnings]
     show(*(f"warning: {text}" for text in notes))
@@ -85,11 +84,9 @@ def run(context: Any) -> dict[str, Any]:
 
 
 def _rivals(context: Any, log_set: Any, constants: dict[str, Any], total: int) -> tuple[Any, ...]:
-    """See `fit_rivals`; every model is saved into a folder of its name."""
-    from hqpipe.actuators.files import save_actuator
-
+    """See `fit_rivals`, without posteriors; every model is saved into a folder of its name."""
     p, told = context.params, iter(range(len(SCOPES), total))
-    models, seconds, refused = fit_rivals(
+    models, posteriors, seconds, refused = fit_rivals(
         log_set,
         p.rivals,
         constants,
@@ -100,8 +97,18 @@ def _rivals(context: Any, log_set: Any, constants: dict[str, Any], total: int) -
         lambda title: context.progress(next(told), total, title),
     )
     for title, model in models.items():
-        save_actuator(stepped(model), context.output / "rivals" / NAMES[title])
+        _save(stepped(model), posteriors.get(title), context.output / "rivals" / NAMES[title])
     return models, seconds, refused
+
+
+def _save(model: Any, posterior: Any, folder: Path) -> None:
+    """Write a model into `folder`, with its posterior if it has one."""
+    from hqpipe.actuators.files import save_actuator
+    from hqpipe.actuators.posterior_file import save_posterior
+
+    save_actuator(model, folder)
+    if posterior is not None:
+        save_posterior(posterior, model, folder)
 
 
 def both_models(fit: Any) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from pydantic import AfterValidator
 from hqpipe.errors import ConfigError
 from hqpipe.rl.config import TrainConfig, from_mapping, to_mapping
 
-METRICS, EVALUATION = "metrics.csv", "evaluation.json"
+METRICS, EVALUATION, RANDOMISATION = "metrics.csv", "evaluation.json", "randomisation.json"
 
 
 def _complete(raw: dict[str, Any]) -> dict[str, Any]:
@@ -31,12 +31,15 @@ Training = Annotated[dict[str, Any], AfterValidator(_complete)]
 """Nested fields of `hqpipe.rl.config.TrainConfig`, without the seed."""
 
 
-def run_training(context: Any, actuator: Any, raw: dict[str, Any], control_mode: str, part: str = "") -> dict[str, Any]:
-    """Train, write policy and metrics into `output/part`, and return the metrics.
+def run_training(
+    context: Any, actuator: Any, raw: dict[str, Any], control_mode: str, part: str = "", posterior: Any = None
+) -> dict[str, Any]:
+    """Train, write policy, metrics and what was drawn of the actuators into `output/part`, and return the metrics.
 
     Args:
         context: of the stage. actuator: model in the simulator. raw: a `Training`.
         control_mode: "position" or "torque". part: subfolder when a stage trains several policies.
+        posterior: of the model's parameters, if it has one.
     """
     from hqpipe.rl.policy_io import save_policy
     from hqpipe.rl.train import train
@@ -50,6 +53,7 @@ def run_training(context: Any, actuator: Any, raw: dict[str, Any], control_mode:
         scratch=context.scratch / part,
         progress=lambda done, total, note: context.progress(done, total, f"{part} {note}".strip()),
         workers=context.workers,
+        posterior=posterior,
     )
     folder = context.output / part
     save_policy(folder, result.spec, result.networks)
@@ -60,7 +64,15 @@ def run_training(context: Any, actuator: Any, raw: dict[str, Any], control_mode:
         "best_iteration": result.best_iteration,
     }
     (folder / EVALUATION).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-    return {**report, "steps_per_second": result.steps_per_second, "resumed_from": result.resumed_from}
+    drawn = json.dumps(result.actuators, indent=2, ensure_ascii=False, allow_nan=False)
+    (folder / RANDOMISATION).write_text(drawn + "\n", encoding="utf-8")
+    used = {key: value for key, value in result.actuators.items() if key != "joints"}
+    return {
+        **report,
+        "actuator_randomisation": used,
+        "steps_per_second": result.steps_per_second,
+        "resumed_from": result.resumed_from,
+    }
 
 
 def headline(metrics: dict[str, Any]) -> str:

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from math import inf
 from typing import Any, TypeVar
 
 from hqpipe.errors import ConfigError, near_match
 
 PRIORS = ("none", "clock", "trot_residual")
+ACTUATOR_MODES = ("auto", "posterior", "half_range", "none")
 CONTROL_PERIOD_S = 0.01  # paper: policy and estimator at 100 Hz
 
 _Config = TypeVar("_Config")
@@ -76,6 +78,36 @@ class NoiseConfig:
 
 
 @dataclass(frozen=True)
+class ActuatorRandomisationConfig:
+    """How the actuators of the robots differ.
+
+    Attributes:
+        mode: posterior (whole parameter sets from what the fit knows, see hqpipe.actuators.posterior) | half_range (each
+            coefficient by a factor of its own) | auto (posterior where the model has one, else half_range) | none.
+        scale: of every deviation from the mean of the posterior; 1 covers the error of the estimate and what differed
+            between sections of the logs, more is for what these did not hold, as warmer oil.
+        half_range: as a share of a coefficient, for a model without posterior; assumption: covers the spread between joints
+            and the drift with oil temperature.
+    """
+
+    mode: str = "auto"
+    scale: float = 1.0
+    half_range: float = 0.2
+
+    def __post_init__(self) -> None:
+        if self.mode not in ACTUATOR_MODES:
+            raise ConfigError(
+                f"randomisation.actuator.mode: '{self.mode}'{near_match(self.mode, ACTUATOR_MODES)}, "
+                f"expected one of {', '.join(ACTUATOR_MODES)}"
+            )
+        for name in ("scale", "half_range"):
+            if not 0.0 <= getattr(self, name) < inf:
+                raise ConfigError(
+                    f"randomisation.actuator.{name}: {getattr(self, name)}, expected a number of at least 0"
+                )
+
+
+@dataclass(frozen=True)
 class RandomisationConfig:
     """What differs between episodes and robots. Sizes are assumptions unless a source is given.
 
@@ -87,8 +119,7 @@ class RandomisationConfig:
         push_speed: largest sideways change of the base's velocity by a push, m/s.
         kinematics: half-range of link lengths, masses and joint offsets as a multiple of the simulator's documented
             range (the paper randomises the kinematics); 0 turns it off.
-        actuator: half-range of the actuator's coefficients, as a share; covers the spread between joints and the drift
-            with oil temperature.
+        actuator: coefficients of the actuator model.
         friction: half-range of the ground friction, as a share.
     """
 
@@ -99,7 +130,7 @@ class RandomisationConfig:
     push_interval_s: float = 3.0
     push_speed: float = 1.2
     kinematics: float = 1.0
-    actuator: float = 0.2
+    actuator: ActuatorRandomisationConfig = field(default_factory=ActuatorRandomisationConfig)
     friction: float = 0.3
 
 

@@ -11,11 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
+from hqpipe.actuators.posterior import Posterior
 from hqpipe.errors import HqpipeError
+from hqpipe.rl.actuator_draws import draws_report
 from hqpipe.rl.checkpoint import Progress, load_checkpoint, save_checkpoint
 from hqpipe.rl.config import TrainConfig, to_mapping
 from hqpipe.rl.curriculum import curriculum_factor
@@ -26,7 +29,7 @@ from hqpipe.rl.policy import LocomotionPolicy
 from hqpipe.rl.policy_spec import PolicySpec
 from hqpipe.rl.ppo import ConcurrentPPO
 from hqpipe.rl.task import LocomotionTask
-from hqpipe.rl.worlds import evaluation_world, training_world
+from hqpipe.rl.worlds import evaluation_world, training_actuators, training_world
 from hqpipe.robots import RobotSpec
 
 Report = Callable[[int, int, str], None]
@@ -42,6 +45,7 @@ class TrainResult:
         baseline: evaluation of the prior alone (zero action). best: of the policy.
         best_iteration: after which it was taken; 0 is the untrained policy.
         steps_per_second: environment steps, everything included; resumed_from: iteration of the checkpoint, or 0.
+        actuators: how the actuators of the robots differed, see `hqpipe.rl.actuator_draws.draws_report`.
     """
 
     spec: PolicySpec
@@ -52,6 +56,7 @@ class TrainResult:
     best_iteration: int
     steps_per_second: float
     resumed_from: int
+    actuators: dict[str, Any]
 
 
 class _TermMeter(BaseCallback):
@@ -92,6 +97,7 @@ class Trainer:
         control_mode: what the joint targets are on the machine, position or torque; goes into the policy's spec.
         scratch: folder of the checkpoint. report: progress(done, total, note) in environment steps.
         workers: processes of the simulator; they do not change the result.
+        posterior: of the actuator's parameters, for the randomisation; None if it has none.
     """
 
     def __init__(
@@ -104,12 +110,17 @@ class Trainer:
         scratch: Path | None,
         report: Report | None,
         workers: int,
+        posterior: Posterior | None,
     ) -> None:
         torch.set_num_threads(config.torch_threads)
         self.config, self.scratch, self.report = config, scratch, report
         self.spec = PolicySpec.build(robot, actuator, config, control_mode)
-        self.fingerprint = _fingerprint(robot, actuator, config, control_mode)
-        world = training_world(robot, actuator, config, num_envs=config.num_envs, workers=workers, seed=config.seed)
+        options = {"num_envs": config.num_envs, "seed": config.seed, "posterior": posterior}
+        table = training_actuators(robot, actuator, config, **options)
+        model = actuator.for_joints(robot.joints)
+        self.actuators = draws_report(model, config.randomisation.actuator, posterior, table)
+        self.fingerprint = _fingerprint(robot, actuator, config, control_mode, table)
+        world = training_world(robot, actuator, config, workers=workers, **options)
         self.task = LocomotionTask(robot, self.spec, world, config, training=True, seed=config.seed)
         trial_world = evaluation_world(robot, actuator, config, workers=workers)
         self.trial = LocomotionTask(robot, self.spec, trial_world, config, training=False, seed=config.seed)
@@ -158,6 +169,7 @@ class Trainer:
             best_iteration=progress.best_iteration,
             steps_per_second=steps / (time.perf_counter() - began),
             resumed_from=first,
+            actuators=self.actuators,
         )
 
     def close(self) -> None:
@@ -231,9 +243,12 @@ class Trainer:
         return e.commands, e.seconds, e.push_speed
 
 
-def _fingerprint(robot: RobotSpec, actuator: Any, config: TrainConfig, control_mode: str) -> str:
-    """Names a training, so that a checkpoint of another one is never resumed."""
-    parts = [robot.hash, actuator.to_dict(), to_mapping(config), control_mode, torch.__version__]
+def _fingerprint(
+    robot: RobotSpec, actuator: Any, config: TrainConfig, control_mode: str, table: np.ndarray | None
+) -> str:
+    """Names a training, so that a checkpoint of another one is never resumed; `table` as of `training_actuators`."""
+    drawn = "" if table is None else hashlib.sha256(table.tobytes()).hexdigest()
+    parts = [robot.hash, actuator.to_dict(), to_mapping(config), control_mode, drawn, torch.__version__]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
@@ -246,6 +261,7 @@ def train(
     scratch: Path | None = None,
     progress: Report | None = None,
     workers: int = 2,
+    posterior: Posterior | None = None,
 ) -> TrainResult:
     """Train a policy; arguments as of `Trainer`.
 
@@ -260,5 +276,6 @@ def train(
         scratch=scratch,
         report=progress,
         workers=workers,
+        posterior=posterior,
     )
     return trainer.run()

@@ -6,6 +6,8 @@ import numpy as np
 
 from hqpipe.actuators import ACTUATOR_MODELS
 from hqpipe.actuators.base import ActuatorModel
+from hqpipe.actuators.posterior import Posterior
+from hqpipe.rl.actuator_draws import drawn_parameters
 from hqpipe.rl.config import RandomisationConfig, TrainConfig
 from hqpipe.robots import RobotSpec
 from hqpipe.sim.randomisation import KinematicsRandomisation
@@ -21,10 +23,22 @@ def unmodelled_actuator(robot: RobotSpec, control_mode: str) -> ActuatorModel:
 
 
 def training_world(
-    robot: RobotSpec, actuator: ActuatorModel, config: TrainConfig, *, num_envs: int, workers: int, seed: int
+    robot: RobotSpec,
+    actuator: ActuatorModel,
+    config: TrainConfig,
+    *,
+    num_envs: int,
+    workers: int,
+    seed: int,
+    posterior: Posterior | None = None,
 ) -> BatchedWorld:
-    """Robots that differ in kinematics, masses, ground friction and actuator coefficients."""
+    """Robots that differ in kinematics, masses, ground friction and actuator coefficients.
+
+    Args:
+        posterior: of the actuator's parameters, if it has one.
+    """
     sizes = config.randomisation
+    table = training_actuators(robot, actuator, config, num_envs=num_envs, seed=seed, posterior=posterior)
     world = BatchedWorld(
         robot,
         actuator,
@@ -34,35 +48,28 @@ def training_world(
         seed=seed,
         randomisation=_kinematics(sizes),
     )
-    if sizes.actuator > 0.0:
-        rng = np.random.default_rng([seed, 1])
-        table = scattered_parameters(world.actuator, num_envs, sizes.actuator, rng)
+    if table is not None:
         world.set_actuator_parameters(np.arange(num_envs), table)
     return world
+
+
+def training_actuators(
+    robot: RobotSpec,
+    actuator: ActuatorModel,
+    config: TrainConfig,
+    *,
+    num_envs: int,
+    seed: int,
+    posterior: Posterior | None = None,
+) -> np.ndarray | None:
+    """(num_envs, J, P) tables of the actuators in `training_world`; None where all have the model's own."""
+    model = actuator.for_joints(robot.joints)
+    return drawn_parameters(model, num_envs, config.randomisation.actuator, posterior, [seed, 1])
 
 
 def evaluation_world(robot: RobotSpec, actuator: ActuatorModel, config: TrainConfig, *, workers: int) -> BatchedWorld:
     """Exact robots."""
     return BatchedWorld(robot, actuator, config.evaluation.num_envs, engine=config.engine, workers=workers)
-
-
-def scattered_parameters(
-    actuator: ActuatorModel, count: int, half_range: float, rng: np.random.Generator
-) -> np.ndarray:
-    """(count, J, P) coefficients, each scaled by its own factor within 1 ± half_range and kept within its bounds.
-
-    Certain columns, as geometry and limits, stay; a shared column has one factor per robot.
-    """
-    joints, fields = actuator.parameters.shape
-    factor = rng.uniform(1.0 - half_range, 1.0 + half_range, size=(count, joints, fields))
-    for column, field in enumerate(actuator.FIELDS.values()):
-        if field.certain:
-            factor[..., column] = 1.0
-        elif field.shared:
-            factor[..., column] = factor[:, :1, column]
-    lower = [field.lower for field in actuator.FIELDS.values()]
-    upper = [field.upper for field in actuator.FIELDS.values()]
-    return np.clip(actuator.parameters * factor, lower, upper)
 
 
 def _kinematics(sizes: RandomisationConfig) -> KinematicsRandomisation | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from hqpipe.sysid.fit_chambers import ChamberJointFit
 
-_NORMAL_95 = 1.96
+_UPPER = 0.975  # of Student's distribution, for 95 % intervals
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,8 @@ def chamber_constants(fit: ChamberJointFit) -> tuple[Quantity, ...]:
 
 
 def _quantity(product: _Product, fit: ChamberJointFit) -> Quantity:
+    from scipy.special import stdtrit
+
     powers = {name: 1 for name in product.above} | {name: -1 for name in product.below}
     value = product.factor * float(np.prod([fit[name].value ** power for name, power in powers.items()]))
     half = None
@@ -78,5 +80,6 @@ def _quantity(product: _Product, fit: ChamberJointFit) -> Quantity:
         slope = np.zeros(len(order))
         for name, power in powers.items():
             slope[order.index(name)] = value * power / fit[name].value
-        half = _NORMAL_95 * float(np.sqrt(max(slope @ fit.covariance @ slope, 0.0)))
+        freedom = min(fit.freedom[order.index(name)] for name in powers)
+        half = float(stdtrit(max(freedom, 1.0), _UPPER) * np.sqrt(max(slope @ fit.covariance @ slope, 0.0)))
     return Quantity(product.name, product.unit, value, half, product.meaning)

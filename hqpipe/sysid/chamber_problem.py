@@ -34,6 +34,12 @@ class ChamberProblem:
         self._edges = np.concatenate(([0], np.cumsum(last - first)[:-1]))
         self._position = [np.ascontiguousarray(data.command - data.error) for data in joints]
 
+    def alone(self, j: int) -> ChamberProblem:
+        """The problem of one of the joints by itself."""
+        found = ChamberProblem([self.joints[j]], self.windows, self.settings[[j]], self.unit)
+        found.outlier = self.outlier[[j]]
+        return found
+
     def residuals(self, x: np.ndarray) -> list[np.ndarray]:
         """(S,) simulated − measured torque of all predicted samples at the parameters `x` (P,), per joint, N·m."""
         return [self._residual(x, j) for j in range(len(self.joints))]

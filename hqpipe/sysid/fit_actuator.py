@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from hqpipe.actuators.hydraulic import Hydraulic
+from hqpipe.actuators.posterior import Range
 from hqpipe.errors import IdentificationError, UsageError, near_match
 from hqpipe.logs.trajectory import LogSet, Trial
 from hqpipe.sysid.excitation import inseparable, unexcited
@@ -15,8 +16,10 @@ from hqpipe.sysid.free_run import WINDOW_S
 from hqpipe.sysid.intervals import uncertainty
 from hqpipe.sysid.noise import noise_floor
 from hqpipe.sysid.outliers import outlier_size
+from hqpipe.sysid.posterior import Known, posterior_of
 from hqpipe.sysid.problem import COEFFICIENTS, HELD, LOWER, UPPER, Problem
 from hqpipe.sysid.results import Coefficient, FitResult, JointFit
+from hqpipe.sysid.sections import sections_of
 from hqpipe.sysid.solve import Solution, solve
 from hqpipe.sysid.windows import Windows, cut_windows, joint_data
 
@@ -56,16 +59,16 @@ def fit_actuator(
     radius = per_joint(sprocket_radius, log_set.joints, "sprocket_radius")
     limit = per_joint(effort_limit, log_set.joints, "effort_limit")
     k, one_step = np.zeros((2, len(log_set.joints), 4))
-    fits: list[JointFit] = []
+    fits, known = [], []
     for group in _groups(scope, len(log_set.joints)):
         data = [joint_data(trials, log_set.joints[j]) for j in group]
         noise = np.array([noise_floor(trials, joint.joint).value for joint in data])
         problem = Problem(data, windows, radius[group], limit[group])
-        fit, k[group], one_step[group] = _fit_group(problem, noise)
+        solution, fit, one_step[group] = _fit_group(problem, noise)
         fits.append(fit)
-    if not any(c.identifiable for fit in fits for c in fit.coefficients):
-        why = fits[0].coefficients[0].reason
-        raise IdentificationError(f"{log_set.path}: none of k1 … k4 can be identified: {why}")
+        known.append(_known(problem, solution, fit))
+        k[group] = known[-1].value
+    _require_any(log_set, fits)
     fixed = {"dt": windows.dt, "scope": scope, "sprocket_radius": radius, "effort_limit": limit}
     return FitResult(
         model=_hydraulic(log_set, k, fixed),
@@ -76,7 +79,19 @@ def fit_actuator(
         dt=windows.dt,
         trials=tuple(trial.file for trial in trials),
         warnings=tuple(_warnings(log_set, trials, fits)),
+        posterior=posterior_of(Hydraulic.NAME, COEFFICIENTS, known) if _enough(windows) else None,
     )
+
+
+def _require_any(log_set: LogSet, fits: list[JointFit]) -> None:
+    if not any(c.identifiable for fit in fits for c in fit.coefficients):
+        why = fits[0].coefficients[0].reason
+        raise IdentificationError(f"{log_set.path}: none of k1 … k4 can be identified: {why}")
+
+
+def _enough(windows: Windows) -> bool:
+    """Whether there are windows enough for an interval."""
+    return len(windows.bounds) >= _FEWEST_WINDOWS
 
 
 def _hydraulic(log_set: LogSet, k: np.ndarray, fixed: dict[str, Any]) -> Hydraulic:
@@ -105,8 +120,8 @@ def per_joint(value: PerJoint, joints: Sequence[str], name: str) -> np.ndarray:
     return np.array([value[joint] for joint in joints], dtype=float)
 
 
-def _fit_group(problem: Problem, noise: np.ndarray) -> tuple[JointFit, np.ndarray, np.ndarray]:
-    """Fit the joints of a problem; returns the report, k (4,), and the one-step k (4,)."""
+def _fit_group(problem: Problem, noise: np.ndarray) -> tuple[Solution | None, JointFit, np.ndarray]:
+    """Fit the joints of a problem; returns the solution, if they move, the report, and the one-step k (4,)."""
     reasons = unexcited(problem.joints, problem.windows)
     free = np.array([name not in reasons for name in COEFFICIENTS])
     one_step = problem.one_step(1) if free.any() else np.zeros(4)
@@ -128,7 +143,29 @@ def _fit_group(problem: Problem, noise: np.ndarray) -> tuple[JointFit, np.ndarra
         windows=len(bounds),
         samples=int((bounds[:, 1] - bounds[:, 0]).sum()) * len(problem.joints),
     )
-    return fit, k, one_step
+    return solution, fit, one_step
+
+
+def _known(problem: Problem, solution: Solution | None, fit: JointFit) -> Known:
+    """What the fit of one group knows, for the posterior."""
+    joints = tuple(data.joint for data in problem.joints)
+    free = np.array([c.identifiable for c in fit.coefficients])
+    if solution is None:
+        return Known(joints, np.zeros(4), free, np.zeros((4, 4)), (), LOWER, UPPER)
+    single = [solution]
+    if len(joints) > 1:
+        starts = solution.starts
+        single = [solve(problem.alone(j), solution.k, [starts[j]], free) for j in range(len(joints))]
+    sections = sections_of([(part.k, part.at) for part in single], problem.windows, free, LOWER, UPPER)
+    scatter = uncertainty(solution.at, free).covariance
+    return Known(joints, solution.k, free, scatter, sections, LOWER, UPPER, {"k4": _assumed_k4(problem, solution.k)})
+
+
+def _assumed_k4(problem: Problem, k: np.ndarray) -> Range:
+    """Range of k4 without any impact in the logs: at their largest error an opposed torque fades twice as fast at most."""
+    errors = [scale * np.abs(data.error).max() for scale, data in zip(problem.scale[:, 3], problem.joints, strict=True)]
+    high = float(k[1] / max(*errors, 1e-9))
+    return Range(0.0, high, "assumption: at the largest error of the logs an impact at most doubles the leakage")
 
 
 def _first_guess(problem: Problem, free: np.ndarray) -> np.ndarray:
@@ -160,7 +197,7 @@ def _coefficients(
     reasons: Mapping[str, str],
 ) -> tuple[Coefficient, ...]:
     if solution:
-        low, high = uncertainty(solution.at, windows, free).interval(solution.k)
+        low, high = uncertainty(solution.at, free).interval(solution.k)
     found = []
     for i, name in enumerate(COEFFICIENTS):
         unit, before = Hydraulic.FIELDS[name].unit, float(one_step[i])
@@ -169,7 +206,7 @@ def _coefficients(
             continue
         value = float(solution.k[i])
         at_bound = bool(value <= LOWER[i] + _ON_BOUND or value >= UPPER[i] - _ON_BOUND)
-        ends = (float(low[i]), float(high[i])) if len(windows.bounds) >= _FEWEST_WINDOWS else None
+        ends = (float(low[i]), float(high[i])) if _enough(windows) else None
         found.append(Coefficient(name, unit, value, ends, before, at_bound=at_bound))
     return tuple(found)
 

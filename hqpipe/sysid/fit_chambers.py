@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hqpipe.actuators.posterior import Posterior
 from hqpipe.actuators.two_chamber import TwoChamber
 from hqpipe.errors import IdentificationError, UsageError, near_match
 from hqpipe.logs.trajectory import LogSet
@@ -19,6 +20,8 @@ from hqpipe.sysid.intervals import uncertainty
 from hqpipe.sysid.noise import noise_floor
 from hqpipe.sysid.normal_equations import NormalEquations
 from hqpipe.sysid.outliers import outlier_size
+from hqpipe.sysid.posterior import Known, posterior_of
+from hqpipe.sysid.sections import sections_of
 from hqpipe.sysid.windows import Windows, cut_windows, joint_data
 
 UNIT = np.array([1.0, 10.0, 0.1, 1e-4, 0.1, 1e-3, 0.1, 1.0, 1.0])  # sizes that finite differences scale with
@@ -52,12 +55,14 @@ class ChamberJointFit:
 
     Attributes:
         covariance: (P, P) of the parameters in the order of `PARAMETERS`; 0 where not identifiable.
+        freedom: (P,) degrees of freedom of its diagonal.
         free_run_rmse: on the fit trials, N·m. noise: noise floor of their torque, N·m.
     """
 
     joint: str
     parameters: tuple[ChamberParameter, ...]
     covariance: np.ndarray
+    freedom: np.ndarray
     free_run_rmse: float
     noise: float
 
@@ -67,12 +72,16 @@ class ChamberJointFit:
 
 @dataclass(frozen=True, eq=False)
 class ChamberFit:
-    """The model, and what is known of its numbers; `trials` are those it was fitted to."""
+    """The model, and what is known of its numbers; `trials` are those it was fitted to.
+
+    Its posterior leaves a parameter that lies on a bound where it is.
+    """
 
     model: TwoChamber
     fits: tuple[ChamberJointFit, ...]
     trials: tuple[str, ...]
     window_s: float
+    posterior: Posterior
 
 
 @dataclass(eq=False)
@@ -142,9 +151,10 @@ def fit_chambers(
     table = np.empty((len(names), len(TwoChamber.FIELDS)))
     for joints, group in zip(scopes[scope], groups, strict=True):
         table[joints] = np.concatenate((np.tile(group.x, (len(joints), 1)), settings[joints]), axis=1)
-    model = TwoChamber(names, table, windows.dt, scope)
-    reports = tuple(_report(group, windows) for group in groups)
-    return ChamberFit(model, reports, tuple(trial.file for trial in log_set.fit), window_s)
+    reports = tuple(_report(group) for group in groups)
+    known = [_known(*pair, windows) for pair in zip(groups, reports, strict=True)]
+    model, files = TwoChamber(names, table, windows.dt, scope), tuple(trial.file for trial in log_set.fit)
+    return ChamberFit(model, reports, files, window_s, posterior_of(TwoChamber.NAME, PARAMETERS, known))
 
 
 def _settings(
@@ -195,11 +205,11 @@ def _hold_outliers(group: _Group) -> None:
         group.problem.outlier[j] = outlier_size(residual)
 
 
-def _report(group: _Group, windows: Windows) -> ChamberJointFit:
+def _report(group: _Group) -> ChamberJointFit:
     pressed = group.free & ((group.x <= group.lower + _BOUND) | (group.x >= group.upper - _BOUND))
     known = group.free & (inflation(group.at.hessian, group.free) < MAX_INFLATION)
     inner = known & ~pressed
-    spread = uncertainty(group.at, windows, inner)
+    spread = uncertainty(group.at, inner)
     low, high = spread.interval(group.x, group.lower, group.upper)
     parameters = tuple(
         ChamberParameter(
@@ -214,6 +224,19 @@ def _report(group: _Group, windows: Windows) -> ChamberJointFit:
     )
     rmse = float(np.sqrt(np.mean(np.concatenate(group.problem.residuals(group.x)) ** 2)))
     joints = group.problem.joints
-    return ChamberJointFit(
-        joints[0].joint if len(joints) == 1 else "all", parameters, spread.covariance, rmse, group.noise
-    )
+    name = joints[0].joint if len(joints) == 1 else "all"
+    return ChamberJointFit(name, parameters, spread.covariance, spread.freedom, rmse, group.noise)
+
+
+def _known(group: _Group, report: ChamberJointFit, windows: Windows) -> Known:
+    """What the fit of one group knows, for the posterior."""
+    problem = group.problem
+    inner = np.array([p.identifiable and not p.at_bound for p in report.parameters])
+    single = [(group.x, group.at)]
+    if len(problem.joints) > 1:
+        parts = [problem.alone(j) for j in range(len(problem.joints))]
+        single = [solve_chambers(part, group.x, inner, group.lower, group.upper) for part in parts]
+    sections = sections_of(single, windows, inner, group.lower, group.upper)
+    joints = tuple(data.joint for data in problem.joints)
+    determined = np.array([p.identifiable for p in report.parameters])
+    return Known(joints, group.x, determined, report.covariance, sections, group.lower, group.upper)

@@ -8,7 +8,6 @@ from typing import Protocol
 import numpy as np
 
 from hqpipe.sysid.problem import LOWER, UPPER
-from hqpipe.sysid.windows import Windows
 
 LEVEL = 0.95
 
@@ -43,16 +42,17 @@ class Clustered(Protocol):
         """(W, P)."""
 
 
-def uncertainty(at: Clustered, windows: Windows, free: np.ndarray) -> Uncertainty:
+def uncertainty(at: Clustered, free: np.ndarray) -> Uncertainty:
     """Sandwich estimate for the free coefficients.
 
-    Residuals within a window may be correlated in any way (clustered by window, all joints together), and
-    neighbouring windows of one trial too: Bartlett weights with the lag of Newey and West (1994),
-    ⌊4 (W/100)^(2/9)⌋. Each window's score is corrected for its leverage (CR3, Bell and McCaffrey 2002), and
-    the degrees of freedom follow Satterthwaite: few windows that decide a coefficient widen its interval.
+    Residuals within a window may be correlated in any way (clustered by window, all joints together), and so may those of
+    windows: the variance of the sum of all scores is read off the B lowest cosines of their sequence, B = ⌊0.4 W^(2/3)⌋ for
+    W windows but no fewer than there are coefficients (Lazarus, Lewis, Stock and Watson, J. Bus. Econ. Stat. 36, 2018).
+    Each window's score is corrected for its leverage (CR3, Bell and McCaffrey 2002), and the degrees of freedom follow
+    Satterthwaite: B where all windows tell as much, fewer where few decide a coefficient.
 
     Args:
-        at: normal equations at the solution. windows: those of the fit. free: (P,) bool.
+        at: normal equations at the solution, windows in the order of time. free: (P,) bool.
     """
     curvature = at.hessians.sum(axis=0)[np.ix_(free, free)]
     unit = np.sqrt(np.maximum(np.diag(curvature), 1e-300))  # the coefficients differ by many powers of ten
@@ -60,17 +60,19 @@ def uncertainty(at: Clustered, windows: Windows, free: np.ndarray) -> Uncertaint
     own = at.hessians[:, free][:, :, free] / np.outer(unit, unit)
     scores = (at.scores[:, free] - at.scores[:, free].mean(axis=0)) / unit
     scores = np.linalg.solve(np.eye(len(unit)) - own @ bread, scores[:, :, None])[:, :, 0]
-    count = len(scores)
-    meat = scores.T @ scores
-    lags = min(int(4.0 * (count / 100.0) ** (2.0 / 9.0)), count - 1)
-    weights = 1.0 - np.arange(1, lags + 1) / (lags + 1.0)
-    for lag, weight in enumerate(weights, start=1):
-        together = windows.trial[lag:] == windows.trial[:-lag]
-        cross = scores[lag:][together].T @ scores[:-lag][together]
-        meat += weight * (cross + cross.T)
+    waves = _cosines(len(scores), len(unit))
+    sums = waves @ scores
     share = np.diagonal(bread @ own @ bread, axis1=1, axis2=2)
-    freedom = share.sum(axis=0) ** 2 / (share**2).sum(axis=0) / (1.0 + 2.0 * (weights**2).sum())
+    expected = np.einsum("bw,wp,cw->pbc", waves, share, waves)  # of the sums' products, were the windows independent
+    freedom = np.trace(expected, axis1=1, axis2=2) ** 2 / np.maximum((expected**2).sum(axis=(1, 2)), 1e-300)
     full, spread = np.zeros((len(free), len(free))), np.zeros(len(free))
-    full[np.ix_(free, free)] = bread @ meat @ bread / np.outer(unit, unit)
+    full[np.ix_(free, free)] = bread @ (sums.T @ sums / len(waves)) @ bread / np.outer(unit, unit)
     spread[free] = freedom
     return Uncertainty(full, spread)
+
+
+def _cosines(count: int, least: int) -> np.ndarray:
+    """(B, W) lowest cosines over `count` windows, at least `least` of them, each with mean 0 and mean square 1."""
+    waves = max(min(max(int(0.4 * count ** (2.0 / 3.0)), least), count - 1), 1)
+    phase = np.pi * (np.arange(count) + 0.5) / count
+    return np.sqrt(2.0) * np.cos(np.arange(1, waves + 1)[:, None] * phase)

@@ -41,6 +41,7 @@ class Problem:
         self.joints = joints
         self.windows = windows
         self.limit = limit
+        self._radius = radius
         # eq. (7): coefficient → joint-space gain
         self.scale = np.stack([radius**2, np.ones_like(radius), radius**2, radius], axis=1)
         self._residuals = [np.full(len(data.effort), np.nan) for data in joints]
@@ -82,6 +83,12 @@ class Problem:
             total += cost.sum()
             blocks.append((ratio, g[:, 4] / a[:, 4, 4]))
         return Evaluation(float(total), hessians, scores, tuple(blocks))
+
+    def alone(self, j: int) -> Problem:
+        """The problem of one of the joints by itself."""
+        found = Problem([self.joints[j]], self.windows, self._radius[[j]], self.limit[[j]])
+        found.start_weight, found.outlier = self.start_weight[[j]], self.outlier[[j]]
+        return found
 
     def residuals(self, k: np.ndarray) -> list[np.ndarray]:
         """Errors of the predicted samples, restarted from the log at every window, per joint, N·m."""

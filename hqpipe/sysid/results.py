@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from hqpipe.actuators.hydraulic import Hydraulic
+from hqpipe.actuators.posterior import Posterior
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,7 @@ class FitResult:
         model: free-running fit. one_step_model: the paper's one-step fit.
         fits: one per joint, or a single one for shared coefficients.
         dt: sample time that the coefficients belong to, s.
+        posterior: of the coefficients; None where the windows are too few for it.
     """
 
     model: Hydraulic
@@ -70,6 +72,7 @@ class FitResult:
     dt: float
     trials: tuple[str, ...]
     warnings: tuple[str, ...]
+    posterior: Posterior | None
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-able summary; the models are saved apart."""

@@ -103,12 +103,27 @@ def test_constants_carry_intervals_that_hold_the_truth(found):
             assert abs(quantities[name].value - truth) < 3.0 * quantities[name].half_width < 0.3 * truth
 
 
+def test_posterior_draws_whole_machines_within_bounds(found):
+    drawn = found.posterior.draw(found.model, 300, np.random.default_rng(0))
+    for j, (fit, group) in enumerate(zip(found.fits, found.posterior.groups, strict=True)):
+        assert group.joints == (JOINTS[j],) and group.sections == 2
+        assert (drawn[:, j, :9] >= group.lower).all() and (drawn[:, j, :9] <= group.upper).all()
+        truth = np.array([values[j] for values in TRUTH.values()])
+        deviation = np.sqrt(np.diag(group.covariance))
+        assert (deviation > 0.0).all() and (np.abs(group.mean - truth) < 5.0 * deviation).all()
+        np.testing.assert_allclose(drawn[:, j, 1].std(), deviation[1], rtol=0.15)
+        assert (group.scatter >= 0.99 * fit.covariance).diagonal().all()
+    assert (drawn[..., 9:] == found.model.parameters[:, 9:]).all()
+
+
 def test_torque_from_pressures_is_given_no_seal_friction():
     model = machine(coulomb_friction=0.0, viscous_friction=0.0)
     found = fit_chambers(log_set((trial(model, 6.0, 3, "fit"),), "pressure"), **LIMITS)
     for fit in found.fits:
         assert fit["coulomb_friction"].value == 0.0 and not fit["coulomb_friction"].identifiable
         assert fit["flow_gain"].ci95 is not None
+    drawn = found.posterior.draw(found.model, 20, np.random.default_rng(0))
+    assert (drawn[..., 7:9] == 0.0).all(), "what is not fitted stays"
 
 
 def test_shared_parameters_of_equal_joints():

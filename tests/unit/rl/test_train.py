@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from hqpipe.actuators.base import ActuatorModel, ParameterField
 from hqpipe.rl import train as training
-from hqpipe.rl.config import from_mapping
+from hqpipe.rl.config import ActuatorRandomisationConfig, from_mapping
 from hqpipe.rl.train import train
-from hqpipe.rl.worlds import scattered_parameters, training_world, unmodelled_actuator
+from hqpipe.rl.worlds import training_world, unmodelled_actuator
 
 
 class Killed(Exception):
@@ -109,37 +108,13 @@ def test_worlds_are_closed_when_training_fails(robot, actuator, small, monkeypat
     assert closed
 
 
-def test_scatter_keeps_geometry_and_bounds(actuator):
-    table = scattered_parameters(actuator, 50, 0.2, np.random.default_rng(0))
-    relative = table / actuator.parameters
-    kp, limit = relative[..., 0], relative[..., list(actuator.FIELDS).index("effort_limit")]
-    assert kp.min() >= 0.8 and kp.max() <= 1.2 and kp.std() > 0.1
-    assert (limit == 1.0).all()
-
-
-def test_scatter_leaves_what_is_certain_and_shares_what_is_shared():
-    class Wide(ActuatorModel):
-        NAME, KIND = "wide", 0
-        FIELDS = {
-            "kp": ParameterField("N·m/rad"),
-            "middle": ParameterField("rad", lower=-np.inf, certain=True),
-            "kd": ParameterField("N·m·s/rad"),
-            "droop": ParameterField("s/rad", shared=True),
-            "effort_limit": ParameterField("N·m", may_be_infinite=True, certain=True),
-        }
-
-    model = Wide.build(("a", "b"), kp=100.0, middle=-0.3, kd=5.0, droop=0.1, effort_limit=np.inf)
-    table = scattered_parameters(model, 50, 0.2, np.random.default_rng(0))
-    kp, middle, kd, droop, limit = np.moveaxis(table, -1, 0)
-    for scattered, centre in ((kp, 100.0), (kd, 5.0)):
-        assert (np.abs(scattered / centre - 1.0) <= 0.2).all() and len(np.unique(scattered)) == 100
-    assert (middle == -0.3).all() and np.isinf(limit).all()
-    np.testing.assert_array_equal(droop[:, 0], droop[:, 1])
-    assert len(np.unique(droop)) == 50
-
-
 def test_training_world_without_randomisation_has_exact_robots(robot, actuator, small):
-    off = replace(small, randomisation=replace(small.randomisation, kinematics=0.0, friction=0.0, actuator=0.0))
+    off = replace(
+        small,
+        randomisation=replace(
+            small.randomisation, kinematics=0.0, friction=0.0, actuator=ActuatorRandomisationConfig("none")
+        ),
+    )
     world = training_world(robot, actuator, off, num_envs=2, workers=1, seed=0)
     state = world.step(np.tile(robot.nominal_position, (2, 1)))
     np.testing.assert_array_equal(state.joint_position[0], state.joint_position[1])

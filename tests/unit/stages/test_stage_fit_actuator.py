@@ -13,6 +13,7 @@ import pytest
 from pydantic import ValidationError
 
 from hqpipe.actuators.files import load_actuator
+from hqpipe.actuators.posterior_file import load_posterior
 from hqpipe.logs.writer import LogSetWriter
 from hqpipe.pipeline.hashing import hash_files, tree_hash
 from hqpipe.robots import robot_folder
@@ -80,6 +81,17 @@ def test_every_claim_has_its_numbers_and_its_figure(made):
     json.dumps(metrics, allow_nan=False)
 
 
+def test_every_model_that_has_a_posterior_has_it_beside_it(made):
+    for folder in (made[0], made[0] / "per_joint", made[0] / "shared"):
+        model = load_actuator(folder)
+        posterior = load_posterior(folder, model)
+        assert posterior.fields == ("k1", "k2", "k3", "k4")
+        assert np.isfinite(posterior.draw(model, 3, np.random.default_rng(0))[..., :4]).all()
+    text = (made[0] / "posterior.json").read_text(encoding="utf-8")
+    assert text == (made[0] / "per_joint" / "posterior.json").read_text(encoding="utf-8")
+    assert text != (made[0] / "shared" / "posterior.json").read_text(encoding="utf-8")
+
+
 def test_csv_and_json_agree_with_the_metrics(made):
     output, metrics = made
     with (output / "comparison.csv").open(encoding="utf-8", newline="") as stream:
@@ -133,7 +145,9 @@ def test_rivals_stand_in_the_same_table(logs, tmp_path):
     for name, title in (("two_chamber", "two chambers of oil"), ("strong_mlp", "MLP, every advantage")):
         assert np.isfinite(metrics["held_out_rmse"][title]["free_run"])
         assert {title} <= metrics["fit_s"].keys() & metrics["step_us"].keys() & metrics["stress_rmse"].keys()
-        assert load_actuator(output / "rivals" / name).joints == JOINTS
+        model = load_actuator(output / "rivals" / name)
+        assert model.joints == JOINTS
+        assert (load_posterior(output / "rivals" / name, model) is None) == (name == "strong_mlp")
     assert metrics["held_out_rmse"]["two chambers of oil"]["free_run"] < 10.0
 
 

@@ -1,0 +1,105 @@
+"""The actuators of the robots in a training: whole parameter sets from the fit's posterior, or factors within a half-range."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from hqpipe.actuators.base import ActuatorModel
+from hqpipe.actuators.posterior import Posterior
+from hqpipe.errors import ConfigError
+from hqpipe.rl.config import ActuatorRandomisationConfig
+
+_QUANTILES = (0.025, 0.975)
+
+
+def actuator_mode(sizes: ActuatorRandomisationConfig, posterior: Posterior | None) -> str:
+    """posterior, half_range or none.
+
+    Raises:
+        ConfigError: the mode is posterior and there is none.
+    """
+    if sizes.mode == "posterior" and posterior is None:
+        raise ConfigError(
+            "randomisation.actuator.mode is posterior, but the actuator model has no posterior.json beside it: run "
+            "hqpipe fit-actuator on more data, or set randomisation.actuator.mode to half_range"
+        )
+    mode = sizes.mode if sizes.mode != "auto" else "half_range" if posterior is None else "posterior"
+    size = {"posterior": sizes.scale, "half_range": sizes.half_range, "none": 0.0}[mode]
+    return mode if size > 0.0 else "none"
+
+
+def drawn_parameters(
+    actuator: ActuatorModel,
+    count: int,
+    sizes: ActuatorRandomisationConfig,
+    posterior: Posterior | None,
+    seed: int | Sequence[int],
+) -> np.ndarray | None:
+    """(count, J, P) tables of `actuator`; None where all robots have its own. The same seed gives the same tables."""
+    mode, rng = actuator_mode(sizes, posterior), np.random.default_rng(seed)
+    if mode == "posterior":
+        return posterior.draw(actuator, count, rng, sizes.scale)
+    return scattered_parameters(actuator, count, sizes.half_range, rng) if mode == "half_range" else None
+
+
+def scattered_parameters(
+    actuator: ActuatorModel, count: int, half_range: float, rng: np.random.Generator
+) -> np.ndarray:
+    """(count, J, P) coefficients, each scaled by its own factor within 1 ± half_range and kept within its bounds.
+
+    Certain columns, as geometry and limits, stay; a shared column has one factor per robot.
+    """
+    joints, fields = actuator.parameters.shape
+    factor = rng.uniform(1.0 - half_range, 1.0 + half_range, size=(count, joints, fields))
+    for column, field in enumerate(actuator.FIELDS.values()):
+        if field.certain:
+            factor[..., column] = 1.0
+        elif field.shared:
+            factor[..., column] = factor[:, :1, column]
+    lower = [field.lower for field in actuator.FIELDS.values()]
+    upper = [field.upper for field in actuator.FIELDS.values()]
+    return np.clip(actuator.parameters * factor, lower, upper)
+
+
+def draws_report(
+    actuator: ActuatorModel,
+    sizes: ActuatorRandomisationConfig,
+    posterior: Posterior | None,
+    table: np.ndarray | None,
+) -> dict[str, Any]:
+    """JSON-able: how the actuators of a training differ, and what was drawn of each coefficient of each joint.
+
+    Args:
+        table: of `drawn_parameters`.
+    """
+    mode = actuator_mode(sizes, posterior)
+    report: dict[str, Any] = {"mode": mode, "robots": 0 if table is None else len(table)}
+    if mode == "posterior":
+        report["scale"] = sizes.scale
+        groups = [g for g in posterior.groups if set(g.joints) & set(actuator.joints)]
+        report["without_sections"] = [joint for g in groups if g.between is None for joint in g.joints]
+        report["not_identified"] = {
+            joint: {name: {"low": r.low, "high": r.high, "reason": r.reason} for name, r in group.ranges.items()}
+            for group in groups
+            if group.ranges
+            for joint in group.joints
+        }
+    elif mode == "half_range":
+        report["half_range"] = sizes.half_range
+    if table is not None:
+        report["joints"] = {joint: _drawn(actuator, j, table[:, j]) for j, joint in enumerate(actuator.joints)}
+    return report
+
+
+def _drawn(actuator: ActuatorModel, joint: int, table: np.ndarray) -> dict[str, Any]:
+    """Coefficient → the model's value, and the range of 95 % of its draws (N, P)."""
+    found = {}
+    for column, (name, field) in enumerate(actuator.FIELDS.items()):
+        if not field.certain:
+            low, high = np.quantile(table[:, column], _QUANTILES)
+            value = float(actuator.parameters[joint, column])
+            found[name] = {"unit": field.unit, "model": value, "low": float(low), "high": float(high)}
+    return found

@@ -1,0 +1,134 @@
+"""Posterior of an actuator model: what is drawn from it, and its file."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hqpipe.actuators.hydraulic import Hydraulic
+from hqpipe.actuators.posterior import Group, Posterior, Range
+from hqpipe.actuators.posterior_file import FILE, load_posterior, save_posterior
+from hqpipe.errors import ConfigError, UsageError
+
+FIELDS = ("k1", "k2", "k3", "k4")
+MEAN = np.array([1.0e5, 0.05, 4.0e3, 20.0])
+DEVIATION = 0.05 * MEAN
+CORRELATION = np.array([[1.0, 0.5, 0.9, 0.0], [0.5, 1.0, 0.3, 0.0], [0.9, 0.3, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+SCATTER = CORRELATION * np.outer(DEVIATION, DEVIATION)
+LOWER, UPPER = np.zeros(4), np.array([np.inf, 1.0, np.inf, np.inf])
+
+
+def group(joints=("a",), mean=MEAN, scatter=SCATTER, between=None, ranges=None):
+    return Group(tuple(joints), mean, scatter, between, 4, LOWER, UPPER, ranges or {})
+
+
+def model(*groups):
+    """The model that belongs to the groups, and their posterior."""
+    joints = [joint for part in groups for joint in part.joints]
+    table = np.concatenate([np.tile(part.mean, (len(part.joints), 1)) for part in groups])
+    columns = dict(zip(FIELDS, table.T, strict=True))
+    made = Hydraulic.build(joints, dt=1e-3, sprocket_radius=0.06, effort_limit=900.0, **columns)
+    return made, Posterior("hydraulic", FIELDS, groups)
+
+
+def draws(posterior, actuator, count=20_000, seed=0, scale=1.0):
+    return posterior.draw(actuator, count, np.random.default_rng(seed), scale)
+
+
+def test_whole_sets_are_drawn_with_their_correlations():
+    actuator, posterior = model(group())
+    table = draws(posterior, actuator)[:, 0]
+    np.testing.assert_allclose(table[:, :4].mean(axis=0), MEAN, rtol=0.003)
+    np.testing.assert_allclose(table[:, :4].std(axis=0), DEVIATION, rtol=0.03)
+    np.testing.assert_allclose(np.corrcoef(table[:, :4].T), CORRELATION, atol=0.03)
+    assert (table[:, 4] == 0.06).all() and (table[:, 5] == 900.0).all()
+
+
+def test_shared_error_is_common_and_what_lies_between_is_each_joint_s_own():
+    actuator, posterior = model(group(("a", "b"), between=3.0 * SCATTER))
+    table = draws(posterior, actuator)
+    np.testing.assert_allclose(table[:, :, 0].std(axis=0), 2.0 * DEVIATION[0], rtol=0.03)
+    assert np.corrcoef(table[:, 0, 0], table[:, 1, 0])[0, 1] == pytest.approx(0.25, abs=0.03)
+
+
+def test_a_mean_on_a_bound_is_not_heaped_there():
+    on_bound = np.array([1.0e5, 0.05, 0.0, 20.0])
+    spread = np.diag(np.array([1e3, 1e-3, 1e2, 1.0]) ** 2)
+    actuator, posterior = model(group(mean=on_bound, scatter=spread))
+    k3 = draws(posterior, actuator)[:, 0, 2]
+    assert (k3 > 0.0).all()
+    assert k3.mean() == pytest.approx(1e2 * np.sqrt(2.0 / np.pi), rel=0.03), "half of a normal distribution"
+
+
+def test_scale_and_seed():
+    actuator, posterior = model(group(between=SCATTER))
+    np.testing.assert_array_equal(draws(posterior, actuator, 50), draws(posterior, actuator, 50))
+    assert (draws(posterior, actuator, 50, seed=1)[..., 0] != draws(posterior, actuator, 50)[..., 0]).all()
+    wide, plain = (draws(posterior, actuator, scale=s)[..., 0].std() for s in (2.0, 1.0))
+    assert wide == pytest.approx(2.0 * plain, rel=0.03)
+    np.testing.assert_array_equal(draws(posterior, actuator, 3, scale=0.0), np.tile(actuator.parameters, (3, 1, 1)))
+
+
+def test_what_logs_do_not_determine_comes_from_its_range():
+    silent = SCATTER.copy()
+    silent[3], silent[:, 3] = 0.0, 0.0
+    mean = np.array([*MEAN[:3], 0.0])
+    actuator, posterior = model(group(mean=mean, scatter=silent, ranges={"k4": Range(0.0, 8.0, "no impacts")}))
+    k4 = draws(posterior, actuator)[:, 0, 3]
+    assert k4.min() >= 0.0 and k4.max() <= 8.0 and k4.mean() == pytest.approx(4.0, rel=0.05)
+
+
+def test_joints_are_matched_by_name():
+    actuator, posterior = model(group(("a",)), group(("b",), mean=2.0 * MEAN, scatter=SCATTER))
+    table = draws(posterior, actuator.for_joints(("b", "a")), 500)
+    np.testing.assert_allclose(table[..., 0].mean(axis=0), [2.0e5, 1.0e5], rtol=0.02)
+    with pytest.raises(UsageError, match="no joint 'c'"):
+        draws(posterior, replace(actuator, joints=("a", "c")), 1)
+
+
+def test_a_mean_far_out_of_bounds_is_an_error_and_no_endless_loop():
+    lost = replace(group(), mean=np.array([-1e6, 0.05, 4e3, 20.0]))
+    with pytest.raises(ConfigError, match="hardly a draw lies within the physical bounds; lower randomisation"):
+        draws(Posterior("hydraulic", FIELDS, (lost,)), model(group())[0], 2)
+
+
+def test_the_file_gives_back_the_same_draws(tmp_path):
+    ranges = {"k4": Range(0.0, 8.0, "no impacts")}
+    actuator, posterior = model(group(("a", "b"), between=SCATTER), group(("c",), ranges=ranges))
+    first = save_posterior(posterior, actuator, tmp_path).read_bytes()
+    again = load_posterior(tmp_path, actuator)
+    np.testing.assert_array_equal(draws(again, actuator, 50), draws(posterior, actuator, 50))
+    assert save_posterior(again, actuator, tmp_path).read_bytes() == first
+
+
+def test_a_folder_without_the_file_has_no_posterior(tmp_path):
+    assert load_posterior(tmp_path, model(group())[0]) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda raw: raw.pop("groups"), "missing field 'groups'"),
+        (lambda raw: raw.update(group=1), "unknown field 'group' – did you mean 'groups'"),
+        (lambda raw: raw.update(format="hqpipe-posterior/0"), "expected hqpipe-posterior/1"),
+        (lambda raw: raw["fields"].__setitem__(0, "effort_limit"), "'effort_limit' is no fitted parameter"),
+        (lambda raw: raw["groups"][0]["mean"].pop(), r"groups\[0\].mean: expected 4 numbers"),
+        (lambda raw: raw["groups"][0]["mean"].__setitem__(0, 1.0), "they are of two fits"),
+        (lambda raw: raw["groups"][0]["scatter"][0].__setitem__(2, 1e9), "scatter: is no covariance"),
+        (lambda raw: raw["groups"][0]["joints"].__setitem__(0, "z"), "joints are z, those of actuator.json a"),
+        (lambda raw: raw["groups"][0]["lower"].__setitem__(0, 1e9), "mean: expected values between lower and upper"),
+        (lambda raw: raw["groups"][0]["ranges"].update(k9={"low": 0, "high": 1, "reason": ""}), "unknown 'k9'"),
+    ],
+)
+def test_a_broken_file_is_named_with_field_and_mend(tmp_path, change, message):
+    actuator, posterior = model(group())
+    path = save_posterior(posterior, actuator, tmp_path)
+    raw = json.loads(path.read_text(encoding="utf-8"))
+    change(raw)
+    path.write_text(json.dumps(raw), encoding="utf-8")
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_posterior(tmp_path, actuator)
+    assert FILE in str(caught.value) and "run hqpipe fit-actuator again" in str(caught.value)
