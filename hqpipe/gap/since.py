@@ -23,7 +23,7 @@ from hqpipe.gap.two_fits import two_fits
 from hqpipe.logs.trajectory import LogSet
 
 LOGS, ACTUATOR = "logs", "actuator"
-MODES = ("position", "torque")
+MODE = "position"  # in the others the coefficients are no physics that could be compared one by one
 FIT, DIAGNOSIS = "fit.json", "diagnosis.json"
 _COEFFICIENTS = ("k1", "k2", "k3", "k4")
 _POWERS = (2, 0, 2, 1)  # of the sprocket's radius in joint space, eq. (7)
@@ -84,10 +84,10 @@ def check_alike(
         UsageError: names both sides and the mend.
     """
     pair = f"{log_set.path} and the reference {path}"
-    if log_set.control_mode not in MODES:
+    if log_set.control_mode != MODE:
         raise UsageError(
             f"{log_set.path}: control mode {log_set.control_mode or 'not given'}; what changed since a reference can be asked "
-            f"in {' and '.join(MODES)} mode: diagnose such logs without --reference"
+            f"in {MODE} mode only: diagnose such logs without --reference"
         )
     if log_set.control_mode != mode:
         raise UsageError(
