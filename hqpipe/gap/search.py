@@ -92,6 +92,11 @@ class JointSearch:
             self._tried[key] = self.fitter.fit(key, warm, iterations)
         return self._tried[key]
 
+    @property
+    def tried(self) -> list[SetFit]:
+        """Every set that was fitted."""
+        return list(self._tried.values())
+
     def run(self) -> JointResult:
         """All singles and pairs, larger sets, elimination."""
         base = self.fitter.fit(())

@@ -130,7 +130,7 @@ def test_tied_columns_grow_by_one_factor():
         begin, signals, free, np.zeros(2), np.full(2, np.inf), 0.1 * begin[free], tied, CHANGES, np.inf, 30, 1e-7
     )
     np.testing.assert_allclose(p[BASE] / truth[BASE], 1.0, rtol=0.02)
-    shared = (p / begin)[BASE]
+    shared = p[BASE] / begin[BASE]
     np.testing.assert_allclose(shared[[0, 3]], shared[2], rtol=1e-12)
 
 
