@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import json
 from collections.abc import Sequence
@@ -24,7 +25,7 @@ from hqpipe.logs.trajectory import LogSet
 
 LOGS, ACTUATOR = "logs", "actuator"
 MODE = "position"  # in the others the coefficients are no physics that could be compared one by one
-FIT, DIAGNOSIS = "fit.json", "diagnosis.json"
+FIT, DIAGNOSIS, RESIDUALS = "fit.json", "diagnosis.json", "residuals.csv"
 _COEFFICIENTS = ("k1", "k2", "k3", "k4")
 _POWERS = (2, 0, 2, 1)  # of the sprocket's radius in joint space, eq. (7)
 
@@ -211,11 +212,13 @@ def _left(folder: Path, model: ActuatorModel) -> dict[str, tuple[float, float | 
     if isinstance(model, Hydraulic):
         fits = {joint: _fit_of(folder, model.scope, joint) for joint in model.joints}
         return {joint: (_beyond(fit["free_run_rmse"], fit["noise"]), None) for joint, fit in fits.items() if fit}
-    path = folder / DIAGNOSIS
-    gap = json.loads(path.read_text(encoding="utf-8"))["gap"] if path.is_file() else None
-    return (
-        dict.fromkeys(model.joints, (_beyond(gap["after"], gap["noise_floor"]), gap["persistence"] ** 2)) if gap else {}
-    )
+    paths = folder / DIAGNOSIS, folder / RESIDUALS
+    gap = json.loads(paths[0].read_text(encoding="utf-8"))["gap"] if all(path.is_file() for path in paths) else None
+    if gap is None:
+        return {}
+    with paths[1].open(newline="", encoding="utf-8") as stream:
+        rows = [row for row in csv.DictReader(stream) if (row["trial"], row["family"]) == ("all", "all")]
+    return {row["joint"]: (_beyond(float(row["rmse_after"]), gap["noise_floor"]), None) for row in rows}
 
 
 def _beyond(error: float, noise: float) -> float:
