@@ -32,7 +32,7 @@ from hqpipe.gap.sharing import pool_groups, seek_consensus
 from hqpipe.gap.signs import SignedLogs
 from hqpipe.gap.since import Earlier
 from hqpipe.gap.spans import Spans, search_spans
-from hqpipe.gap.unchanged import drop_unchanged, familiar_error
+from hqpipe.gap.unchanged import drop_unchanged, familiar_error, only_needed
 from hqpipe.gap.worth import close_gap, drop_outweighed, drop_slight, drop_trifles
 from hqpipe.logs.trajectory import LogSet, recording_of
 from hqpipe.sysid.noise import difference_noise
@@ -118,7 +118,7 @@ def accuse(
     noise = _floor(_machine(states, mode, speed, chosen=True), states, log_set, steps)
     familiar = noise + familiar_error(states, heldout) if earlier is not None else np.zeros(len(joints))
     floor = np.maximum(noise, np.minimum(familiar, [state.chosen.error for state in states]))
-    states = _tidy(drop_unchanged(states, floor), floor)
+    states = _tidy(drop_unchanged(only_needed(states, noise, familiar), floor), floor)
     if earlier is None:  # else what the record itself misses could still be explained, too
         machine = _machine(states, mode, speed, chosen=True)
         sensor, rest = _sensor_floor(machine, states, steps), Rest(machine, log_set, steps)

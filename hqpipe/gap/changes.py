@@ -2,8 +2,9 @@
 
 Where nothing is known of the machine, k1 … k4 are whatever fits best. Where an earlier record holds them, each change of them
 is a candidate like an effect, and its number is the ratio of now to then. A change may move several coefficients by one
-ratio. With C the flow gain of the valve, A the lever area, L the leakage and β/V the stiffness of the oil, a sample gives
-k1 = C β/V Δt, k2 = L β/V Δt, k3 = A β/V Δt (eqs. (1) to (7) of the paper), and k4 goes with β/V too.
+ratio. With C the flow gain of the valve, A the lever area, L the leakage and β/V the stiffness of the oil, the rates are
+a1 = C β/V Δt, x = L β/V Δt, a3 = A β/V Δt (eqs. (1) to (7) of the paper), and a4 goes with β/V too; of a sample in which the
+torque leaks, k2 = 1 − exp(−x) and ki = ai k2/x (`multiply_physics`).
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from hqpipe.effects import EFFECTS
-from hqpipe.effects.effect import NONE, POSITION, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import NONE, POSITION, Effect, Parameter
 from hqpipe.effects.layout import slot, slots
+from hqpipe.kernels.augmented_fit import MOST_LEAKED, multiply_physics
 
 RATIO = "ratio"
 MOST_RATIO = 20.0  # and one over it: a coefficient that changed by more is another machine's; assumption
@@ -22,11 +24,9 @@ SCALE, STIFFNESS, COMPLIANCE = "torque_scale", "stiffness_change", "transmission
 ABSENT = 1e-9  # of the natural size of a coefficient: none to speak of, so that a ratio has no meaning
 
 
-def _change(
-    name: str, meaning: str, source: str, experiment: str, modes: tuple[str, ...] = (POSITION, TORQUE)
-) -> Effect:
+def _change(name: str, meaning: str, source: str, experiment: str) -> Effect:
     ratio = Parameter(RATIO, "1", NONE, 1.0 / MOST_RATIO, MOST_RATIO, (0.5, 2.0), neutral=1.0)
-    return Effect(name, "actuator", "core", (ratio,), meaning, source, experiment, modes)
+    return Effect(name, "actuator", "core", (ratio,), meaning, source, experiment, (POSITION,))
 
 
 _PAPER = "eqs. (1) to (7) of the paper"
@@ -56,7 +56,6 @@ CHANGES: dict[str, Effect] = {
             "k4: impacts that drive the torque against the error are braked differently",
             _PAPER,
             "drops and knocks, as in the earlier record",
-            (POSITION,),
         ),
         _change(
             STIFFNESS,
@@ -124,12 +123,22 @@ def ratios(row: np.ndarray, then: np.ndarray, names: Sequence[str]) -> dict[str,
         return {}
     base = sorted({column for name in known for column in base_slots(name) if then[column] != 0.0})
     share = np.array([[float(column in base_slots(name)) for name in known] for column in base])
-    logs = np.log(np.maximum(row[base], 1e-300) / then[base])
+    logs = np.log(np.maximum(_rates(row)[base], 1e-300) / _rates(then)[base])
     return dict(zip(known, np.exp(np.linalg.lstsq(share, logs, rcond=None)[0]).tolist(), strict=True))
 
 
 def multiplied(row: np.ndarray, name: str, factor: float) -> np.ndarray:
     """A copy of a row with one change more."""
     row = row.copy()
-    row[base_slots(name)] *= factor
+    multiply_physics(row, np.array(base_slots(name)), factor)
+    return row
+
+
+def _rates(row: np.ndarray) -> np.ndarray:
+    """A copy of a row with the rates in the places of k1 … k4."""
+    k1, k2, k3, k4 = (slot("base", name) for name in ("k1", "k2", "k3", "k4"))
+    row = row.copy()
+    decay = -np.log1p(-min(row[k2], MOST_LEAKED))
+    row[[k1, k3, k4]] *= decay / row[k2] if row[k2] > 0.0 else 1.0
+    row[k2] = decay
     return row

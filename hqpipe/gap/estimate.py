@@ -21,10 +21,10 @@ import numpy as np
 from hqpipe.effects.effect import Parameter
 from hqpipe.effects.layout import slot
 from hqpipe.gap.bootstrap import BLOCK_S
-from hqpipe.gap.changes import CANDIDATES, FACTORS, columns, leaders, ratios
+from hqpipe.gap.changes import CANDIDATES, FACTORS, columns, leaders, multiplied, ratios
 from hqpipe.gap.joint_data import JointData
 from hqpipe.gap.set_fit import SetFit
-from hqpipe.kernels.augmented_fit import residual_windows
+from hqpipe.kernels.augmented_fit import multiply_physics, residual_windows
 from hqpipe.kernels.augmented_signals import Signals
 
 Z95 = 1.959964  # standard normal quantile at 97.5 %
@@ -141,7 +141,7 @@ def _moved(row: np.ndarray, column: int, tied: Sequence[int], size: float) -> tu
     moved = row.copy()
     h = max(STEP * abs(row[column]), 0.1 * size, 1e-12)
     if len(tied):
-        moved[list(tied)] *= (row[column] + h) / row[column]
+        multiply_physics(moved, np.asarray(tied), (row[column] + h) / row[column])
     else:
         moved[column] += h
     return moved, h
@@ -181,14 +181,20 @@ def _with_then(
     data: JointData, fit: SetFit, jacobian: np.ndarray, residual: np.ndarray, bread: np.ndarray, own: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Covariance (n, n) of the numbers and of their differences, with that of the earlier record in them."""
-    then = data.then
+    then, led = data.then, [slot("base", name) for name in ("k1", "k2", "k3", "k4")]
     sizes = np.sqrt(np.maximum(np.diag(then.covariance), 0.0))
-    moves = [_moved(fit.row, c, (), size) for c, size in zip(then.columns, sizes, strict=True)]
+    changed, moves = ratios(fit.row, then.row, fit.effects), []
+    for column, size in zip(then.columns, sizes, strict=True):
+        moved, h = _moved(then.row, column, (), size)
+        for name, ratio in changed.items():
+            moved = multiplied(moved, name, ratio)
+        shifted = fit.row.copy()
+        if column in led:
+            shifted[led] = moved[led]
+        else:
+            shifted[column] += h
+        moves.append((shifted, h))
     slopes = _slopes(moves, residual, data.fit.signals)
-    led = [slot("base", name) for name in ("k1", "k2", "k3", "k4")]
-    for slope, column in zip(slopes, then.columns, strict=True):
-        if column in led and then.row[column] != 0.0:
-            slope *= fit.row[column] / then.row[column]  # what was multiplied since
     passed = -bread @ np.einsum("nkw,mkw->nm", jacobian, slopes)
     passed[~np.isfinite(passed)] = 0.0
     apart = passed.copy()

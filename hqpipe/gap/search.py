@@ -24,6 +24,7 @@ MATERIAL = 0.005  # of the output's RMS: a change of the error by less is no use
 WORTH = 1.10  # squared error without an effect over that with it: less is not worth a name
 RIVAL = 0.03  # of an effect's improvement: another that comes as close cannot be told from it
 RIVAL_Z, DOUBTFUL = 2.0, 0.25  # standard errors by which a rival must be worse, unless it is so by this share
+TOLD = 2.0  # squared error with a rival over that with the name, from which an earlier record tells the two apart; assumption
 SHAPE_WORTH = 1.005  # for every parameter beyond the first: of two effects that do alike the simpler one is named
 NEAR, MOST_NEAR = 1.3, 4  # loss over the best one's, and number of sets that are compared once settled; assumptions
 UNTOUCHED = 1e-3  # of the loss: a smaller change says that the fit trials do not care
@@ -90,6 +91,11 @@ class JointSearch:
         if key not in self._tried:
             self._tried[key] = self.fitter.fit(key, warm, iterations)
         return self._tried[key]
+
+    @property
+    def tried(self) -> list[SetFit]:
+        """Every set that was fitted."""
+        return list(self._tried.values())
 
     def run(self) -> JointResult:
         """All singles and pairs, larger sets, elimination."""
@@ -261,7 +267,8 @@ class JointSearch:
                 other = self.fit((*kept, name), [without])
                 _, z = self.gain(other, fit)
                 share = (other.error - fit.error) / max(without.error - fit.error, 1e-300)
-                if share < RIVAL or (z < RIVAL_Z and share < DOUBTFUL):
+                told = self.fitter.data.then is not None and z >= RIVAL_Z and other.error > TOLD * fit.error
+                if (share < RIVAL and not told) or (z < RIVAL_Z and share < DOUBTFUL):
                     rivals.append(name)
         return Support(support.effect, support.ratio, support.z, tuple(rivals))
 

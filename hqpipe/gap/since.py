@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import json
 from collections.abc import Sequence
@@ -23,8 +24,8 @@ from hqpipe.gap.two_fits import two_fits
 from hqpipe.logs.trajectory import LogSet
 
 LOGS, ACTUATOR = "logs", "actuator"
-MODES = ("position", "torque")
-FIT, DIAGNOSIS = "fit.json", "diagnosis.json"
+MODE = "position"  # in the others the coefficients are no physics that could be compared one by one
+FIT, DIAGNOSIS, RESIDUALS = "fit.json", "diagnosis.json", "residuals.csv"
 _COEFFICIENTS = ("k1", "k2", "k3", "k4")
 _POWERS = (2, 0, 2, 1)  # of the sprocket's radius in joint space, eq. (7)
 
@@ -84,10 +85,10 @@ def check_alike(
         UsageError: names both sides and the mend.
     """
     pair = f"{log_set.path} and the reference {path}"
-    if log_set.control_mode not in MODES:
+    if log_set.control_mode != MODE:
         raise UsageError(
             f"{log_set.path}: control mode {log_set.control_mode or 'not given'}; what changed since a reference can be asked "
-            f"in {' and '.join(MODES)} mode: diagnose such logs without --reference"
+            f"in {MODE} mode only: diagnose such logs without --reference"
         )
     if log_set.control_mode != mode:
         raise UsageError(
@@ -211,11 +212,13 @@ def _left(folder: Path, model: ActuatorModel) -> dict[str, tuple[float, float | 
     if isinstance(model, Hydraulic):
         fits = {joint: _fit_of(folder, model.scope, joint) for joint in model.joints}
         return {joint: (_beyond(fit["free_run_rmse"], fit["noise"]), None) for joint, fit in fits.items() if fit}
-    path = folder / DIAGNOSIS
-    gap = json.loads(path.read_text(encoding="utf-8"))["gap"] if path.is_file() else None
-    return (
-        dict.fromkeys(model.joints, (_beyond(gap["after"], gap["noise_floor"]), gap["persistence"] ** 2)) if gap else {}
-    )
+    paths = folder / DIAGNOSIS, folder / RESIDUALS
+    gap = json.loads(paths[0].read_text(encoding="utf-8"))["gap"] if all(path.is_file() for path in paths) else None
+    if gap is None:
+        return {}
+    with paths[1].open(newline="", encoding="utf-8") as stream:
+        rows = [row for row in csv.DictReader(stream) if (row["trial"], row["family"]) == ("all", "all")]
+    return {row["joint"]: (_beyond(float(row["rmse_after"]), gap["noise_floor"]), None) for row in rows}
 
 
 def _beyond(error: float, noise: float) -> float:

@@ -8,14 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from hqpipe.gap.causes import assemble
+from hqpipe.gap.changes import FACTORS
 from hqpipe.gap.estimate import certainty, covariance_of
+from hqpipe.gap.joint_data import Then
 from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.replay import Replay, persistence_error
-from hqpipe.gap.set_fit import JointFitter
-from hqpipe.gap.worth import take_back
+from hqpipe.gap.set_fit import JointFitter, SetFit
+from hqpipe.gap.worth import bare, take_back
 
 FAMILIAR = 1.25  # on the error that the record left on its own logs: other motion, other error; assumption
 CLEAR = 2.0  # standard errors from which the earlier trials themselves show a "change"; assumption
+LACKS = 2.0  # squared error over the noise from which a record lacked effects when it was made; assumption
+AS_THEN = "the reference missed its own logs by as much"
 REASON = "differs from the reference by no more than two fits of the same machine do"
 
 
@@ -30,6 +34,34 @@ def familiar_error(states: Sequence[JointState], heldout: Sequence[Replay]) -> n
         if then is not None:
             found[j] = FAMILIAR * then.familiar * (swing[j] / then.swing if then.swing else 1.0)
     return found
+
+
+def only_needed(states: list[JointState], noise: np.ndarray, familiar: np.ndarray) -> list[JointState]:
+    """Without names for what the record missed when it was made.
+
+    A joint that errs as it did has not changed. Of one that errs more, beside a record that lacked effects, the smallest set
+    is taken that brings it back to what it was: what would close the rest was lacking then.
+
+    Args:
+        noise: (J,) mean squared error that noise leaves. familiar: (J,) the same of a record without any change.
+    """
+    found = []
+    for state, level, known in zip(states, noise, familiar, strict=True):
+        if state.data.then is not None and state.chosen.effects:
+            back = [fit for fit in state.search.tried if fit.error <= known]
+            if state.base.error <= known:
+                state = bare(state, AS_THEN)
+            elif known > LACKS * level and back:
+                state = state.choose(
+                    min(back, key=lambda fit: (len(fit.effects), _unknown_then(fit, state.data.then), fit.error))
+                )
+        found.append(state)
+    return found
+
+
+def _unknown_then(fit: SetFit, then: Then) -> int:
+    """Effects of a set that the record did not have: these it may have lacked."""
+    return sum(name not in FACTORS and name not in then.effects for name in fit.effects)
 
 
 def drop_unchanged(states: list[JointState], floor: np.ndarray) -> list[JointState]:

@@ -40,7 +40,7 @@ def close_gap(states: list[JointState], floor: np.ndarray) -> list[JointState]:
         asked = float(np.interp(left, (NEAR_REST, FAR_REST), (HALF, LEAST_CLOSURE)))
         if state.chosen.effects and share < asked and left > REST:
             reason = f"closes only {max(share, 0.0):.0%} of the squared error above the noise in {state.joint}"
-            state = _bare(state, reason)
+            state = bare(state, reason)
         found.append(state)
     return _believed(found, floor)
 
@@ -53,10 +53,10 @@ def _believed(states: list[JointState], floor: np.ndarray) -> list[JointState]:
     if after <= REST * noise or before - after >= HALF * (before - noise):
         return states
     reason = f"more than {FEW} names in one joint of a machine whose gap stays open"
-    return [_bare(state, reason) if len(state.chosen.effects) > FEW else state for state in states]
+    return [bare(state, reason) if len(state.chosen.effects) > FEW else state for state in states]
 
 
-def _bare(state: JointState, reason: str) -> JointState:
+def bare(state: JointState, reason: str) -> JointState:
     """The joint without names."""
     return JointState(state.search, state.base, state.base, (), dict.fromkeys(state.chosen.effects, reason))
 

@@ -34,6 +34,7 @@ from hqpipe.kernels.augmented_columns import (
 from hqpipe.kernels.augmented_signals import Signals, Work, make_work
 from hqpipe.kernels.augmented_windows import simulate
 
+MOST_LEAKED = 1.0 - 1e-9  # of the torque in a sample
 STEP = 1e-4  # of a parameter's scale: above rounding, below curvature
 _DRIVEN = COMMAND | FOLLOW
 _INPUTS = {
@@ -80,15 +81,37 @@ def _cost(out: np.ndarray, target: np.ndarray, outlier: float, residual: np.ndar
 
 
 @njit(cache=True, nogil=True)
+def multiply_physics(row: np.ndarray, tied: np.ndarray, factor: float) -> None:
+    """Multiply what some of k1 … k4 stand for in continuous time, in place.
+
+    Leakage makes the torque decay by exp(−x) in a sample, and what comes in during it decays with it: k2 = 1 − exp(−x), and
+    k1, k3 and k4 are x-fold smaller than their rates by (1 − exp(−x))/x = k2/x. So more leakage lowers k1, k3 and k4 too.
+
+    Args:
+        row: (WIDTH,). tied: (T,) columns among k1 … k4, filled up with −1.
+    """
+    before = row[K2]
+    decay = -np.log1p(-min(before, MOST_LEAKED))
+    within = before / decay if decay > 0.0 else 1.0
+    for column in tied:
+        if column == K2:
+            decay *= factor
+        elif column >= 0:
+            row[column] *= factor
+    row[K2] = -np.expm1(-decay)
+    left = (row[K2] / decay if decay > 0.0 else 1.0) / within
+    row[K1] *= left
+    row[K3] *= left
+    row[K4] *= left
+
+
+@njit(cache=True, nogil=True)
 def _move(moved: np.ndarray, p: np.ndarray, at: int, value: float, tied: np.ndarray) -> None:
-    """Bring column `at` from `p` to `value`; what is tied to it grows by the same factor, whatever else moved it."""
+    """Bring column `at` from `p` to `value`; where it is tied, multiply the physics of the tied ones by value/p[at]."""
     if tied.shape[0] == 0 or tied[0] < 0:
         moved[at] = value
-        return
-    factor = value / p[at]
-    for column in tied:
-        if column >= 0:
-            moved[column] *= factor
+    else:
+        multiply_physics(moved, tied, value / p[at])
 
 
 @njit(cache=True, nogil=True)
@@ -180,8 +203,9 @@ def fit_windows(
         start: (WIDTH,) row to begin with.
         s: data.
         free: (n,) columns to fit; lower, upper, scale: (n,) bounds and sizes.
-        tied: (n, T) columns that grow by one factor with a free one, itself among them, filled up with −1; a row of −1, or
-            T = 0, for a column that moves alone. A column that something is tied to must not be 0.
+        tied: (n, T) columns of the base model whose physics grow by one factor with a free one, itself among them, filled up
+            with −1 (see `multiply_physics`); a row of −1, or T = 0, for a column that moves alone. Such a free column must
+            not be 0, and its steps are steps of that factor times its value.
         changes: (WIDTH,) `CHANGES`.
         outlier: residuals beyond count linearly, in the unit of the output.
         iterations: at most.

@@ -45,7 +45,7 @@ def machine(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("machine")
     shutil.copy(ROOT / "pipeline.yaml", folder)
     write(folder / "then", 1)
-    write(folder / "now", 2, gains={"k2": [1.0, 1.8]})
+    write(folder / "now", 2, gains=planted.leaking(1.0, 1.8))
     return folder
 
 

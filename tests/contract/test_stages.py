@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hqpipe.actuators import files, weights_file
+from hqpipe.actuators import files, posterior_file, weights_file
 from hqpipe.pipeline.config import Configuration, StageParams
 from hqpipe.stages import ACTUATOR, FITTED, MODEL, STAGES
 from hqpipe.stages.logs import FIT
@@ -43,4 +43,4 @@ def test_init_writes_the_pipeline_yaml_of_this_project():
 
 def test_what_is_read_of_an_actuator_is_what_counts():
     assert MODEL == (files.FILE, weights_file.FILE)
-    assert ACTUATOR.files == MODEL and FITTED.files == (*MODEL, FIT)
+    assert ACTUATOR.files == (*MODEL, posterior_file.FILE) and FITTED.files == (*MODEL, FIT)

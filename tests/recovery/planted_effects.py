@@ -53,6 +53,13 @@ class Planted:
     torque: np.ndarray
 
 
+def leaking(*ratios: float) -> dict[str, list[float]]:
+    """`gains` of joints that leak by these ratios more than `GAINS`, with what leaks away within a sample."""
+    decay = -np.log(1.0 - GAINS["k2"])
+    k2 = (1.0 - np.exp(-decay * np.array(ratios))) / GAINS["k2"]
+    return {"k2": k2.tolist(), **{name: (k2 / np.array(ratios)).tolist() for name in ("k1", "k3", "k4")}}
+
+
 class _Numbers:
     """Parameters of the effects as (J,) arrays; where a joint lacks an effect, the number that switches it off."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from planted_effects import TYPICAL, logs_of
+from planted_effects import TYPICAL, leaking, logs_of
 
 from hqpipe.gap.diagnosis import diagnose
 from hqpipe.gap.since_logs import earlier_logs
@@ -30,7 +30,7 @@ def test_nothing_changed(earlier):
 
 
 def test_leakage_has_grown_in_one_joint(earlier):
-    content, causes = since(earlier, [{}, size("valve_deadband")], gains={"k2": [1.8, 1.0]})
+    content, causes = since(earlier, [{}, size("valve_deadband")], gains=leaking(1.8, 1.0))
     assert content["verdict"] == "explained" and set(causes) == {("leakage_change", ("LFR",))}
     ratio = causes["leakage_change", ("LFR",)]["ratio"]
     assert ratio["value"] == pytest.approx(1.8, rel=0.1) and ratio["ci95"][0] <= 1.8 <= ratio["ci95"][1]

@@ -96,5 +96,5 @@ def test_what_does_not_fit_together_names_both(logs, change, message):
 
 
 def test_valve_mode_is_refused(logs):
-    with pytest.raises(UsageError, match=r"control mode valve.*position and torque mode: diagnose such logs without"):
+    with pytest.raises(UsageError, match=r"control mode valve.*position mode only: diagnose such logs without"):
         check_alike(replace(logs, control_mode="valve"), "then", "valve", JOINTS, 1e-3)

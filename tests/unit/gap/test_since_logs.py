@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_logs import logs_of, size
+from planted_logs import logs_of, planted, size
 
 from hqpipe.actuators.files import load_actuator
 from hqpipe.effects import EFFECTS
@@ -25,7 +25,7 @@ from hqpipe.gap.unchanged import REASON, drop_unchanged
 KEPT = (*CHANGES, "torque_scale", "valve_deadband", "valve_lag", "unsigned_sensor")
 WITHOUT = tuple(name for name in EFFECTS if name not in KEPT)
 BAND = {"valve_deadband": {"half_width": 0.03, "rounding": 0.2}}
-LEAK = {"k2": [1.0, 1.8]}
+LEAK = planted.leaking(1.0, 1.8)
 
 
 def since(earlier, logs):
@@ -81,10 +81,12 @@ def test_the_saved_actuator_is_the_machine_of_now(found, earlier, tmp_path):
     assert read_diagnosis(tmp_path / FILE)["reference"]["kind"] == "logs"
     model = load_actuator(tmp_path)
     then = np.array([earlier.then[joint].row for joint in model.joints])
-    k1, k2 = (list(model.FIELDS).index(name) for name in ("k1", "k2"))
+    k1, k2, k3 = (list(model.FIELDS).index(name) for name in ("k1", "k2", "k3"))
     np.testing.assert_allclose(model.parameters[0], then[0])
-    assert model.parameters[1, k2] / then[1, k2] == pytest.approx(1.8, rel=0.1)
-    assert model.parameters[1, k1] == then[1, k1]
+    gains = [k1, k2, k3]
+    now = dict(zip(gains, model.parameters[1, gains] / then[1, gains], strict=True))
+    assert now[k2] == pytest.approx(LEAK["k2"][1], rel=0.03)
+    assert [now[k1], now[k3]] == pytest.approx([LEAK["k1"][1]] * 2, rel=0.002), "more leaks away within a sample"
 
 
 def test_the_model_of_a_diagnosis_is_a_reference_too(sound, leaking, tmp_path):
@@ -158,6 +160,18 @@ def test_what_the_record_misses_on_its_own_logs_is_no_change(earlier, leaking):
     content = since(replace(earlier, then=then), logs_of([{}, {}], seed=3))
     assert content["verdict"] == "no_gap"
     assert any("no better than" in text for text in content["warnings"])
+
+
+def test_what_a_record_lacked_is_not_new(sound, tmp_path):
+    """A model without the deadband that the machine has had all along: it errs as it did, and then leaks besides."""
+    band = [size("valve_deadband"), {}]
+    lacking = (*WITHOUT, "valve_deadband", "valve_lag")
+    write_diagnosis(diagnose(logs_of(band), without=lacking), tmp_path)
+    earlier = earlier_actuator(tmp_path)
+    content = since(earlier, logs_of(band, seed=1))
+    assert content["verdict"] == "no_gap" and content["causes"] == []
+    leaks = since(earlier, logs_of(band, seed=1, gains=planted.leaking(1.0, 1.8)))
+    assert named(leaks) == {("leakage_change", ("LFP",))}
 
 
 def test_logs_that_cannot_be_diagnosed_are_no_reference(sound):

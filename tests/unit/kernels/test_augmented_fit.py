@@ -9,7 +9,7 @@ from augmented_rows import planted, row, signals_of
 from hqpipe.effects import EFFECTS
 from hqpipe.effects.layout import FIELDS, WIDTH, slot, slots
 from hqpipe.kernels.augmented_columns import ALL
-from hqpipe.kernels.augmented_fit import CHANGES, fit_windows, residual_windows
+from hqpipe.kernels.augmented_fit import CHANGES, fit_windows, multiply_physics, residual_windows
 from hqpipe.kernels.augmented_signals import make_work
 from hqpipe.kernels.augmented_windows import simulate
 
@@ -122,14 +122,26 @@ def test_tied_columns_grow_by_one_factor():
     signals = signals_of(None, noise=3.0, seconds=6.0)
     truth = row({})
     begin = truth.copy()
-    begin[BASE] /= 0.8
-    begin[BASE[1]] /= 0.7
+    multiply_physics(begin, np.array([BASE[1]]), 1.0 / 0.7)
+    multiply_physics(begin, np.array(BASE), 1.0 / 0.8)
     free = np.array([BASE[1], BASE[2]])
     tied = np.array([[BASE[1], -1, -1, -1], BASE])
     p, *_ = fit_windows(
         begin, signals, free, np.zeros(2), np.full(2, np.inf), 0.1 * begin[free], tied, CHANGES, np.inf, 30, 1e-7
     )
     np.testing.assert_allclose(p[BASE] / truth[BASE], 1.0, rtol=0.02)
-    shared = (p / begin)[BASE]
+    shared = p[BASE] / begin[BASE]
     np.testing.assert_allclose(shared[[0, 3]], shared[2], rtol=1e-12)
-    assert shared[1] / shared[2] == pytest.approx(0.7, rel=0.02)
+
+
+def test_more_leakage_takes_more_within_the_sample():
+    """An exact sample of τ' = a − x τ: a part of what comes in leaks away before the sample ends."""
+    then, now = row({}), row({})
+    multiply_physics(now, np.array([BASE[1], -1]), 1.8)
+    decay = -np.log(1.0 - then[BASE[1]])
+    assert now[BASE[1]] == pytest.approx(1.0 - np.exp(-1.8 * decay))
+    kept = [(1.0 - np.exp(-x)) / x for x in (decay, 1.8 * decay)]
+    np.testing.assert_allclose(now[[BASE[0], BASE[2], BASE[3]]] / then[[BASE[0], BASE[2], BASE[3]]], kept[1] / kept[0])
+    none = row({}, k2=0.0)
+    multiply_physics(none, np.array(BASE), 2.0)
+    np.testing.assert_allclose(none[BASE], 2.0 * row({}, k2=0.0)[BASE])
