@@ -14,7 +14,7 @@ from hqpipe.errors import UsageError, near_match
 from hqpipe.pipeline.config import StageParams
 from hqpipe.stages.judging import judge, write_data_curve
 from hqpipe.stages.logs import FIT, read_logs
-from hqpipe.stages.rivals import EVERY, NAMES, TITLES, Rival, fit_rivals, found_effects, stepped
+from hqpipe.stages.rivals import EVERY, NAMES, TITLES, Rival, fit_rivals, found_effects, rival_fits, stepped
 
 SCOPES = ("per_joint", "shared")
 FREE_RUNNING, ONE_STEP = "{}, free-running", "{}, one-step"  # names of the models of a scope
@@ -24,7 +24,8 @@ FOREIGN = "the joints are not those of the robot: R is 1, k1 in N·m/rad, and no
 class Params(StageParams):
     """Attributes:
     scope: which fit the later stages use; both are made. window_s: length of the free-running windows, s.
-    data_seconds: lengths of fit data, s, for the curve of error against data; none for no curve.
+    data_seconds: lengths of fit data, s, for the curve of error against data; none for no curve. Every length costs a fit of
+        every model.
     rivals: models that the paper's is held against: itself with diagnosed effects, two chambers of oil, nets as in the paper,
         and strong_ with every advantage.
     net_iterations, strong_net_iterations: of their training.
@@ -75,7 +76,8 @@ def run(context: Any) -> dict[str, Any]:
     context.progress(total - 1, total, "figures")
     draw_fit(context.output, log_set, chosen.model, context.params.window_s)
     if context.params.data_seconds:
-        write_data_curve(context, log_set, paper_fits(options))
+        with rival_fits(*_rival_options(context, constants)) as fits:
+            write_data_curve(context, log_set, paper_fits(options) | fits)
     return {
         **_metrics(metrics, chosen),
         "effects": diagnosed.effects if diagnosed is not None else None,
@@ -85,20 +87,22 @@ def run(context: Any) -> dict[str, Any]:
 
 def _rivals(context: Any, log_set: Any, constants: dict[str, Any], total: int) -> tuple[Any, ...]:
     """See `fit_rivals`, without posteriors; every model is saved into a folder of its name."""
-    p, told = context.params, iter(range(len(SCOPES), total))
+    numbers = iter(range(len(SCOPES), total))
     models, posteriors, seconds, refused = fit_rivals(
         log_set,
-        p.rivals,
-        constants,
-        p.window_s,
-        (p.net_iterations, p.strong_net_iterations),
-        context.seed,
-        context.workers,
-        lambda title: context.progress(next(told), total, title),
+        *_rival_options(context, constants),
+        lambda title: context.progress(next(numbers), total, title),
     )
     for title, model in models.items():
         _save(stepped(model), posteriors.get(title), context.output / "rivals" / NAMES[title])
     return models, seconds, refused
+
+
+def _rival_options(context: Any, constants: dict[str, Any]) -> tuple[Any, ...]:
+    """What `fit_rivals` and `rival_fits` have in common."""
+    p = context.params
+    iterations = (p.net_iterations, p.strong_net_iterations)
+    return p.rivals, constants, p.window_s, iterations, context.seed, context.workers
 
 
 def _save(model: Any, posterior: Any, folder: Path) -> None:

@@ -73,7 +73,7 @@ def write_data_curve(context: Any, log_set: Any, fits: Mapping[str, Callable[[An
     from hqpipe.sysid.score_files import finite
 
     p = context.params
-    curve = data_curve(log_set, fits, p.data_seconds, window_s=p.window_s)
+    curve = data_curve(log_set, fits, p.data_seconds, window_s=p.window_s, workers=context.workers)
     for point in curve.points:
         if point.reason:
             show(f"warning: {point.model} from {point.seconds:g} s of data: {point.reason}")

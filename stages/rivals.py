@@ -4,8 +4,11 @@ to the same trials."""
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 if TYPE_CHECKING:
@@ -64,6 +67,32 @@ def fit_rivals(
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     return models, posteriors, seconds, refused
+
+
+@contextmanager
+def rival_fits(
+    names: Sequence[str],
+    constants: Mapping[str, Any],
+    window_s: float,
+    iterations: tuple[int, int],
+    seed: int,
+    workers: int,
+) -> Iterator[dict[str, Callable[[Any], Any]]]:
+    """Title → fit in a process of its own, as `hqpipe.sysid.data_curve` asks for it; arguments as of `fit_rivals`."""
+    from hqpipe.errors import IdentificationError
+
+    limit = constants.get("effort_limit", float("inf"))
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(max(1, min(workers, len(names))), mp_context=context) as pool:
+
+        def fitted(name: str, log_set: Any) -> Any:
+            needed = replace(log_set, trials=tuple(log_set.fit))
+            model, *_, reason = pool.submit(fit_rival, name, needed, limit, window_s, iterations, seed).result()
+            if model is None:
+                raise IdentificationError(reason)
+            return model
+
+        yield {TITLES[name]: partial(fitted, name) for name in names}
 
 
 def fit_rival(

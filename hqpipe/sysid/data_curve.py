@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,7 +44,7 @@ class DataCurve:
 
 
 def data_curve(
-    log_set: LogSet, fits: Mapping[str, Fit], seconds: Sequence[float], *, window_s: float = WINDOW_S
+    log_set: LogSet, fits: Mapping[str, Fit], seconds: Sequence[float], *, window_s: float = WINDOW_S, workers: int = 1
 ) -> DataCurve:
     """Fit models to longer and longer beginnings of the fit trials and judge all of them on the same held-out trials.
 
@@ -52,6 +53,7 @@ def data_curve(
         fits: name → fit, each called once per length.
         seconds: lengths of fit data, s; those beyond what there is count as all of it.
         window_s: of the free run, s; the data are cut in whole windows.
+        workers: fits at a time, in threads.
 
     Raises:
         UsageError: a length that is not positive.
@@ -64,7 +66,7 @@ def data_curve(
     there = sum(_usable(trial, window_s) for trial in log_set.fit)
     points: list[CurvePoint] = []
     for length in sorted({min(float(length), there) for length in seconds}):
-        models, refused = _fitted(first_seconds(log_set, length, window_s), fits)
+        models, refused = _fitted(first_seconds(log_set, length, window_s), fits, workers)
         for name in fits:
             errors = _errors(log_set.heldout, models[name], window_s) if name in models else (None, None)
             points.append(CurvePoint(name, length, *errors, refused.get(name, "")))
@@ -105,15 +107,19 @@ def _usable(trial: Trial, window_s: float) -> float:
     return (t.samples - 1) // window * window * t.dt
 
 
-def _fitted(log_set: LogSet, fits: Mapping[str, Fit]) -> tuple[dict[str, Model], dict[str, str]]:
+def _fitted(log_set: LogSet, fits: Mapping[str, Fit], workers: int) -> tuple[dict[str, Model], dict[str, str]]:
     """Models that could be fitted, and why the others could not."""
-    models, refused = {}, {}
-    for name, fit in fits.items():
+
+    def attempt(fit: Fit) -> tuple[Model | None, str]:
         try:
-            models[name] = fit(log_set)
+            return fit(log_set), ""
         except IdentificationError as error:  # too little data for it: that is what the curve is to show
-            refused[name] = str(error)
-    return models, refused
+            return None, str(error)
+
+    with ThreadPoolExecutor(workers) as pool:
+        found = dict(zip(fits, pool.map(attempt, fits.values()), strict=True))
+    models = {name: model for name, (model, _) in found.items() if model is not None}
+    return models, {name: reason for name, (model, reason) in found.items() if model is None}
 
 
 def _errors(trials: list[Trial], model: Model, window_s: float) -> tuple[float, float]:
