@@ -9,6 +9,7 @@ from hqpipe.effects.effect import COMMAND, NONE, Effect, Parameter
 # Through the clearance of its lands a spool passes oil before it opens, so that the width is defined no better than
 # that; Merritt's order of magnitude, and what withheld cases show.
 CLEARANCE = 0.035  # of the width
+SHARP = 1e-300  # half width of a corner that has none
 
 EFFECT = Effect(
     name="valve_deadband",
@@ -26,17 +27,15 @@ EFFECT = Effect(
 
 
 @njit(cache=True, nogil=True, inline="always")
-def beyond(excess: float, corner: float) -> float:
-    """max(excess, 0) with a parabola of half width `corner` round the corner."""
-    if excess >= corner:
-        return excess
-    if excess <= -corner:
-        return 0.0
-    return 0.25 * (excess + corner) ** 2 / corner
+def beyond(excess: float, corner: float, bend: float) -> float:
+    """max(excess, 0) with a parabola of half width `corner` round the corner, bent by `bend` = 1/(4 corner); branch-free."""
+    inside = min(max(excess + corner, 0.0), 2.0 * corner)
+    return bend * inside * inside + max(excess - corner, 0.0)
 
 
 @njit(cache=True, nogil=True, inline="always")
 def deadband(opening: float, half_width: float, rounding: float) -> float:
     """What is left of an opening beyond ± half_width; `rounding` is the half width of the corner as a share of that."""
     corner = rounding * half_width
-    return beyond(opening - half_width, corner) - beyond(-opening - half_width, corner)
+    bend = 0.25 / max(corner, SHARP)
+    return beyond(opening - half_width, corner, bend) - beyond(-opening - half_width, corner, bend)
