@@ -143,12 +143,13 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _in_step(m: np.ndarray, start: int, size: int) -> bool:
-    """Whether the joints of a block have seen as many samples each."""
-    others = 0
-    for i in range(size):
-        others += m[SAMPLES, start + i] != m[SAMPLES, start]
-    return others == 0
+def _counts(m: np.ndarray, start: int, size: int) -> tuple[bool, bool]:
+    """Whether joints of a block have just been reset, and whether all have seen as many samples."""
+    first, asleep, others = m[SAMPLES, start], 0, 0
+    for i in range(start, start + size):
+        asleep += m[SAMPLES, i] == 0.0
+        others += m[SAMPLES, i] != first
+    return asleep > 0, others == 0
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -162,9 +163,10 @@ def _command(
     u: np.ndarray,
     start: int,
     size: int,
+    in_step: bool,
 ) -> None:
     """Error, integrator, spool and what shapes the opening, into `u` (B,)."""
-    if links[DELAYED] and links[ALIKE] and _in_step(m, start, size):
+    if links[DELAYED] and links[ALIKE] and in_step:
         slot = int(m[SAMPLES, start]) % RING_LENGTH
         newer = (slot - int(d[WHOLE, 0])) % RING_LENGTH
         older = (newer - 1) % RING_LENGTH
@@ -291,9 +293,12 @@ def _core(
             change[i] = m[WOUND, start + i]
     if links[FLOWING]:
         for i in range(size):
-            effort, loss, opening = change[i], m[LOSS, start + i], u[i]
-            u[i] = opening * orifice(opening, effort, p[ORIFICE, i], loss) * fed(opening, p[SLOPE, i], loss)
+            effort, opening = change[i], u[i]
+            u[i] = opening * orifice(opening, effort, p[ORIFICE, i], m[LOSS, start + i])
             change[i] = p[K4, i] * impact(effort, opening) - p[K2, i] * effort
+        if links[STIFFENED]:
+            for i in range(size):
+                u[i] *= fed(u[i], p[SLOPE, i], m[LOSS, start + i])
     else:
         for i in range(size):
             effort = change[i]
@@ -358,9 +363,10 @@ def augmented_batch(
     u, lost, slow, change, before = np.empty(block), np.zeros(block), np.zeros(block), np.empty(block), np.empty(block)
     for start in range(0, tau.shape[0], block):
         size = min(block, tau.shape[0] - start)
-        counted = _wake_block(p, m, tau, q_des, q, qd, joints, start, size)
-        counted |= links[DELAYED] or links[DRIFTING]
-        _command(p, d, links, m, q_des, q, u, start, size)
+        asleep, in_step = _counts(m, start, size)
+        if asleep:
+            _wake_block(p, m, tau, q_des, q, qd, joints, start, size)
+        _command(p, d, links, m, q_des, q, u, start, size, in_step)
         if links[SAGGING]:
             _supply(p, d, m, q_des, q, qd, joints, change, start, size)
         if links[RUBBING]:
@@ -371,7 +377,7 @@ def augmented_batch(
                 before[i] = m[WOUND, start + i]
         for i in range(size):
             m[WOUND, start + i] = clip(m[WOUND, start + i] + change[i], p[LIMIT, i])
-        if counted:  # else it only matters that it is no longer 0
+        if asleep or links[DELAYED] or links[DRIFTING]:  # else it only matters that it is no longer 0
             for i in range(size):
                 m[SAMPLES, start + i] += 1.0
         if links[RUBBING]:
@@ -394,13 +400,8 @@ def _wake_block(
     joints: int,
     start: int,
     size: int,
-) -> bool:
-    """Memory of joints that have just been reset, as if each had been held where it is; whether there were any."""
-    asleep = 0
-    for i in range(size):
-        asleep += m[SAMPLES, start + i] == 0.0
-    if asleep == 0:
-        return False
+) -> None:
+    """Memory of joints that have just been reset, as if each had been held where it is."""
     for first in range(0, size, joints):
         demand = 0.0
         for i in range(first, first + joints):
@@ -413,4 +414,3 @@ def _wake_block(
                 wake(p[:, i].copy(), row, tau[k], q_des[k], q[k], qd[k], demand)
                 row[RING:] = q_des[k]
                 m[:, k] = row
-    return True
