@@ -54,7 +54,7 @@ def signals() -> tuple[np.ndarray, ...]:
     return tuple(size * rng.normal(size=(ROBOTS, len(JOINTS))) for size in (100.0, 0.1, 0.1, 1.0))
 
 
-def best(call: Callable[[], object], calls: int = 300, rounds: int = 15) -> float:
+def best(call: Callable[[], object], calls: int = 300, rounds: int = 60) -> float:
     """Nanoseconds per robot; the first round warms up."""
     fastest = np.inf
     for _ in range(rounds):

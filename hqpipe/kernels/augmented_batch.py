@@ -376,7 +376,9 @@ def augmented_batch(
             for i in range(size):
                 before[i] = m[WOUND, start + i]
         for i in range(size):
-            m[WOUND, start + i] = clip(m[WOUND, start + i] + change[i], p[LIMIT, i])
+            wound = clip(m[WOUND, start + i] + change[i], p[LIMIT, i])
+            m[WOUND, start + i] = wound
+            tau[start + i] = wound
         if asleep or links[DELAYED] or links[DRIFTING]:  # else it only matters that it is no longer 0
             for i in range(size):
                 m[SAMPLES, start + i] += 1.0
@@ -385,8 +387,6 @@ def augmented_batch(
         if links[RUBBING] or links[SLACK]:
             for i in range(size):
                 tau[start + i] = clip(transmitted(m[WOUND, start + i] - lost[i], d[HALF, i]), p[LIMIT, i])
-        else:
-            tau[start : start + size] = m[WOUND, start : start + size]
 
 
 @njit(cache=True, nogil=True, inline="always")
