@@ -135,6 +135,7 @@ def _fit_group(problem: Problem, noise: np.ndarray) -> tuple[Solution | None, Jo
     k = solution.k if solution else np.zeros(4)
     rmse = np.sqrt(np.mean(np.concatenate(problem.residuals(k)) ** 2))
     bounds = problem.windows.bounds
+    spread = uncertainty(solution.at, free) if solution and _enough(problem.windows) else None
     fit = JointFit(
         joint=problem.joints[0].joint if len(problem.joints) == 1 else "all",
         coefficients=_coefficients(solution, problem.windows, free, one_step, reasons),
@@ -142,6 +143,8 @@ def _fit_group(problem: Problem, noise: np.ndarray) -> tuple[Solution | None, Jo
         noise=float(np.sqrt(np.mean(noise**2))),
         windows=len(bounds),
         samples=int((bounds[:, 1] - bounds[:, 0]).sum()) * len(problem.joints),
+        covariance=spread.covariance if spread else None,
+        freedom=spread.freedom if spread else None,
     )
     return solution, fit, one_step
 
