@@ -1,6 +1,7 @@
 """How often the 95 % intervals of k1 … k4 hold the truth, and how far the estimates are from it.
 
-    python benchmarks/interval_coverage.py [--seed 100] [--fits 200] [--joints 1] [--seconds 20] [--disturbed 0.03 0.3] [--csv FILE]
+    python benchmarks/interval_coverage.py [--seed 100] [--fits 200] [--joints 1] [--seconds 20] [--disturbed 0.03 0.3]
+        [--inside] [--csv FILE]
 
 Every fit has a command, impacts, disturbances and noise of its own (tests/recovery/closed_loop_truth.py): one joint, or
 `--joints` of them that share their coefficients. Besides white noise of 4 N·m the measured torque has a disturbance of 8 N·m

@@ -100,7 +100,7 @@ def rival_fits(
 def fit_rival(
     name: str, log_set: Any, limit: Any, window_s: float, iterations: tuple[int, int], seed: int
 ) -> tuple[Any, Any, tuple[Any, ...], float, str]:
-    """One model, its posterior and the reports of its joints, if it has them, and the time of its fit, s; or None and why not."""
+    """One model, its posterior and reports of its joints, if it has them, and the seconds of its fit; or None and why not."""
     from hqpipe.errors import IdentificationError
     from hqpipe.gap.diagnosed import fit_diagnosed
     from hqpipe.sysid.fit_chambers import fit_chambers

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from hqpipe.errors import UsageError
 from hqpipe.report.style import BLUE, GREY, INK, VERMILION, new_figure, save_figure, styled, title_row
 
-_SHOWN = ("hydraulic stiffness", "flow gain", "leakage", "loop stiffness", "bulk modulus", "leakage between chambers")
+_SHOWN = ("hydraulic stiffness", "bulk modulus", "flow gain", "leakage", "loop stiffness", "full torque")
 _COLOURS, _MARKERS = (VERMILION, BLUE), ("o", "s")
 _COLUMNS = 3
 _APART = 0.22  # of a joint's row, between the models

@@ -99,7 +99,7 @@ def _linear(design: Design, droop: float) -> dict[str, float]:
         "leak time constant": 1.0 / (stiffness * droop),
         "loop stiffness": gain / droop,
         "bulk modulus": design.bulk_modulus,
-        "leakage between chambers": droop * design.swept**2,
+        "leak coefficient": droop * design.swept**2,
     }
 
 
@@ -120,7 +120,7 @@ def oil_quantities(found: Sequence[Quantity], design: Design) -> tuple[Quantity,
         elif q.name == "leakage" and np.isfinite(design.swept):
             scale = design.swept**2
             meaning = "leakage as a flow: that times (A R)²"
-            rows.append(_scaled(q, "leakage between chambers", "m³/s/Pa", scale * q.value, scale, meaning))
+            rows.append(_scaled(q, "leak coefficient", "m³/s/Pa", scale * q.value, scale, meaning))
     return tuple(rows)
 
 
