@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from hqpipe.logs.assemble import assemble
@@ -85,3 +87,12 @@ def test_the_lag_of_a_valve_passes_for_soft_oil_in_the_papers_model(plain):
     for joint in ratios(plain, "paper"):
         assert 0.6 < joint["hydraulic stiffness"] < 0.85
         assert joint["flow gain"] == pytest.approx(1.0, abs=0.04)
+
+
+def test_a_robot_that_says_nothing_of_its_hydraulics_is_expected_nothing(plain, tmp_path):
+    folder = shutil.copytree(load_robot("hydraulic_quadruped").folder, tmp_path / "robot")
+    text = (folder / "robot.yaml").read_text(encoding="utf-8")
+    (folder / "robot.yaml").write_text(text[: text.index("hydraulics:")] + "hydraulics: {}\n", encoding="utf-8")
+    for design in joint_designs(folder, plain).values():
+        assert design.radius == RADIUS
+        assert np.isnan([*paper_expected(design).values(), *chamber_expected(design).values()]).all()
