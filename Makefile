@@ -1,10 +1,11 @@
 # make run   – install if needed, then the whole pipeline on a small budget (profile ci)
 # make test  – install if needed, then every test
+# make claims – the figures of docs/theory/actuator-claims.md, from the chain up to fit-actuator and two benchmarks
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
 
-.PHONY: run test lint clean
+.PHONY: run test lint claims clean
 
 run: $(VENV)/.installed
 	$(BIN)/hqpipe run all --profile ci
@@ -15,6 +16,15 @@ test: $(VENV)/.installed lint
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+claims: $(VENV)/.installed
+	$(BIN)/hqpipe run all --profile ci --until fit-actuator --set 'fit_actuator.data_seconds=[1,2,5,10,18]'
+	rm -f build/interval_coverage.csv
+	$(BIN)/python benchmarks/interval_coverage.py --seed 100 --csv build/interval_coverage.csv
+	$(BIN)/python benchmarks/interval_coverage.py --seed 101 --csv build/interval_coverage.csv
+	$(BIN)/python benchmarks/actuator_speed.py --csv build/actuator_speed.csv
+	$(BIN)/python benchmarks/claim_figures.py --actuator artifacts/actuator --rollouts artifacts/rollouts \
+		--coverage build/interval_coverage.csv --speed build/actuator_speed.csv
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "hqpipe needs Python 3.11 or newer; run: make PYTHON=python3.11 run")'

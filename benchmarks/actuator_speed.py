@@ -1,15 +1,19 @@
 """What a step of an actuator model costs: 400 robots of 12 joints in one call, on one core.
 
-    python benchmarks/actuator_speed.py
+    python benchmarks/actuator_speed.py [--csv FILE]
 
-Nanoseconds per robot and sample, the best of many; numpy, torch and ONNX Runtime do the same in the same run.
+Nanoseconds per robot and sample, the best of many; numpy, torch and ONNX Runtime do the same in the same run. Nets have the
+paper's size (48, 64, 12). `--csv` writes the rows to a file, which `claim_figures.py` draws.
 """
 
 from __future__ import annotations
 
+import argparse
+import csv
 import os
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -18,10 +22,15 @@ import numpy as np
 
 from hqpipe.actuators.augmented import Augmented
 from hqpipe.actuators.base import ActuatorModel
+from hqpipe.actuators.gru import GRU
 from hqpipe.actuators.hydraulic import Hydraulic
+from hqpipe.actuators.lstm import LSTM
+from hqpipe.actuators.mlp import MLP
+from hqpipe.actuators.net import NetActuator
+from hqpipe.actuators.two_chamber import TwoChamber
 from hqpipe.effects.layout import neutral_row, slot
 
-ROBOTS, DT = 400, 1e-3
+ROBOTS, DT, HIDDEN = 400, 1e-3, 64
 JOINTS = tuple(f"{leg}{joint}" for leg in ("LF", "RF", "LH", "RH") for joint in "RPK")
 BASE = {"k1": 250.0, "k2": 0.06, "k3": 9.0, "k4": 0.4}  # about those of the reference plant, in joint space
 COMMAND_SIDE = {
@@ -30,6 +39,21 @@ COMMAND_SIDE = {
     ("valve_deadband", "half_width"): 0.005,
     ("orifice_flow", "effort_max_nm"): 1.0 / 984.0,
     ("supply_droop", "droop"): 0.02,
+}
+CHAMBERS = {
+    "full_torque": 984.0,
+    "stiffness": 19_000.0,
+    "flow_gain": 28.0,
+    "valve_lag": 0.0018,
+    "leakage": 4.3,
+    "null_opening": 1e-4,
+    "volume_slope": 0.3,
+    "coulomb_friction": 0.0,
+    "viscous_friction": 0.0,
+    "speed_limit": np.inf,
+    "middle": 0.0,
+    "sample_time": DT,
+    "effort_limit": 900.0,
 }
 WITH_FRICTION = {
     key: value for key, value in COMMAND_SIDE.items() if key[0] not in ("valve_deadband", "supply_droop")
@@ -103,44 +127,96 @@ def of_torch() -> float:
     return best(step)
 
 
-def of_onnxruntime() -> float:
-    """An MLP of the paper's size."""
+def net(kind: type[NetActuator]) -> NetActuator:
+    """Of the paper's size with random weights."""
+    rng = np.random.default_rng(1)
+    tensors = {name: 0.1 * rng.normal(size=shape) for name, shape in kind.shapes(len(JOINTS), HIDDEN).items()}
+    tensors |= {name: np.ones_like(tensors[name]) for name in ("input_spread", "output_spread")}
+    return kind.build(JOINTS, dt=DT, tensors=tensors, effort_limit=900.0)
+
+
+def of_torch_mlp() -> float:
+    """The MLP as a simulator on a processor would call it."""
+    import torch
+    from torch.nn.functional import linear, softsign
+
+    torch.set_num_threads(1)
+    t = {name: torch.tensor(value, dtype=torch.float32) for name, value in net(MLP).tensors.items()}
+    rows = torch.from_numpy(np.concatenate(signals(), axis=1).astype(np.float32))
+
+    @torch.inference_mode()
+    def step() -> None:
+        hidden = softsign(linear((rows - t["input_mean"]) / t["input_spread"], t["input_weight"], t["input_bias"]))
+        torch.addcmul(t["output_mean"], t["output_spread"], linear(hidden, t["output_weight"], t["output_bias"]))
+
+    return best(step, 50)
+
+
+def of_onnxruntime(kind: str) -> float:
+    """A net of the paper's size, "mlp", "lstm" or "gru"; the recurrent ones advance their state by one sample."""
     import onnxruntime
     from onnx import TensorProto, helper, numpy_helper
 
-    rng, joints = np.random.default_rng(1), len(JOINTS)
-    sizes = {"w1": (4 * joints, 64), "b1": (64,), "w2": (64, joints), "b2": (joints,)}
+    rng, inputs = np.random.default_rng(1), 4 * len(JOINTS)
+    gates = {"mlp": 1, "lstm": 4, "gru": 3}[kind]
+    sizes = {"w2": (HIDDEN, len(JOINTS)), "b2": (len(JOINTS),)}
+    feeds = {"x": np.concatenate(signals(), axis=1).astype(np.float32)}
+    outputs = {"y": [ROBOTS, len(JOINTS)]}
+    if kind == "mlp":
+        sizes |= {"w1": (inputs, HIDDEN), "b1": (HIDDEN,)}
+        nodes = [helper.make_node("Gemm", ["x", "w1", "b1"], ["h"]), helper.make_node("Softsign", ["h"], ["s"])]
+    else:
+        states = ["state", "cell"][: 2 if kind == "lstm" else 1]
+        sizes |= {"w": (1, gates * HIDDEN, inputs), "r": (1, gates * HIDDEN, HIDDEN), "b": (1, 2 * gates * HIDDEN)}
+        feeds = {"x": feeds["x"][None]} | {name: np.zeros((1, ROBOTS, HIDDEN), np.float32) for name in states}
+        outputs |= {f"next_{name}": [1, ROBOTS, HIDDEN] for name in states}
+        wires = ["", *(f"next_{name}" for name in states)]
+        options = {"hidden_size": HIDDEN} | ({"linear_before_reset": 1} if kind == "gru" else {})
+        nodes = [helper.make_node(kind.upper(), ["x", "w", "r", "b", "", *states], wires, **options)]
+        nodes.append(helper.make_node("Squeeze", ["next_state", "axis"], ["s"]))
+    nodes.append(helper.make_node("Gemm", ["s", "w2", "b2"], ["y"]))
     tensors = [numpy_helper.from_array(0.1 * rng.normal(size=s).astype(np.float32), n) for n, s in sizes.items()]
-    nodes = [
-        helper.make_node("Gemm", ["x", "w1", "b1"], ["h"]),
-        helper.make_node("Softsign", ["h"], ["s"]),
-        helper.make_node("Gemm", ["s", "w2", "b2"], ["y"]),
-    ]
-    x, y = (
-        helper.make_tensor_value_info(n, TensorProto.FLOAT, [ROBOTS, c]) for n, c in (("x", 4 * joints), ("y", joints))
-    )
-    opset = [helper.make_opsetid("", 17)]
-    model = helper.make_model(helper.make_graph(nodes, "mlp", [x], [y], tensors), opset_imports=opset, ir_version=9)
+    if kind != "mlp":
+        tensors.append(numpy_helper.from_array(np.array([0], dtype=np.int64), "axis"))
+    wires = [helper.make_tensor_value_info(n, TensorProto.FLOAT, list(v.shape)) for n, v in feeds.items()]
+    ends = [helper.make_tensor_value_info(n, TensorProto.FLOAT, shape) for n, shape in outputs.items()]
+    graph = helper.make_graph(nodes, kind, wires, ends, tensors)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     session = onnxruntime.InferenceSession(model.SerializeToString(), options, providers=["CPUExecutionProvider"])
-    rows = np.concatenate(signals(), axis=1).astype(np.float32)
-    return best(lambda: session.run(None, {"x": rows}), 50)
+    return best(lambda: session.run(None, feeds), 50)
 
 
 def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--csv", type=Path, help="write the rows to this file")
+    options = parser.parse_args()
     k1, k2, k3, k4 = BASE.values()
     paper = Hydraulic.build(JOINTS, dt=DT, k1=k1, k2=k2, k3=k3, k4=k4, sprocket_radius=1.0, effort_limit=900.0)
-    rows = {
-        "the paper's model": of_model(paper),
-        "with delay, lag, dead band, orifice, supply": of_model(augmented(COMMAND_SIDE)),
-        "with delay, lag, orifice, dry and viscous friction": of_model(augmented(WITH_FRICTION), 100),
-        "the paper's model in numpy": of_numpy(),
-        "the paper's model in torch": of_torch(),
-        "MLP (48, 64, 12) in ONNX Runtime": of_onnxruntime(),
+    chambers = TwoChamber.build(JOINTS, dt=DT, **CHAMBERS)
+    cases: dict[str, Callable[[], float]] = {
+        "the paper's model": lambda: of_model(paper),
+        "with delay, lag, dead band, orifice, supply": lambda: of_model(augmented(COMMAND_SIDE)),
+        "with delay, lag, orifice, dry and viscous friction": lambda: of_model(augmented(WITH_FRICTION), 100),
+        "two chambers of oil": lambda: of_model(chambers, 20),
+        "the paper's model in numpy": of_numpy,
+        "the paper's model in torch": of_torch,
+        **{f"{kind.__name__} in hqpipe": lambda kind=kind: of_model(net(kind), 10) for kind in (MLP, LSTM, GRU)},
+        "MLP in torch": of_torch_mlp,
+        **{
+            f"{kind.upper()} in ONNX Runtime": lambda kind=kind: of_onnxruntime(kind) for kind in ("mlp", "lstm", "gru")
+        },
     }
-    for name, nanoseconds in rows.items():
-        print(f"{name:<52}{nanoseconds:>8.0f} ns")
+    rows = {}
+    for name, measured in cases.items():
+        rows[name] = measured()
+        print(f"{name:<52}{rows[name]:>8.0f} ns", flush=True)
+    if options.csv:
+        options.csv.parent.mkdir(parents=True, exist_ok=True)
+        with options.csv.open("w", newline="", encoding="utf-8") as stream:
+            writer = csv.writer(stream, lineterminator="\n")
+            writer.writerows([("model", "ns_per_robot"), *((name, f"{ns:.1f}") for name, ns in rows.items())])
 
 
 if __name__ == "__main__":

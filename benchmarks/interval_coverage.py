@@ -1,17 +1,19 @@
 """How often the 95 % intervals of k1 … k4 hold the truth, and how far the estimates are from it.
 
     python benchmarks/interval_coverage.py [--seed 100] [--fits 200] [--joints 1] [--seconds 20] [--disturbed 0.03 0.3]
+        [--inside] [--csv FILE]
 
 Every fit has a command, impacts, disturbances and noise of its own (tests/recovery/closed_loop_truth.py): one joint, or
 `--joints` of them that share their coefficients. Besides white noise of 4 N·m the measured torque has a disturbance of 8 N·m
 that is correlated over the time in the first column, and none in the first row. With `--inside` it is 1 N·m a sample that the
 actuator itself adds instead, which moves the joint. "independent" are intervals that take the
-residuals for independent of each other, as is usual.
+residuals for independent of each other, as is usual. `--csv` appends the rows to a file, which `claim_figures.py` draws.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import os
 import sys
 from collections.abc import Iterator
@@ -64,8 +66,12 @@ def independent(logs: LogSet, fit: JointFit) -> np.ndarray:
     return Z95 * fit.free_run_rmse * np.sqrt(np.diag(np.linalg.inv(at.hessian)))
 
 
-def judge(fits: list[tuple[LogSet, FitResult]]) -> str:
-    """One row: coverage of each coefficient and of all, that of independent intervals, and errors of the estimates."""
+def judge(fits: list[tuple[LogSet, FitResult]]) -> tuple[str, dict[str, float]]:
+    """One row: coverage of each coefficient and of all, that of independent intervals, and errors of the estimates, %.
+
+    Returns:
+        For the terminal, and as columns of the CSV file.
+    """
     found = [(logs, result.fits[0]) for logs, result in fits]
     value = np.array([[c.value for c in fit.coefficients] for _, fit in found])
     ends = np.array([[c.ci95 for c in fit.coefficients] for _, fit in found])
@@ -78,7 +84,21 @@ def judge(fits: list[tuple[LogSet, FitResult]]) -> str:
     worst = " ".join(f"{x:5.2f}" for x in np.abs(error).max(axis=0))
     pooled = f"{100 * inside.mean():5.1f} ({100 * low:.1f}–{100 * high:.1f})"
     close = 100.0 * (np.abs(error) <= CLOSE).all(axis=1).mean()
-    return f"{covers}  {pooled}  {100 * plain.mean():5.1f}  |{rms}  |{worst}  |{close:5.1f}"
+    columns = {f"covered_{name}": 100.0 * share for name, share in zip(COEFFICIENTS, inside.mean(axis=0), strict=True)}
+    columns |= {"covered": 100.0 * inside.mean(), "independent": 100.0 * plain.mean(), "close": close}
+    columns |= {f"error_{name}": x for name, x in zip(COEFFICIENTS, np.sqrt((error**2).mean(axis=0)), strict=True)}
+    return f"{covers}  {pooled}  {100 * plain.mean():5.1f}  |{rms}  |{worst}  |{close:5.1f}", columns
+
+
+def append(path: Path, row: dict[str, float]) -> None:
+    """Add a row to a CSV file, with a head if the file is new."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    new = not path.exists()
+    with path.open("a", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, list(row), lineterminator="\n")
+        if new:
+            writer.writeheader()
+        writer.writerow(row)
 
 
 def main() -> None:
@@ -89,6 +109,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--disturbed", type=float, nargs="+", default=TIMES, help="correlation times, s; 0 for none")
     parser.add_argument("--inside", action="store_true")
+    parser.add_argument("--csv", type=Path, help="append the rows to this file")
     options = parser.parse_args()
     scope = "per_joint" if options.joints == 1 else "shared"
     print(f"{options.fits} fits of {options.seconds:g} s × {options.joints} joints, seed {options.seed}; %")
@@ -97,7 +118,10 @@ def main() -> None:
     for time_s in options.disturbed:
         logs = logs_of(options.seed, options.fits, options.joints, options.seconds, time_s, options.inside)
         fits = [(one, fit_actuator(one, sprocket_radius=RADIUS, scope=scope)) for one in logs]
-        print(f"{time_s:6.3f}  {judge(fits)}", flush=True)
+        text, columns = judge(fits)
+        print(f"{time_s:6.3f}  {text}", flush=True)
+        if options.csv:
+            append(options.csv, {"correlated_s": time_s, "seed": options.seed, "fits": options.fits, **columns})
 
 
 if __name__ == "__main__":

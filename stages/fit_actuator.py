@@ -12,6 +12,7 @@ from pydantic import PositiveFloat, PositiveInt
 
 from hqpipe.errors import UsageError, near_match
 from hqpipe.pipeline.config import StageParams
+from hqpipe.stages.constants import write_constants
 from hqpipe.stages.judging import judge, write_data_curve
 from hqpipe.stages.logs import FIT, read_logs
 from hqpipe.stages.rivals import EVERY, NAMES, TITLES, Rival, fit_rivals, found_effects, rival_fits, stepped
@@ -65,7 +66,8 @@ def run(context: Any) -> dict[str, Any]:
     notes = [*([] if constants else [FOREIGN]), *chosen.warnings]
     show(*(f"warning: {text}" for text in notes))
     _write(context.output, log_set, fits)
-    others, seconds, refused = _rivals(context, log_set, constants, total)
+    others, reports, seconds, refused = _rivals(context, log_set, constants, total)
+    write_constants(context, log_set, chosen, reports.get(TITLES["two_chamber"], ()))
     diagnosed = others.get(TITLES["diagnosed"])
     if diagnosed is not None:
         show(found_effects(diagnosed))
@@ -88,14 +90,14 @@ def run(context: Any) -> dict[str, Any]:
 def _rivals(context: Any, log_set: Any, constants: dict[str, Any], total: int) -> tuple[Any, ...]:
     """See `fit_rivals`, without posteriors; every model is saved into a folder of its name."""
     numbers = iter(range(len(SCOPES), total))
-    models, posteriors, seconds, refused = fit_rivals(
+    models, posteriors, reports, seconds, refused = fit_rivals(
         log_set,
         *_rival_options(context, constants),
         lambda title: context.progress(next(numbers), total, title),
     )
     for title, model in models.items():
         _save(stepped(model), posteriors.get(title), context.output / "rivals" / NAMES[title])
-    return models, seconds, refused
+    return models, reports, seconds, refused
 
 
 def _rival_options(context: Any, constants: dict[str, Any]) -> tuple[Any, ...]:

@@ -36,7 +36,7 @@ def fit_rivals(
     seed: int,
     workers: int,
     told: Callable[[str], None],
-) -> tuple[dict[str, Any], dict[str, Any], dict[str, float], list[str]]:
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, float], list[str]]:
     """Fit models in `workers` processes; the result does not depend on their number.
 
     Args:
@@ -45,17 +45,17 @@ def fit_rivals(
         iterations: of a net as in the paper, and with every advantage. seed: of the nets. told: called with each title.
 
     Returns:
-        Title → model, title → posterior of those that have one, and title → seconds of the fit, in the order of `names`; why
-        others could not be fitted.
+        Title → model, title → posterior and title → reports of the joints of those that have them, and title → seconds of the
+        fit, in the order of `names`; why others could not be fitted.
     """
-    models, posteriors, seconds, refused = {}, {}, {}, []
+    models, posteriors, reports, seconds, refused = {}, {}, {}, {}, []
     limit = constants.get("effort_limit", float("inf"))
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(max(1, min(workers, len(names))), mp_context=context) as pool:
         futures = {name: pool.submit(fit_rival, name, log_set, limit, window_s, iterations, seed) for name in names}
         try:
             for name, future in futures.items():
-                model, posterior, time_s, reason = future.result()
+                model, posterior, joints, time_s, reason = future.result()
                 told(TITLES[name])
                 if model is None:
                     refused.append(f"{TITLES[name]}: not fitted: {reason}")
@@ -63,10 +63,12 @@ def fit_rivals(
                     models[TITLES[name]], seconds[TITLES[name]] = model, time_s
                     if posterior is not None:
                         posteriors[TITLES[name]] = posterior
+                    if joints:
+                        reports[TITLES[name]] = joints
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-    return models, posteriors, seconds, refused
+    return models, posteriors, reports, seconds, refused
 
 
 @contextmanager
@@ -97,29 +99,29 @@ def rival_fits(
 
 def fit_rival(
     name: str, log_set: Any, limit: Any, window_s: float, iterations: tuple[int, int], seed: int
-) -> tuple[Any, Any, float, str]:
-    """One model with its posterior, if it has one, and the time of its fit, s; or None and why the logs do not allow it."""
+) -> tuple[Any, Any, tuple[Any, ...], float, str]:
+    """One model, its posterior and reports of its joints, if it has them, and the seconds of its fit; or None and why not."""
     from hqpipe.errors import IdentificationError
     from hqpipe.gap.diagnosed import fit_diagnosed
     from hqpipe.sysid.fit_chambers import fit_chambers
     from hqpipe.sysid.nets.fit_net import fit_paper_net, fit_strong_net
     from hqpipe.sysid.timing import timed
 
-    def fit() -> tuple[Any, Any]:
+    def fit() -> tuple[Any, Any, tuple[Any, ...]]:
         if name == "diagnosed":
-            return fit_diagnosed(log_set, window_s=window_s, effort_limit=limit), None
+            return fit_diagnosed(log_set, window_s=window_s, effort_limit=limit), None, ()
         if name == "two_chamber":
             found = fit_chambers(log_set, effort_limit=limit)
-            return found.model, found.posterior
+            return found.model, found.posterior, found.fits
         train, count = (fit_strong_net, iterations[1]) if name.startswith("strong_") else (fit_paper_net, iterations[0])
         kind = name.removeprefix("strong_")
-        return train(log_set, kind, iterations=count, seed=seed, effort_limit=limit).model, None
+        return train(log_set, kind, iterations=count, seed=seed, effort_limit=limit).model, None, ()
 
     try:
-        (model, posterior), seconds = timed(fit)
+        (model, posterior, joints), seconds = timed(fit)
     except IdentificationError as error:
-        return None, None, 0.0, str(error)
-    return model, posterior, seconds, ""
+        return None, None, (), 0.0, str(error)
+    return model, posterior, joints, seconds, ""
 
 
 def stepped(model: Any) -> ActuatorModel:

@@ -25,6 +25,7 @@ from hqpipe.report.style import (
 
 _COLOURS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE, SKY, BLACK, GREY)
 _MARKERS = "osD^v<>P"
+_LINES = ("-", (0, (3, 2)))  # the second once all colours are taken
 _ROOM = 4.0  # times persistence: errors beyond are not followed
 
 
@@ -48,7 +49,10 @@ def data_curve_chart(
     for index, (name, points) in enumerate(drawn.items()):
         if points:
             colour, marker = _COLOURS[index % len(_COLOURS)], _MARKERS[index % len(_MARKERS)]
-            axes.plot(*zip(*points, strict=True), color=colour, marker=marker, markersize=4.5, label=name)
+            style = _LINES[index // len(_COLOURS) % len(_LINES)]
+            axes.plot(
+                *zip(*points, strict=True), color=colour, marker=marker, linestyle=style, markersize=4.5, label=name
+            )
     axes.set_xscale("log")
     axes.set_yscale("log")
     lowest = min(noise_floor, *(y for points in drawn.values() for _, y in points))

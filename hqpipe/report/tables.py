@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import isfinite
+from statistics import median
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -99,6 +100,47 @@ def _caption(rows: Sequence[Mapping[str, Any]], pooled: Mapping[tuple[str, str],
     limits = {_number(row["loaded_threshold"]) for row in rows if row["loaded_threshold"] is not None}
     what = f"{limits.pop()} N·m" if len(limits) == 1 else "a threshold of each joint"
     return f"{floor}\nloaded, MAPE: free run where the torque exceeds {what}"
+
+
+def constants_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    """One line per quantity: the median over the joints of each model, with the smallest and the largest, beside the design.
+
+    Args:
+        rows: of constants.csv: joint, model, quantity, unit, value, expected and more.
+    """
+    models = list(dict.fromkeys(row["model"] for row in rows))
+    table = _table("what the coefficients say of the hydraulics: median of the joints, smallest…largest")
+    table.add_column("quantity")
+    for name in models:
+        table.add_column(name, justify="right")
+    if any(row["expected"] is not None for row in rows):
+        table.add_column("by design", justify="right")
+    for quantity, unit in dict.fromkeys((row["quantity"], row["unit"]) for row in rows):
+        same = [row for row in rows if row["quantity"] == quantity]
+        cells = [_spread([row["value"] for row in same if row["model"] == name]) for name in models]
+        if len(table.columns) > len(cells) + 1:
+            cells.append(_span([row["expected"] for row in same if row["expected"] is not None]))
+        table.add_row(f"{quantity} ({unit})", *cells)
+    return table
+
+
+def _spread(values: Sequence[float]) -> str:
+    if not values:
+        return ""
+    ends = f" [dim]{_short(min(values))}…{_short(max(values))}[/dim]" if len(values) > 1 else ""
+    return _short(median(values)) + ends
+
+
+def _span(values: Sequence[float]) -> str:
+    """Both ends, where the design says different things of the joints."""
+    if not values:
+        return ""
+    ends = dict.fromkeys((_short(min(values)), _short(max(values))))
+    return "…".join(ends)
+
+
+def _short(value: float) -> str:
+    return f"{value:.2e}" if value and not 1e-3 <= abs(value) < 1e6 else _number(value)
 
 
 def _table(title: str) -> Table:

@@ -7,19 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.sysid.fit_chambers import ChamberJointFit
-
-_UPPER = 0.975  # of Student's distribution, for 95 % intervals
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A physical quantity; `half_width` of its 95 % interval, None where the logs do not determine it."""
-
-    name: str
-    unit: str
-    value: float
-    half_width: float | None
-    meaning: str
+from hqpipe.sysid.quantity import Quantity, half_width
 
 
 @dataclass(frozen=True)
@@ -70,8 +58,6 @@ def chamber_constants(fit: ChamberJointFit) -> tuple[Quantity, ...]:
 
 
 def _quantity(product: _Product, fit: ChamberJointFit) -> Quantity:
-    from scipy.special import stdtrit
-
     powers = {name: 1 for name in product.above} | {name: -1 for name in product.below}
     value = product.factor * float(np.prod([fit[name].value ** power for name, power in powers.items()]))
     half = None
@@ -80,6 +66,5 @@ def _quantity(product: _Product, fit: ChamberJointFit) -> Quantity:
         slope = np.zeros(len(order))
         for name, power in powers.items():
             slope[order.index(name)] = value * power / fit[name].value
-        freedom = min(fit.freedom[order.index(name)] for name in powers)
-        half = float(stdtrit(max(freedom, 1.0), _UPPER) * np.sqrt(max(slope @ fit.covariance @ slope, 0.0)))
+        half = half_width(slope, fit.covariance, fit.freedom)
     return Quantity(product.name, product.unit, value, half, product.meaning)

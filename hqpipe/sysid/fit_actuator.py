@@ -13,7 +13,7 @@ from hqpipe.errors import IdentificationError, UsageError, near_match
 from hqpipe.logs.trajectory import LogSet, Trial
 from hqpipe.sysid.excitation import inseparable, unexcited
 from hqpipe.sysid.free_run import WINDOW_S
-from hqpipe.sysid.intervals import uncertainty
+from hqpipe.sysid.intervals import Uncertainty, uncertainty
 from hqpipe.sysid.noise import noise_floor
 from hqpipe.sysid.outliers import outlier_size
 from hqpipe.sysid.posterior import Known, posterior_of
@@ -135,13 +135,16 @@ def _fit_group(problem: Problem, noise: np.ndarray) -> tuple[Solution | None, Jo
     k = solution.k if solution else np.zeros(4)
     rmse = np.sqrt(np.mean(np.concatenate(problem.residuals(k)) ** 2))
     bounds = problem.windows.bounds
+    spread = uncertainty(solution.at, free) if solution and _enough(problem.windows) else None
     fit = JointFit(
         joint=problem.joints[0].joint if len(problem.joints) == 1 else "all",
-        coefficients=_coefficients(solution, problem.windows, free, one_step, reasons),
+        coefficients=_coefficients(solution, spread, free, one_step, reasons),
         free_run_rmse=float(rmse),
         noise=float(np.sqrt(np.mean(noise**2))),
         windows=len(bounds),
         samples=int((bounds[:, 1] - bounds[:, 0]).sum()) * len(problem.joints),
+        covariance=spread.covariance if spread else None,
+        freedom=spread.freedom if spread else None,
     )
     return solution, fit, one_step
 
@@ -191,13 +194,13 @@ def _two_passes(problem: Problem, guess: np.ndarray, free: np.ndarray, noise: np
 
 def _coefficients(
     solution: Solution | None,
-    windows: Windows,
+    spread: Uncertainty | None,
     free: np.ndarray,
     one_step: np.ndarray,
     reasons: Mapping[str, str],
 ) -> tuple[Coefficient, ...]:
-    if solution:
-        low, high = uncertainty(solution.at, free).interval(solution.k)
+    if spread:
+        low, high = spread.interval(solution.k)
     found = []
     for i, name in enumerate(COEFFICIENTS):
         unit, before = Hydraulic.FIELDS[name].unit, float(one_step[i])
@@ -206,7 +209,7 @@ def _coefficients(
             continue
         value = float(solution.k[i])
         at_bound = bool(value <= LOWER[i] + _ON_BOUND or value >= UPPER[i] - _ON_BOUND)
-        ends = (float(low[i]), float(high[i])) if _enough(windows) else None
+        ends = (float(low[i]), float(high[i])) if spread else None
         found.append(Coefficient(name, unit, value, ends, before, at_bound=at_bound))
     return tuple(found)
 

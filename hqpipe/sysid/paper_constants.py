@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hqpipe.sysid.quantity import Quantity, half_width
+from hqpipe.sysid.results import JointFit
+
 
 @dataclass(frozen=True)
 class PaperConstants:
@@ -65,3 +68,44 @@ def paper_constants(k: np.ndarray, radius: float, dt: float, area: float | None 
         bulk_over_volume=stiffness / (2.0 * (area * radius) ** 2) if area else None,
         full_force=k3 / (k4 * dt) if k4 > 0 else None,
     )
+
+
+def paper_quantities(fit: JointFit, radius: float, dt: float) -> tuple[Quantity, ...]:
+    """The constants of one joint in the names of `hqpipe.sysid.chamber_constants`, with 95 % intervals.
+
+    Intervals follow from the covariance of the coefficients by the delta method. Each quantity is a product of powers of k1,
+    k3, k4 and of functions of k2, so that its relative derivatives are exact:
+
+        K: λ'/λ − 1/k2 and 1/k3        G: 1/k1 and −1/k3        c: 1/k2 and −1/k3        1/λ: −λ'/λ
+        k1 R² / k2: 1/k1 and −1/k2     F: 1/k3 and −1/k4        with λ'/λ = 1 / ((1 − k2) λ dt)
+
+    What needs a coefficient that the logs do not determine, or would divide by 0, is left out, and nothing is said where k2
+    is not between 0 and 1; one that rests on a physical bound leaves the quantity without an interval.
+
+    Args:
+        fit: of the joint, or of all that share their coefficients. radius: R, m. dt: s.
+    """
+    k = np.array([c.value if c.identifiable else np.nan for c in fit.coefficients])
+    if not 0.0 < k[1] < 1.0:
+        return ()
+    found, rate = paper_constants(np.nan_to_num(k), radius, dt), -1.0 / ((1.0 - k[1]) * np.log1p(-k[1]))
+    one, two, three, four = np.diag(1.0 / np.where(k > 0.0, k, np.nan))
+    fade = rate * np.eye(4)[1]
+    rows = (
+        ("hydraulic stiffness", "N·m/rad", found.stiffness, fade - two + three, "K, valve closed"),
+        ("flow gain", "1/s", found.flow_gain, one - three, "G, speed without load per position error"),
+        ("leakage", "rad/s per N·m", found.droop, two - three, "c, speed lost per torque, in the valve as well"),
+        ("leak time constant", "s", 1.0 / found.relaxation, -fade, "1/λ, fading of the torque with the valve closed"),
+        ("loop stiffness", "N·m/rad", found.loop_stiffness, one - two, "G / c, torque per position error at rest"),
+        ("impact force", "N", found.full_force, three - four, "F, at which the correction for impacts is normalised"),
+    )
+    return tuple(_quantity(fit, *row) for row in rows if row[2] is not None and np.isfinite(row[3]).all())
+
+
+def _quantity(fit: JointFit, name: str, unit: str, value: float, relative: np.ndarray, meaning: str) -> Quantity:
+    used = relative != 0.0
+    pressed = any(c.at_bound for c, needed in zip(fit.coefficients, used, strict=True) if needed)
+    half = None
+    if fit.covariance is not None and not pressed:
+        half = half_width(value * relative, fit.covariance, fit.freedom)
+    return Quantity(name, unit, float(value), half, meaning)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
+
+import numpy as np
 
 from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.actuators.posterior import Posterior
@@ -40,6 +42,8 @@ class JointFit:
     Attributes:
         free_run_rmse: on the fit trials, N·m. noise: noise floor of their torque, N·m.
         windows: how many; samples: predicted samples in them, over all joints that share the coefficients.
+        covariance: (4, 4) of the coefficients, as their intervals use it; 0 where not identifiable, None with too few windows.
+        freedom: (4,) degrees of freedom of its diagonal.
     """
 
     joint: str
@@ -48,6 +52,8 @@ class JointFit:
     noise: float
     windows: int
     samples: int
+    covariance: np.ndarray | None = field(default=None, compare=False, repr=False)
+    freedom: np.ndarray | None = field(default=None, compare=False, repr=False)
 
     def __getitem__(self, name: str) -> Coefficient:
         return next(c for c in self.coefficients if c.name == name)
@@ -82,6 +88,11 @@ class FitResult:
             "dt": self.dt,
             "window_s": self.window_s,
             "trials": list(self.trials),
-            "fits": [asdict(fit) for fit in self.fits],
+            "fits": [_plain(fit) for fit in self.fits],
             "warnings": list(self.warnings),
         }
+
+
+def _plain(fit: JointFit) -> dict[str, Any]:
+    """Without the covariance, which the posterior has."""
+    return {name: value for name, value in asdict(fit).items() if name not in ("covariance", "freedom")}

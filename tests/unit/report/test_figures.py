@@ -13,6 +13,7 @@ import pytest
 from hqpipe.errors import UsageError
 from hqpipe.logs.trajectory import Trajectory
 from hqpipe.report.comparison_figures import comparison_bars, stress_chart
+from hqpipe.report.constants_figures import constants_chart
 from hqpipe.report.data_curve_figures import data_curve_chart
 from hqpipe.report.data_figures import Cloud, data_distribution
 from hqpipe.report.fit_figures import actuator_fit, typical_and_worst
@@ -62,11 +63,23 @@ def clouds() -> dict[str, dict[str, Cloud]]:
     return {kind: {"walking": narrow, "stress": wide} for kind in ("hip roll", "knee")}
 
 
+def constant_rows() -> list[dict]:
+    """Of two models; one value without an interval, one without anything to expect."""
+    numbers = [(2e4, 1.9e4, 2.1e4, 1.95e4), (1.5e4, None, None, 1.95e4), (1.6e4, 1.5e4, 1.7e4, None)]
+    head = {"quantity": "hydraulic stiffness", "unit": "N·m/rad"}
+    places = [("LFP", "mine"), ("LFP", "other"), ("LFK", "mine")]
+    return [
+        {"joint": joint, "model": model, **head, "value": value, "low": low, "high": high, "expected": expected}
+        for (joint, model), (value, low, high, expected) in zip(places, numbers, strict=True)
+    ]
+
+
 CURVES = {"mine": [(1.0, 50.0), (10.0, 20.0)], "net": [(1.0, None), (10.0, 30.0)]}
 DRAWINGS = {
     "bars": lambda path: comparison_bars(score_rows(), ["persistence"], path),
     "stress": lambda path: stress_chart(score_rows(), path),
     "distribution": lambda path: data_distribution(clouds(), path),
+    "constants": lambda path: constants_chart(constant_rows(), path),
     "curve": lambda path: data_curve_chart(CURVES, 60.0, 1.0, path),
     "fit": lambda path: actuator_fit(TIME, MEASURED, MEASURED, PREDICTED, JOINTS, path),
     "training": lambda path: training_curves({"run": metrics_csv(path.parent)}, path),

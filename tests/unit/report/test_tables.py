@@ -7,7 +7,7 @@ import io
 import pytest
 from rich.console import Console
 
-from hqpipe.report.tables import coefficient_table, comparison_table
+from hqpipe.report.tables import coefficient_table, comparison_table, constants_table
 
 
 def text_of(table) -> str:
@@ -81,3 +81,20 @@ def test_coefficients_show_their_interval_or_why_not(change, expected):
     joint = {"joint": "LFR", "coefficients": [coefficient], "free_run_rmse": 3.21}
     text = text_of(coefficient_table({"model": "hydraulic", "scope": "per_joint", "dt": 1e-3, "fits": [joint]}))
     assert expected in text and "k1 (N/m)" in text and "3.21" in text
+
+
+def constant_row(joint, model, value, expected, quantity="flow gain"):
+    return {"joint": joint, "model": model, "quantity": quantity, "unit": "1/s", "value": value, "expected": expected}
+
+
+def test_constants_are_told_once_for_all_joints():
+    rows = [constant_row(joint, "mine", value, 28.0) for joint, value in (("LFR", 20.0), ("LFP", 26.0), ("LFK", 31.0))]
+    rows += [constant_row("LFR", "other", 2.5e-6, None, "leak")]
+    text = text_of(constants_table(rows))
+    (gain,) = [line for line in text.splitlines() if line.startswith(" flow gain") or line.startswith("flow gain")]
+    assert "26 20…31" in gain and gain.rstrip().endswith("28")
+    assert "2.50e-06" in text and "by design" in text
+
+
+def test_constants_of_an_unknown_machine_have_no_column_for_its_design():
+    assert "by design" not in text_of(constants_table([constant_row("hip", "mine", 20.0, None)]))

@@ -73,7 +73,7 @@ def made(logs, tmp_path_factory) -> tuple[Path, dict]:
 
 def test_every_claim_has_its_numbers_and_its_figure(made):
     output, metrics = made
-    for name in ("comparison.png", "stress.png", "data_curve.png", "fit.png"):
+    for name in ("comparison.png", "stress.png", "data_curve.png", "fit.png", "constants.png"):
         assert (output / name).stat().st_size > 5000
     assert metrics["held_out_rmse"]["per joint, free-running"]["free_run"] < 3.0
     assert metrics["stress_rmse"]["per joint, free-running"]["free_run"] < 3.0
@@ -102,6 +102,20 @@ def test_csv_and_json_agree_with_the_metrics(made):
     assert float(row["value"]) == expected
     tree = json.loads((output / "comparison.json").read_text(encoding="utf-8"))
     assert tree["logs"]["stress"]["models"]["mean torque"]["all"]["one_step"]["rmse"] == expected
+
+
+def test_constants_are_what_the_coefficients_mean(made):
+    """Joints that the robot does not have: k1 and k3 in joint space, and nothing to expect."""
+    with (made[0] / "constants.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert {row["joint"] for row in rows} == set(JOINTS) and {row["model"] for row in rows} == {"paper's model"}
+    assert {row["expected"] for row in rows} == {""} and "bulk modulus" not in {row["quantity"] for row in rows}
+    truth = {"flow gain": K1 / K3, "loop stiffness": K1 / K2, "leakage": K2 / K3}
+    for row in rows:
+        if row["quantity"] in truth:
+            known, (low, high) = truth[row["quantity"]], (float(row["low"]), float(row["high"]))
+            assert float(row["value"]) == pytest.approx(known, rel=0.02)
+            assert low < float(row["value"]) < high and high - low < 0.05 * known
 
 
 def test_curve_ends_with_all_the_data(made):
@@ -149,6 +163,11 @@ def test_rivals_stand_in_the_same_table(logs, tmp_path):
         assert model.joints == JOINTS
         assert (load_posterior(output / "rivals" / name, model) is None) == (name == "strong_mlp")
     assert metrics["held_out_rmse"]["two chambers of oil"]["free_run"] < 10.0
+    lines = (output / "constants.csv").read_text(encoding="utf-8").splitlines()
+    assert [any(line.startswith(f"{joint},two chambers,flow gain,") for line in lines) for joint in JOINTS] == [
+        True,
+        True,
+    ]
 
 
 def test_the_model_with_diagnosed_effects_stands_in_the_table_and_can_be_stepped(tmp_path):

@@ -1,0 +1,33 @@
+"""A physical quantity read off fitted parameters, with the interval that follows from their covariance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_UPPER = 0.975  # of Student's distribution, for 95 % intervals
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A physical quantity; `half_width` of its 95 % interval, None where the logs do not determine it."""
+
+    name: str
+    unit: str
+    value: float
+    half_width: float | None
+    meaning: str
+
+
+def half_width(slope: np.ndarray, covariance: np.ndarray, freedom: np.ndarray) -> float:
+    """Half of the 95 % interval by the delta method.
+
+    Args:
+        slope: (P,) exact derivatives of the quantity. covariance: (P, P) of the parameters.
+        freedom: (P,) degrees of freedom of its diagonal; the fewest among those that the quantity depends on count.
+    """
+    from scipy.special import stdtrit
+
+    fewest = max(float(freedom[slope != 0.0].min()), 1.0)
+    return float(stdtrit(fewest, _UPPER) * np.sqrt(max(slope @ covariance @ slope, 0.0)))
