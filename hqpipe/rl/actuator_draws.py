@@ -15,8 +15,8 @@ from hqpipe.rl.config import ActuatorRandomisationConfig
 _QUANTILES = (0.025, 0.975)
 
 
-def actuator_mode(sizes: ActuatorRandomisationConfig, posterior: Posterior | None) -> str:
-    """posterior, half_range or none.
+def actuator_mode(actuator: ActuatorModel, sizes: ActuatorRandomisationConfig, posterior: Posterior | None) -> str:
+    """posterior, half_range or none; a net has no coefficient that could be scaled.
 
     Raises:
         ConfigError: the mode is posterior and there is none.
@@ -28,6 +28,8 @@ def actuator_mode(sizes: ActuatorRandomisationConfig, posterior: Posterior | Non
         )
     mode = sizes.mode if sizes.mode != "auto" else "half_range" if posterior is None else "posterior"
     size = {"posterior": sizes.scale, "half_range": sizes.half_range, "none": 0.0}[mode]
+    if mode == "half_range" and all(field.certain for field in actuator.FIELDS.values()):
+        return "none"
     return mode if size > 0.0 else "none"
 
 
@@ -39,7 +41,7 @@ def drawn_parameters(
     seed: int | Sequence[int],
 ) -> np.ndarray | None:
     """(count, J, P) tables of `actuator`; None where all robots have its own. The same seed gives the same tables."""
-    mode, rng = actuator_mode(sizes, posterior), np.random.default_rng(seed)
+    mode, rng = actuator_mode(actuator, sizes, posterior), np.random.default_rng(seed)
     if mode == "posterior":
         return posterior.draw(actuator, count, rng, sizes.scale)
     return scattered_parameters(actuator, count, sizes.half_range, rng) if mode == "half_range" else None
@@ -75,7 +77,7 @@ def draws_report(
     Args:
         table: of `drawn_parameters`.
     """
-    mode = actuator_mode(sizes, posterior)
+    mode = actuator_mode(actuator, sizes, posterior)
     report: dict[str, Any] = {"mode": mode, "robots": 0 if table is None else len(table)}
     if mode == "posterior":
         report["scale"] = sizes.scale

@@ -42,6 +42,16 @@ def test_auto_takes_the_posterior_where_there_is_one():
     assert drawn_parameters(model, 400, replace(SIZES, mode="none"), posterior, 1) is None
 
 
+def test_a_model_without_coefficients_is_the_same_in_every_robot():
+    class Net(ActuatorModel):
+        NAME, KIND = "net", 0
+        FIELDS = {"effort_limit": ParameterField("N·m", may_be_infinite=True, certain=True)}
+
+    model = Net.build(("a", "b"), effort_limit=np.inf)
+    assert drawn_parameters(model, 4, SIZES, None, 1) is None
+    assert draws_report(model, SIZES, None, None)["mode"] == "none"
+
+
 def test_scale_widens_and_zero_turns_it_off():
     model, posterior = fitted(("a",))
     wide = drawn_parameters(model, 400, replace(SIZES, scale=2.0), posterior, 1)
