@@ -56,8 +56,7 @@ class Accusation:
         states: one per joint.
         causes: most important first. shrink: their shares.
         passing: those of them that act for a part of each trial only; spans: when.
-        before, after: the machine without and with the effects.
-        fit, heldout, after_fit, after_heldout: replays of both.
+        base, rest: the machine without and with the effects on the logs.
         floor: (J,) mean squared error that is no gap: what noise leaves, or an earlier record of the machine.
         noise: (J,) what noise alone leaves. sensor: (J,) the same of the output's sensor only.
         familiar: (J,) what an earlier record may be off by without anything having changed; 0 without one.
@@ -72,18 +71,29 @@ class Accusation:
     passing: tuple[Cause, ...]
     spans: Spans | None
     shrink: Shrink
-    before: RowModel
-    after: RowModel
-    fit: list[Replay]
-    heldout: list[Replay]
-    after_fit: list[Replay]
-    after_heldout: list[Replay]
+    base: Rest
+    rest: Rest
     floor: np.ndarray
     noise: np.ndarray
     sensor: np.ndarray
     familiar: np.ndarray
     raw: np.ndarray | None
     final: np.ndarray
+
+    @property
+    def before(self) -> RowModel:
+        """The machine without the effects."""
+        return self.base.machine
+
+    @property
+    def after(self) -> RowModel:
+        """The machine with the effects."""
+        return self.rest.machine
+
+    @property
+    def heldout(self) -> list[Replay]:
+        """Held-out trials, replayed without the effects."""
+        return self.base.heldout
 
 
 def accuse(
@@ -112,20 +122,20 @@ def accuse(
     names = library(mode, log_set.effort_source, len(joints), without, effort, changes=earlier is not None)
     data, speed, late = prepare(log_set, names, steps, signed, effort_limit, earlier)
     states = search_joints(data, names, workers, progress)
-    before = _machine(states, mode, speed, chosen=False)
-    fit, heldout = replay_all(before, log_set.fit, steps), replay_all(before, log_set.heldout, steps)
+    base = Rest(_machine(states, mode, speed, chosen=False), log_set, steps)
     states = pool_groups(seek_consensus(states))
     noise = _floor(_machine(states, mode, speed, chosen=True), states, log_set, steps)
-    familiar = noise + familiar_error(states, heldout) if earlier is not None else np.zeros(len(joints))
+    familiar = noise + familiar_error(states, base.heldout) if earlier is not None else np.zeros(len(joints))
     floor = np.maximum(noise, np.minimum(familiar, [state.chosen.error for state in states]))
     states = _tidy(drop_unchanged(only_needed(states, noise, familiar), floor), floor)
+    rest = Rest(_machine(states, mode, speed, chosen=True), log_set, steps)
     if earlier is None:  # else what the record itself misses could still be explained, too
-        machine = _machine(states, mode, speed, chosen=True)
-        sensor, rest = _sensor_floor(machine, states, steps), Rest(machine, log_set, steps)
+        sensor = _sensor_floor(rest.machine, states, steps)
         states = drop_outweighed(states, assemble(states, floor), sensor, rest)
     spans = _tidy_spans(search_spans(states, floor, workers), states, floor)
     after = _with_spans(_machine(states, mode, speed, chosen=True), spans, states, log_set)
-    after_fit, after_heldout = replay_all(after, log_set.fit, steps), replay_all(after, log_set.heldout, steps)
+    if spans or not np.array_equal(after.rows, rest.machine.rows):
+        rest = Rest(after, log_set, steps)
     causes = assemble(states, floor)
     lasting = len(causes)
     if spans:
@@ -144,12 +154,8 @@ def accuse(
         tuple(causes[lasting:]),
         spans,
         shrink,
-        before,
-        after,
-        fit,
-        heldout,
-        after_fit,
-        after_heldout,
+        base,
+        rest,
         floor,
         noise,
         _sensor_floor(after, states, steps),

@@ -99,7 +99,7 @@ def fit_diagnosed(
         raise IdentificationError(intake.reasons[0])
     limit = per_joint(effort_limit, log_set.joints, "effort_limit")
     found = accuse(part, steps, without, effort_limit=limit, workers=workers)
-    reasons, _ = shortage(found.fit, found.heldout, np.array([state.data.noise for state in found.states]) ** 2)
+    reasons, _ = shortage(found.base.fit, found.heldout, np.array([state.data.noise for state in found.states]) ** 2)
     if reasons:
         raise IdentificationError(reasons[0])
     speeds = dict.fromkeys((found.before.speed, LOGGED))

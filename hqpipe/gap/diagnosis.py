@@ -19,8 +19,9 @@ from hqpipe.gap.changes import SCALE, multiplied
 from hqpipe.gap.intake import LONGER, Intake, take_in
 from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.locate import Place, locate
-from hqpipe.gap.reference import Explained, explain
+from hqpipe.gap.reference import Explained
 from hqpipe.gap.replay import Replay
+from hqpipe.gap.rest import Rest
 from hqpipe.gap.row_model import RowModel
 from hqpipe.gap.schema import validate_diagnosis
 from hqpipe.gap.second_channel import measured, scale_causes, settle_offsets
@@ -117,13 +118,13 @@ def _actuator(
     compared = log_set.trials[0].trajectory.pressure_a is not None
     found = replace(found, causes=settle_offsets(found.causes, checked, compared))
     sensor = np.array([state.data.noise for state in found.states]) ** 2
-    reasons, excited = shortage(found.fit, found.heldout, sensor)
+    reasons, excited = shortage(found.base.fit, found.heldout, sensor)
     if reasons:
         return Diagnosis(not_identifiable(log_set, [*warnings, *reasons], LONGER, earlier))
     joints = log_set.joints
-    before = _look(found.fit, found.heldout, found.before.memory, found.floor, found.familiar)
+    before = _look(found.base, found.floor, found.familiar)
     floor = np.minimum(found.floor, before.evidence.floor)
-    after = _look(found.after_fit, found.after_heldout, found.after.memory, floor, found.familiar)
+    after = _look(found.rest, floor, found.familiar)
     still = [joint for joint, moved in zip(joints, excited, strict=True) if not moved]
     if still:
         warnings.append(f"too little excitation to judge {', '.join(still)}")
@@ -140,7 +141,7 @@ def _actuator(
         earlier,
     )
     table = _table(before, after, found.heldout)
-    traces = worst_windows(found.heldout, found.after_heldout, log_set, content["gap"]["unit"])
+    traces = worst_windows(found.heldout, found.rest.heldout, log_set, content["gap"]["unit"])
     return Diagnosis(content, tuple(table), traces, found.before.actuator(), _simulated(found.after, found.states))
 
 
@@ -154,12 +155,10 @@ class Look:
     places: list[Place]
 
 
-def _look(
-    fit: list[Replay], heldout: list[Replay], memory: np.ndarray, floor: np.ndarray, familiar: np.ndarray
-) -> Look:
-    joints = heldout[0].trajectory.joints
-    explained = [explain(fit, heldout, j, memory[j]) for j in range(len(joints))]
-    sums = tally(heldout)
+def _look(rest: Rest, floor: np.ndarray, familiar: np.ndarray) -> Look:
+    joints = rest.machine.joints
+    explained = [rest.explained(j) for j in range(len(joints))]
+    sums = tally(rest.heldout)
     evidence = weigh(sums, floor, explained, familiar)
     return Look(sums, explained, evidence, locate(sums, evidence.floor, joints))
 

@@ -1,35 +1,44 @@
-"""What the reference model predicts of the error that a machine leaves, where somebody asks."""
+"""The error that a machine's model leaves on logs, and what the reference model predicts of it."""
 
 from __future__ import annotations
 
 from functools import cached_property
 
-from hqpipe.gap.reference import explain
+from hqpipe.gap.reference import Explained, explain
 from hqpipe.gap.replay import Replay
 from hqpipe.gap.row_model import RowModel, replay_all
 from hqpipe.logs.trajectory import LogSet
 
 
 class Rest:
-    """The error of a machine's model on the held-out trials.
+    """Worked out where somebody asks, and once.
 
     Args:
         machine: with its effects. log_set: fit and held-out trials. steps: samples per window.
     """
 
     def __init__(self, machine: RowModel, log_set: LogSet, steps: int) -> None:
-        self._machine, self._log_set, self._steps = machine, log_set, steps
+        self.machine, self._log_set, self._steps = machine, log_set, steps
+        self._explained: dict[int, Explained] = {}
 
     @cached_property
-    def _replays(self) -> tuple[list[Replay], list[Replay]]:
-        fit, heldout = (
-            replay_all(self._machine, trials, self._steps) for trials in (self._log_set.fit, self._log_set.heldout)
-        )
-        return fit, heldout
+    def fit(self) -> list[Replay]:
+        """The fit trials."""
+        return replay_all(self.machine, self._log_set.fit, self._steps)
+
+    @cached_property
+    def heldout(self) -> list[Replay]:
+        """The held-out trials."""
+        return replay_all(self.machine, self._log_set.heldout, self._steps)
+
+    def explained(self, j: int) -> Explained:
+        """What the reference model says of joint `j`."""
+        if j not in self._explained:
+            self._explained[j] = explain(self.fit, self.heldout, j, self.machine.memory[j])
+        return self._explained[j]
 
     def predictable(self, joint: str) -> float:
         """Share of a joint's squared error that logged signals predict, held out; 0 where they do not."""
-        j = self._machine.joints.index(joint)
-        found = explain(*self._replays, j, self._machine.memory[j])
+        found = self.explained(self.machine.joints.index(joint))
         before = found.before.sum()
         return float(max(1.0 - found.after.sum() / before, 0.0)) if before > 0.0 else 0.0

@@ -41,7 +41,7 @@ def earlier_logs(
     logs = intake.log_set
     found = accuse(logs, intake.steps, without, intake.signed, None, workers, progress)
     sensor = np.array([state.data.noise for state in found.states]) ** 2
-    reasons, _ = shortage(found.fit, found.heldout, sensor)
+    reasons, _ = shortage(found.base.fit, found.heldout, sensor)
     if reasons:
         raise _refused(log_set, reasons[0], "record longer trials in which every joint moves")
     swing = persistence_error(found.heldout)

@@ -41,7 +41,7 @@ def test_causes_come_with_their_joints_the_largest_share_first(logs, found):
 
 
 def test_replays_show_the_gap_before_and_noise_after(found):
-    before, after = mean_square(found.heldout), mean_square(found.after_heldout)
+    before, after = mean_square(found.heldout), mean_square(found.rest.heldout)
     np.testing.assert_allclose(after, found.floor, rtol=0.3)
     assert (before[[0, 2]] > 10.0 * after[[0, 2]]).all()
     assert before[1] == pytest.approx(after[1])
