@@ -15,7 +15,18 @@ from hqpipe.pipeline.config import StageParams
 from hqpipe.stages.constants import write_constants
 from hqpipe.stages.judging import judge, write_data_curve
 from hqpipe.stages.logs import FIT, read_logs
-from hqpipe.stages.rivals import EVERY, NAMES, TITLES, Rival, fit_rivals, found_effects, rival_fits, stepped
+from hqpipe.stages.rivals import (
+    EVERY,
+    NAMES,
+    TITLES,
+    Fitted,
+    Rival,
+    Settings,
+    fit_rivals,
+    found_effects,
+    rival_fits,
+    stepped,
+)
 
 SCOPES = ("per_joint", "shared")
 FREE_RUNNING, ONE_STEP = "{}, free-running", "{}, one-step"  # names of the models of a scope
@@ -66,20 +77,25 @@ def run(context: Any) -> dict[str, Any]:
     notes = [*([] if constants else [FOREIGN]), *chosen.warnings]
     show(*(f"warning: {text}" for text in notes))
     _write(context.output, log_set, fits)
-    others, reports, seconds, refused = _rivals(context, log_set, constants, total)
-    write_constants(context, log_set, chosen, reports.get(TITLES["two_chamber"], ()))
+    settings = _settings(context, constants)
+    rivals = _rivals(context, log_set, settings, total)
+    others = {title: rival.model for title, rival in rivals.items() if rival.model is not None}
+    chambers = rivals.get(TITLES["two_chamber"])
+    write_constants(context, log_set, chosen, chambers.joints if chambers else ())
+    refused = [f"{title}: not fitted: {rival.reason}" for title, rival in rivals.items() if rival.reason]
     diagnosed = others.get(TITLES["diagnosed"])
     if diagnosed is not None:
         show(found_effects(diagnosed))
         refused += diagnosed.warnings
     show(*(f"warning: {text}" for text in refused))
     context.progress(total - 2, total, "held-out trials")
-    metrics = judge(context, log_set, models | others, fit_s | seconds)
+    fit_s |= {title: rivals[title].seconds for title in others}
+    metrics = judge(context, log_set, models | others, fit_s)
     context.progress(total - 1, total, "figures")
     draw_fit(context.output, log_set, chosen.model, context.params.window_s)
     if context.params.data_seconds:
-        with rival_fits(*_rival_options(context, constants)) as fits:
-            write_data_curve(context, log_set, paper_fits(options) | fits)
+        with rival_fits(context.params.rivals, settings) as fits_of_rivals:
+            write_data_curve(context, log_set, paper_fits(options) | fits_of_rivals)
     return {
         **_metrics(metrics, chosen),
         "effects": diagnosed.effects if diagnosed is not None else None,
@@ -87,24 +103,27 @@ def run(context: Any) -> dict[str, Any]:
     }
 
 
-def _rivals(context: Any, log_set: Any, constants: dict[str, Any], total: int) -> tuple[Any, ...]:
-    """See `fit_rivals`, without posteriors; every model is saved into a folder of its name."""
+def _rivals(context: Any, log_set: Any, settings: Settings, total: int) -> dict[str, Fitted]:
+    """See `fit_rivals`; every model is saved into a folder of its name."""
     numbers = iter(range(len(SCOPES), total))
-    models, posteriors, reports, seconds, refused = fit_rivals(
-        log_set,
-        *_rival_options(context, constants),
-        lambda title: context.progress(next(numbers), total, title),
+    found = fit_rivals(
+        log_set, context.params.rivals, settings, lambda title: context.progress(next(numbers), total, title)
     )
-    for title, model in models.items():
-        _save(stepped(model), posteriors.get(title), context.output / "rivals" / NAMES[title])
-    return models, reports, seconds, refused
+    for title, rival in found.items():
+        if rival.model is not None:
+            _save(stepped(rival.model), rival.posterior, context.output / "rivals" / NAMES[title])
+    return found
 
 
-def _rival_options(context: Any, constants: dict[str, Any]) -> tuple[Any, ...]:
-    """What `fit_rivals` and `rival_fits` have in common."""
+def _settings(context: Any, constants: dict[str, Any]) -> Settings:
     p = context.params
-    iterations = (p.net_iterations, p.strong_net_iterations)
-    return p.rivals, constants, p.window_s, iterations, context.seed, context.workers
+    return Settings(
+        effort_limit=constants.get("effort_limit", float("inf")),
+        window_s=p.window_s,
+        iterations=(p.net_iterations, p.strong_net_iterations),
+        seed=context.seed,
+        workers=context.workers,
+    )
 
 
 def _save(model: Any, posterior: Any, folder: Path) -> None:

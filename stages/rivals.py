@@ -4,10 +4,10 @@ to the same trials."""
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -27,101 +27,103 @@ TITLES = {
 NAMES = {title: name for name, title in TITLES.items()}
 
 
+@dataclass(frozen=True)
+class Settings:
+    """How rivals are fitted.
+
+    Attributes:
+        effort_limit: N·m, or joint → N·m. window_s: of the free run of those that are not nets, s.
+        iterations: of a net as in the paper, and with every advantage. seed: of the nets.
+        workers: processes; the result does not depend on their number.
+    """
+
+    effort_limit: Any
+    window_s: float
+    iterations: tuple[int, int]
+    seed: int
+    workers: int
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A rival with the seconds of its fit, its posterior and reports of its joints if it has them; or why there is none."""
+
+    model: Any = None
+    posterior: Any = None
+    joints: tuple[Any, ...] = ()
+    seconds: float = 0.0
+    reason: str = ""
+
+
 def fit_rivals(
-    log_set: Any,
-    names: Sequence[str],
-    constants: Mapping[str, Any],
-    window_s: float,
-    iterations: tuple[int, int],
-    seed: int,
-    workers: int,
-    told: Callable[[str], None],
-) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, float], list[str]]:
-    """Fit models in `workers` processes; the result does not depend on their number.
+    log_set: Any, names: Sequence[str], settings: Settings, told: Callable[[str], None]
+) -> dict[str, Fitted]:
+    """Title → rival, in the order of `names`.
 
     Args:
-        log_set: only its fit trials are used. names: of `Rival`. constants: of the robot's joints, may be empty.
-        window_s: of the free run of those that are not nets, s.
-        iterations: of a net as in the paper, and with every advantage. seed: of the nets. told: called with each title.
-
-    Returns:
-        Title → model, title → posterior and title → reports of the joints of those that have them, and title → seconds of the
-        fit, in the order of `names`; why others could not be fitted.
+        log_set: only its fit trials are used. names: of `Rival`. told: called with each title.
     """
-    models, posteriors, reports, seconds, refused = {}, {}, {}, {}, []
-    limit = constants.get("effort_limit", float("inf"))
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(max(1, min(workers, len(names))), mp_context=context) as pool:
-        futures = {name: pool.submit(fit_rival, name, log_set, limit, window_s, iterations, seed) for name in names}
+    found = {}
+    with _processes(names, settings) as pool:
+        futures = {name: pool.submit(fit_rival, name, log_set, settings) for name in names}
         try:
             for name, future in futures.items():
-                model, posterior, joints, time_s, reason = future.result()
+                found[TITLES[name]] = future.result()
                 told(TITLES[name])
-                if model is None:
-                    refused.append(f"{TITLES[name]}: not fitted: {reason}")
-                else:
-                    models[TITLES[name]], seconds[TITLES[name]] = model, time_s
-                    if posterior is not None:
-                        posteriors[TITLES[name]] = posterior
-                    if joints:
-                        reports[TITLES[name]] = joints
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-    return models, posteriors, reports, seconds, refused
+    return found
 
 
 @contextmanager
-def rival_fits(
-    names: Sequence[str],
-    constants: Mapping[str, Any],
-    window_s: float,
-    iterations: tuple[int, int],
-    seed: int,
-    workers: int,
-) -> Iterator[dict[str, Callable[[Any], Any]]]:
-    """Title → fit in a process of its own, as `hqpipe.sysid.data_curve` asks for it; arguments as of `fit_rivals`."""
+def rival_fits(names: Sequence[str], settings: Settings) -> Iterator[dict[str, Callable[[Any], Any]]]:
+    """Title → fit in a process of its own, as `hqpipe.sysid.data_curve` asks for it."""
     from hqpipe.errors import IdentificationError
 
-    limit = constants.get("effort_limit", float("inf"))
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(max(1, min(workers, len(names))), mp_context=context) as pool:
+    with _processes(names, settings) as pool:
 
         def fitted(name: str, log_set: Any) -> Any:
             needed = replace(log_set, trials=tuple(log_set.fit))
-            model, *_, reason = pool.submit(fit_rival, name, needed, limit, window_s, iterations, seed).result()
-            if model is None:
-                raise IdentificationError(reason)
-            return model
+            found = pool.submit(fit_rival, name, needed, settings).result()
+            if found.model is None:
+                raise IdentificationError(found.reason)
+            return found.model
 
         yield {TITLES[name]: partial(fitted, name) for name in names}
 
 
-def fit_rival(
-    name: str, log_set: Any, limit: Any, window_s: float, iterations: tuple[int, int], seed: int
-) -> tuple[Any, Any, tuple[Any, ...], float, str]:
-    """One model, its posterior and reports of its joints, if it has them, and the seconds of its fit; or None and why not."""
+def _processes(names: Sequence[str], settings: Settings) -> ProcessPoolExecutor:
+    context = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(max(1, min(settings.workers, len(names))), mp_context=context)
+
+
+def fit_rival(name: str, log_set: Any, settings: Settings) -> Fitted:
+    """One of them."""
     from hqpipe.errors import IdentificationError
     from hqpipe.gap.diagnosed import fit_diagnosed
     from hqpipe.sysid.fit_chambers import fit_chambers
     from hqpipe.sysid.nets.fit_net import fit_paper_net, fit_strong_net
     from hqpipe.sysid.timing import timed
 
-    def fit() -> tuple[Any, Any, tuple[Any, ...]]:
+    limit = settings.effort_limit
+
+    def fit() -> Fitted:
         if name == "diagnosed":
-            return fit_diagnosed(log_set, window_s=window_s, effort_limit=limit), None, ()
+            return Fitted(fit_diagnosed(log_set, window_s=settings.window_s, effort_limit=limit))
         if name == "two_chamber":
             found = fit_chambers(log_set, effort_limit=limit)
-            return found.model, found.posterior, found.fits
-        train, count = (fit_strong_net, iterations[1]) if name.startswith("strong_") else (fit_paper_net, iterations[0])
-        kind = name.removeprefix("strong_")
-        return train(log_set, kind, iterations=count, seed=seed, effort_limit=limit).model, None, ()
+            return Fitted(found.model, found.posterior, found.fits)
+        strong = name.startswith("strong_")
+        train = fit_strong_net if strong else fit_paper_net
+        kind, count = name.removeprefix("strong_"), settings.iterations[strong]
+        return Fitted(train(log_set, kind, iterations=count, seed=settings.seed, effort_limit=limit).model)
 
     try:
-        (model, posterior, joints), seconds = timed(fit)
+        found, seconds = timed(fit)
     except IdentificationError as error:
-        return None, None, (), 0.0, str(error)
-    return model, posterior, joints, seconds, ""
+        return Fitted(reason=str(error))
+    return replace(found, seconds=seconds)
 
 
 def stepped(model: Any) -> ActuatorModel:

@@ -11,7 +11,8 @@ from hqpipe.actuators.base import ActuatorModel, ParameterField, end_to_end
 from hqpipe.effects import EFFECTS
 from hqpipe.effects.layout import FIELDS, neutral_row
 from hqpipe.kernels.actuator_step import AUGMENTED
-from hqpipe.kernels.augmented_batch import augmented_batch, prepare
+from hqpipe.kernels.augmented_batch import augmented_batch
+from hqpipe.kernels.augmented_links import prepare
 from hqpipe.kernels.augmented_step import MEMORY
 
 _UNITS = {"k1": "N·m/rad", "k2": "1", "k3": "N·m·s/rad", "k4": "1/rad", "neutral": "rad"}

@@ -8,6 +8,7 @@ from typing import Any
 
 from hqpipe.actuators import ACTUATOR_MODELS, weights_file
 from hqpipe.actuators.base import FORMAT, ActuatorModel
+from hqpipe.actuators.keys import check_keys
 from hqpipe.actuators.net import NetActuator, check_description
 from hqpipe.errors import ConfigError, UsageError, near_match
 
@@ -47,18 +48,11 @@ def load_actuator(folder: Path) -> ActuatorModel:
 
 def parse_actuator(raw: Any, path: Path) -> ActuatorModel:
     """Build the model that `raw` describes; `path` is where it was read, with the weights of a net beside it."""
-    if not isinstance(raw, dict):
-        raise ConfigError(f"{path}: expected an object with {', '.join(_KEYS)}, got {type(raw).__name__}")
-    name = str(raw.get("model"))
-    keys = _KEYS + (ACTUATOR_MODELS[name].KEYS if name in ACTUATOR_MODELS else ())
-    for key in raw:
-        if key not in keys:
-            raise ConfigError(f"{path}: unknown field '{key}'{near_match(key, keys)}")
-    if missing := [key for key in keys if key not in raw]:
-        raise ConfigError(f"{path}: missing field '{missing[0]}'")
-    if raw["format"] != FORMAT:
-        raise ConfigError(f"{path}: format is '{raw['format']}', expected {FORMAT}")
+    name = str(raw.get("model")) if isinstance(raw, dict) else ""
     try:
+        check_keys(raw, _KEYS + (ACTUATOR_MODELS[name].KEYS if name in ACTUATOR_MODELS else ()))
+        if raw["format"] != FORMAT:
+            raise UsageError(f"format is '{raw['format']}', expected {FORMAT}")
         model = ACTUATOR_MODELS[name]
         _check_types(raw, model)
         if issubclass(model, NetActuator):

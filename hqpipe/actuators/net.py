@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from hqpipe.actuators.base import ActuatorModel, ParameterField
+from hqpipe.actuators.keys import check_keys
 from hqpipe.errors import UsageError, near_match
 from hqpipe.kernels.net_step import CHANNELS, RING
 
@@ -44,14 +45,7 @@ def check_description(net: Any) -> None:
     Raises:
         UsageError: a field is missing, unknown or of the wrong type.
     """
-    keys = ("inputs", "taps", "hidden", "delta")
-    if not isinstance(net, dict):
-        raise UsageError(f"net: expected an object with {', '.join(keys)}")
-    for key in net:
-        if key not in keys:
-            raise UsageError(f"net: unknown field '{key}'{near_match(key, keys)}")
-    if missing := [key for key in keys if key not in net]:
-        raise UsageError(f"net: missing field '{missing[0]}'")
+    check_keys(net, ("inputs", "taps", "hidden", "delta"), "net")
     if net["inputs"] != list(INPUTS):
         raise UsageError(f"net.inputs: expected {list(INPUTS)}, got {net['inputs']!r}")
     if not isinstance(net["taps"], list) or not all(type(tap) is int for tap in net["taps"]):

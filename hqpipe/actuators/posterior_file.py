@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hqpipe.actuators.base import ActuatorModel
+from hqpipe.actuators.keys import check_keys
 from hqpipe.actuators.posterior import Group, Posterior, Range, check_fields
 from hqpipe.errors import ConfigError, UsageError, near_match
 
@@ -57,7 +57,7 @@ def load_posterior(folder: Path, actuator: ActuatorModel) -> Posterior | None:
     except ValueError as error:
         raise ConfigError(f"{path}: not JSON ({error}); run hqpipe fit-actuator again") from error
     try:
-        _check_keys(raw, _KEYS, "")
+        check_keys(raw, _KEYS)
         if raw["format"] != FORMAT:
             raise UsageError(f"format is '{raw['format']}', expected {FORMAT}")
         fields = tuple(raw["fields"])
@@ -70,21 +70,11 @@ def load_posterior(folder: Path, actuator: ActuatorModel) -> Posterior | None:
     return posterior
 
 
-def _check_keys(raw: Any, keys: tuple[str, ...], where: str) -> None:
-    if not isinstance(raw, Mapping):
-        raise UsageError(f"{where or 'file'}: expected an object with {', '.join(keys)}, got {type(raw).__name__}")
-    for key in raw:
-        if key not in keys:
-            raise UsageError(f"{where}unknown field '{key}'{near_match(key, keys)}")
-    if missing := [key for key in keys if key not in raw]:
-        raise UsageError(f"{where}missing field '{missing[0]}'")
-
-
 def _group(raw: Any, fields: tuple[str, ...], where: str) -> Group:
-    _check_keys(raw, _GROUP_KEYS, f"{where}: ")
+    check_keys(raw, _GROUP_KEYS, where)
     ranges = {}
     for name, span in raw["ranges"].items():
-        _check_keys(span, ("low", "high", "reason"), f"{where}.ranges.{name}: ")
+        check_keys(span, ("low", "high", "reason"), f"{where}.ranges.{name}")
         if name not in fields:
             raise UsageError(f"{where}.ranges: unknown '{name}'{near_match(name, fields)}")
         ranges[name] = Range(float(span["low"]), float(span["high"]), str(span["reason"]))

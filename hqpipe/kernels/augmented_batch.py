@@ -7,8 +7,6 @@ all (shares of a sample, factors, sums) is computed beforehand by `prepare`.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 from numba import njit
 
@@ -17,32 +15,25 @@ from hqpipe.effects.coulomb_friction import coulomb, direction, kept_after, stuc
 from hqpipe.effects.integral_action import integrate
 from hqpipe.effects.load_dependent_friction import load_friction
 from hqpipe.effects.orifice_flow import orifice
-from hqpipe.effects.position_dependent_stiffness import fed, stiffness, uneven
+from hqpipe.effects.position_dependent_stiffness import fed, stiffness
 from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.supply_droop import sag
-from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_deadband import deadband
-from hqpipe.effects.valve_lag import follow, lag_share, mean_share
+from hqpipe.effects.valve_lag import follow
 from hqpipe.effects.viscous_friction import viscous
 from hqpipe.kernels.augmented_columns import (
-    ASYMMETRY,
     BAND,
     BIAS,
-    COMPLIANCE,
     COULOMB,
     COULOMB_ASYMMETRY,
-    DELAY,
-    DRIFT,
     DROOP,
     DT,
     EXPONENT,
-    GAP,
     K1,
     K2,
     K3,
     K4,
     KI,
-    LAG,
     LIMIT,
     LOAD,
     MIDDLE,
@@ -50,15 +41,38 @@ from hqpipe.kernels.augmented_columns import (
     PER_OPENING,
     PER_SPEED,
     PRESLIDING,
-    RECOVERY,
     ROUNDING,
-    SATURATION,
     SLOPE,
     STATIC,
     STRIBECK,
-    UNEVEN,
     VISCOUS,
     WINDUP,
+)
+from hqpipe.kernels.augmented_links import (
+    ALIKE,
+    BIASED,
+    DEAD,
+    DELAYED,
+    DRIFTING,
+    FLOWING,
+    HALF,
+    INTEGRATED,
+    LAGGED,
+    LEAN,
+    MEAN,
+    ONE_SIDED,
+    PART,
+    PER_S,
+    RECOVERED,
+    RUBBING,
+    SAGGING,
+    SATURATED,
+    SHARE,
+    SLACK,
+    SOFT,
+    STIFFENED,
+    TOP,
+    WHOLE,
 )
 from hqpipe.kernels.augmented_step import (
     INTEGRAL,
@@ -72,74 +86,6 @@ from hqpipe.kernels.augmented_step import (
     wake,
 )
 from hqpipe.kernels.laws import clip, impact
-
-BLOCK: Final = 384  # joints (32 quadrupeds): measured; the columns in use of a block stay in the cache
-
-# links that can be left out, and whether all joints are late by as many whole samples
-(
-    ALIKE,
-    DELAYED,
-    BIASED,
-    INTEGRATED,
-    LAGGED,
-    DEAD,
-    SATURATED,
-    ONE_SIDED,
-    DRIFTING,
-    SAGGING,
-    FLOWING,
-    STIFFENED,
-    SLACK,
-    RUBBING,
-) = range(14)
-LINKS: Final = 14
-# columns that follow from a row of parameters
-(WHOLE, PART, SHARE, MEAN, TOP, LEAN, PER_S, RECOVERED, HALF, SOFT) = range(10)
-DERIVED: Final = 10
-
-
-def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What the compiled loops need of a table, repeated for as many robots as a block holds.
-
-    Args:
-        parameters: (J, WIDTH).
-
-    Returns:
-        (WIDTH, B) parameters, (DERIVED, B) what follows from them, (LINKS,) bool links that some joint has.
-    """
-    p = parameters.T
-    lag = np.clip(p[DELAY] / p[DT], 0.0, RING_LENGTH - 2.0)
-    derived = np.empty((DERIVED, len(parameters)))
-    derived[WHOLE], derived[PART] = np.floor(lag), lag - np.floor(lag)
-    for j, row in enumerate(parameters):
-        derived[SHARE, j], derived[MEAN, j] = lag_share(row[LAG], row[DT]), mean_share(row[LAG], row[DT])
-        derived[RECOVERED, j] = lag_share(row[RECOVERY], row[DT])
-        derived[LEAN, j] = row[ASYMMETRY] + uneven(row[SLOPE], row[UNEVEN])
-        derived[SOFT, j] = softened(row[K3], row[COMPLIANCE], row[DT])
-    derived[TOP] = 1.0 / np.maximum(p[SATURATION], 1e-300)
-    derived[PER_S] = p[DRIFT] * p[DT]
-    derived[HALF] = 0.5 * p[GAP] * p[K3] / p[DT]
-    links = np.zeros(LINKS, dtype=np.bool_)
-    signs = {
-        DELAYED: (DELAY,),
-        BIASED: (BIAS,),
-        INTEGRATED: (KI,),
-        LAGGED: (LAG,),
-        DEAD: (BAND,),
-        SATURATED: (SATURATION,),
-        ONE_SIDED: (ASYMMETRY, UNEVEN),
-        DRIFTING: (DRIFT,),
-        SAGGING: (DROOP,),
-        FLOWING: (ORIFICE, DROOP),
-        STIFFENED: (SLOPE,),
-        SLACK: (GAP,),
-        RUBBING: (COULOMB, STATIC, LOAD, VISCOUS),
-    }
-    for link, columns in signs.items():
-        links[link] = np.any(p[list(columns)] != 0.0)
-    links[ALIKE] = np.all(derived[WHOLE] == derived[WHOLE, 0])
-    robots = max(1, BLOCK // len(parameters))
-    return np.tile(p, robots), np.tile(derived, robots), links
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
+from hqpipe.sysid.normal_equations import NormalEquations
 from hqpipe.sysid.problem import LOWER, UPPER
 
 LEVEL = 0.95
@@ -30,19 +30,7 @@ class Uncertainty:
         return np.maximum(k - half, lower), np.minimum(k + half, upper)
 
 
-class Clustered(Protocol):
-    """Normal equations window by window: `Evaluation` of any fit over windows."""
-
-    @property
-    def hessians(self) -> np.ndarray:
-        """(W, P, P)."""
-
-    @property
-    def scores(self) -> np.ndarray:
-        """(W, P)."""
-
-
-def uncertainty(at: Clustered, free: np.ndarray) -> Uncertainty:
+def uncertainty(at: NormalEquations, free: np.ndarray) -> Uncertainty:
     """Sandwich estimate for the free coefficients.
 
     Residuals within a window may be correlated in any way (clustered by window, all joints together), and so may those of

@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from hqpipe.actuators.posterior import factor
 from hqpipe.sysid.excitation import MAX_INFLATION, inflation
 from hqpipe.sysid.intervals import uncertainty
 from hqpipe.sysid.normal_equations import NormalEquations
@@ -202,7 +203,5 @@ def _largest(own: NormalEquations, told: np.ndarray) -> np.ndarray:
 def _definite(covariance: np.ndarray) -> np.ndarray:
     """The nearest matrix without negative eigenvalues, in units of the deviations; parameters of no variance get none."""
     unit = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    safe = np.where(unit > 0.0, unit, 1.0)
-    scaled = np.where(np.outer(unit, unit) > 0.0, covariance / np.outer(safe, safe), 0.0)
-    values, vectors = np.linalg.eigh(scaled)
-    return safe[:, None] * (vectors * np.maximum(values, 0.0)) @ vectors.T * safe
+    root = factor(np.where(np.outer(unit, unit) > 0.0, covariance, 0.0))
+    return root @ root.T

@@ -7,7 +7,8 @@ import pytest
 from augmented_rows import planted, row
 
 from hqpipe.kernels.actuator_step import HYDRAULIC, table_row
-from hqpipe.kernels.augmented_batch import BLOCK, augmented_batch, prepare
+from hqpipe.kernels.augmented_batch import augmented_batch
+from hqpipe.kernels.augmented_links import BLOCK, prepare
 from hqpipe.kernels.augmented_step import MEMORY, augmented_row
 from hqpipe.kernels.batch_step import hydraulic_batch, hydraulic_columns
 

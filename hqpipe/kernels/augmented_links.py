@@ -1,0 +1,103 @@
+"""What a table of parameters gives once and for all: which links of the chain it has, and columns that follow from it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from hqpipe.effects.position_dependent_stiffness import uneven
+from hqpipe.effects.transmission_compliance import softened
+from hqpipe.effects.valve_lag import lag_share, mean_share
+from hqpipe.kernels.augmented_columns import (
+    ASYMMETRY,
+    BAND,
+    BIAS,
+    COMPLIANCE,
+    COULOMB,
+    DELAY,
+    DRIFT,
+    DROOP,
+    DT,
+    GAP,
+    K3,
+    KI,
+    LAG,
+    LOAD,
+    ORIFICE,
+    RECOVERY,
+    SATURATION,
+    SLOPE,
+    STATIC,
+    UNEVEN,
+    VISCOUS,
+)
+from hqpipe.kernels.augmented_step import RING_LENGTH
+
+BLOCK: Final = 384  # joints (32 quadrupeds): measured; the columns in use of a block stay in the cache
+
+# links that can be left out, and whether all joints are late by as many whole samples
+(
+    ALIKE,
+    DELAYED,
+    BIASED,
+    INTEGRATED,
+    LAGGED,
+    DEAD,
+    SATURATED,
+    ONE_SIDED,
+    DRIFTING,
+    SAGGING,
+    FLOWING,
+    STIFFENED,
+    SLACK,
+    RUBBING,
+) = range(14)
+LINKS: Final = 14
+# columns that follow from a row of parameters
+(WHOLE, PART, SHARE, MEAN, TOP, LEAN, PER_S, RECOVERED, HALF, SOFT) = range(10)
+DERIVED: Final = 10
+
+
+def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What the compiled loops need of a table, repeated for as many robots as a block holds.
+
+    Args:
+        parameters: (J, WIDTH).
+
+    Returns:
+        (WIDTH, B) parameters, (DERIVED, B) what follows from them, (LINKS,) bool links that some joint has.
+    """
+    p = parameters.T
+    lag = np.clip(p[DELAY] / p[DT], 0.0, RING_LENGTH - 2.0)
+    derived = np.empty((DERIVED, len(parameters)))
+    derived[WHOLE], derived[PART] = np.floor(lag), lag - np.floor(lag)
+    for j, row in enumerate(parameters):
+        derived[SHARE, j], derived[MEAN, j] = lag_share(row[LAG], row[DT]), mean_share(row[LAG], row[DT])
+        derived[RECOVERED, j] = lag_share(row[RECOVERY], row[DT])
+        derived[LEAN, j] = row[ASYMMETRY] + uneven(row[SLOPE], row[UNEVEN])
+        derived[SOFT, j] = softened(row[K3], row[COMPLIANCE], row[DT])
+    derived[TOP] = 1.0 / np.maximum(p[SATURATION], 1e-300)
+    derived[PER_S] = p[DRIFT] * p[DT]
+    derived[HALF] = 0.5 * p[GAP] * p[K3] / p[DT]
+    links = np.zeros(LINKS, dtype=np.bool_)
+    signs = {
+        DELAYED: (DELAY,),
+        BIASED: (BIAS,),
+        INTEGRATED: (KI,),
+        LAGGED: (LAG,),
+        DEAD: (BAND,),
+        SATURATED: (SATURATION,),
+        ONE_SIDED: (ASYMMETRY, UNEVEN),
+        DRIFTING: (DRIFT,),
+        SAGGING: (DROOP,),
+        FLOWING: (ORIFICE, DROOP),
+        STIFFENED: (SLOPE,),
+        SLACK: (GAP,),
+        RUBBING: (COULOMB, STATIC, LOAD, VISCOUS),
+    }
+    for link, columns in signs.items():
+        links[link] = np.any(p[list(columns)] != 0.0)
+    links[ALIKE] = np.all(derived[WHOLE] == derived[WHOLE, 0])
+    robots = max(1, BLOCK // len(parameters))
+    return np.tile(p, robots), np.tile(derived, robots), links
