@@ -81,7 +81,10 @@ class LazyGroup(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Stages, in the order of `hqpipe run all`"):
-            formatter.write_dl([(stage.name, stage.help) for stage in self.table.values()])
+            formatter.write_dl([(stage.name, stage.help) for stage in self.table.values() if not stage.alone])
+        if alone := [(stage.name, stage.help) for stage in self.table.values() if stage.alone]:
+            with formatter.section("Stages that run alone"):
+                formatter.write_dl(alone)
         with formatter.section("Commands"):
             formatter.write_dl([(name, help_line) for name, (_, help_line) in COMMANDS.items()])
 

@@ -40,6 +40,11 @@ class Status:
         return MISSING if "missing" in kinds else STALE
 
     @property
+    def settled(self) -> bool:
+        """Whether nothing is left to do: it is current, or runs alone and nobody asked for it since."""
+        return self.state == CURRENT or (self.decision.stage.alone and self.state != DAMAGED)
+
+    @property
     def profile(self) -> str | None:
         """Profile with which the artifact was made."""
         return self.manifest.provenance["profile"] if self.manifest else None
@@ -60,7 +65,7 @@ class Status:
 
 
 def status(planner: Planner) -> list[Status]:
-    """The state of every artifact of the chain, each byte of the current ones verified."""
+    """The state of every artifact, each byte of the current ones verified."""
     stages = list(planner.project.table.values())
     decisions = planner.preview(stages, report_damage=True)
     return [Status(decision, _manifest(planner.project.store, decision.stage)) for decision in decisions]
@@ -117,7 +122,8 @@ def _check(project: Project, stage: Stage) -> Check:
         elif source["artifact"] is None:
             notes += _outside(needed, source["path"], recorded)
         elif wrong := _chain_problem(project.store, needed, recorded):
-            problems.append(f"{entry.shown}: input {name}: {wrong}")
+            # What runs alone is not made again with the chain; it still tells what it was made from.
+            (notes if stage.alone else problems).append(f"{entry.shown}: input {name}: {wrong}")
     return Check(stage.artifact, len(entry.manifest.outputs), tuple(problems), tuple(notes))
 
 

@@ -19,7 +19,7 @@ from hqpipe.pipeline.streams import print_json
 @click.command()
 @click.pass_obj
 def status(table: StageTable, profile: str | None, explain: bool, as_json: bool) -> None:
-    """Compare the artifacts with pipeline.yaml. Exit 3 unless every one is current."""
+    """Compare the artifacts with pipeline.yaml. Exit 3 unless every one of `run all` is current."""
     from hqpipe.pipeline import audit
     from hqpipe.pipeline.plan import Planner
     from hqpipe.pipeline.project import open_project
@@ -27,7 +27,7 @@ def status(table: StageTable, profile: str | None, explain: bool, as_json: bool)
     project = open_project(table)
     settings = project.configuration.resolve(table.values(), profile=profile)
     statuses = audit.status(Planner(project, settings))
-    current = all(item.state == audit.CURRENT for item in statuses)
+    current = all(item.settled for item in statuses)
     if as_json:
         stages = [item.to_json() for item in statuses]
         print_json({"profile": settings.profile, "current": current, "stages": stages})
@@ -60,6 +60,7 @@ def dag(table: StageTable, as_json: bool) -> None:
                 "stage": stage.name,
                 "artifact": stage.artifact,
                 "version": stage.version,
+                "alone": stage.alone,
                 "inputs": {needed.name: needed.artifact for needed in stage.inputs if needed.artifact},
             }
             for stage in table.values()
@@ -69,7 +70,7 @@ def dag(table: StageTable, as_json: bool) -> None:
     width = max(len(name) for name in table)
     for stage in table.values():
         reads = ", ".join(needed.artifact for needed in stage.inputs if needed.artifact) or "–"
-        print(f"{stage.name:<{width}}  {reads} → {stage.artifact}")
+        print(f"{stage.name:<{width}}  {reads} → {stage.artifact}{' (alone)' if stage.alone else ''}")
 
 
 @with_options(json_option())

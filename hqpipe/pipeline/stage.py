@@ -56,6 +56,7 @@ class Stage:
         version: raise it when the code changes what the stage produces, so that old results are made again.
         inputs: the folders that it reads.
         flags: options that are accepted and change nothing, e.g. the only export format, as (option, help).
+        alone: whether it runs by its own name only, and not in ``hqpipe run all``.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Stage:
     version: int = 1
     inputs: tuple[Input, ...] = ()
     flags: tuple[tuple[str, str], ...] = ()
+    alone: bool = False
 
     @property
     def section(self) -> str:
@@ -81,7 +83,7 @@ class Stage:
 
 
 class StageTable(Mapping[str, Stage]):
-    """The stages by name, in the order in which the chain runs.
+    """The stages by name, in the order in which the chain runs; those that run alone last.
 
     Args:
         stages: each after the stages whose artifacts it reads.
@@ -126,10 +128,13 @@ class StageTable(Mapping[str, Stage]):
         return self._makers[artifact]
 
     def between(self, first: str | None, last: str | None) -> list[Stage]:
-        """The stages from `first` to `last`, both included; None means the end of the chain on that side."""
-        names = list(self)
-        start = names.index(self[first].name) if first else 0
-        stop = names.index(self[last].name) if last else len(names) - 1
+        """The stages of the chain from `first` to `last`, both included; None means its end on that side."""
+        names = [name for name, stage in self._stages.items() if not stage.alone]
+        for name in (first, last):
+            if name is not None and self[name].alone:
+                raise UsageError(f"'{name}' is no part of the chain: run it as `hqpipe {name}`")
+        start = names.index(first) if first else 0
+        stop = names.index(last) if last else len(names) - 1
         if start > stop:
             raise UsageError(f"--from {first} comes after --until {last}; the order is {', '.join(names)}")
         return [self[name] for name in names[start : stop + 1]]
