@@ -16,8 +16,10 @@ def read_earlier(context: Any, log_set: Any, most: int) -> Any:
 
     Raises:
         UsageError: the reference and the logs do not fit together, or it is a model without coefficients.
+        LogError: it is neither an actuator model nor logs.
     """
     from hqpipe.actuators.files import FILE
+    from hqpipe.errors import LogError
     from hqpipe.gap.since import check_alike, earlier_actuator, sample_time
     from hqpipe.gap.since_logs import earlier_logs
     from hqpipe.stages.logs import read_logs, shown_path
@@ -27,7 +29,10 @@ def read_earlier(context: Any, log_set: Any, most: int) -> Any:
         return None
     if (folder / FILE).is_file():
         return earlier_actuator(folder, str(shown_path(context, folder)))
-    then = read_logs(context, most, REFERENCE)
+    try:
+        then = read_logs(context, most, REFERENCE)
+    except LogError as error:
+        raise LogError(f"--reference holds no {FILE}, so it was read as logs: {error}") from error
     check_alike(log_set, str(then.path), then.control_mode, then.joints, sample_time(then), then.effort_source)
 
     def progress(done: float, total: float, text: str) -> None:

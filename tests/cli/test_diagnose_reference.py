@@ -104,5 +104,11 @@ def test_what_cannot_be_a_reference_is_refused_in_one_line(hqpipe, tmp_path, mak
     assert message in line
 
 
+def test_a_folder_of_something_else_is_told_apart(hqpipe, tmp_path):
+    (tmp_path / "weights.npz").write_bytes(b"0")
+    code, _, told = hqpipe("diagnose", "--logs", "now", "--reference", str(tmp_path), "--set", SMALL)
+    assert code == 1 and "--reference holds no actuator.json, so it was read as logs" in told
+
+
 def test_help_names_the_option(hqpipe):
     assert "--reference DIR" in hqpipe("diagnose", "--help")[1]
