@@ -341,7 +341,9 @@ def _remarks(joints: tuple[str, ...], evidence: tuple[Evidence, Evidence], found
         )
     if evidence[0].gap.any():
         share = np.sum(np.maximum(evidence[0].explained, 0.0) * evidence[0].error) / np.sum(evidence[0].error)
-        remarks.append(f"a flexible reference model explains {share:.0%} of the squared held-out error")
+        remarks.append(
+            f"{share:.0%} of the squared held-out error can be predicted from the logged signals (by a flexible model)"
+        )
     fitted = np.sqrt(np.mean([state.base.fitted.mean() for state in found.states]))
     if before > UNLIKE * fitted:
         remarks.append(
