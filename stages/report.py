@@ -36,7 +36,7 @@ class Params(StageParams):
     shown_seconds: PositiveFloat = 8.0
     speed: PositiveFloat = 1.0
     frame_rate: Literal[10, 20, 25] = 20
-    width: int = Field(default=640, ge=160, le=1280)
+    width: int = Field(default=640, ge=240, le=1280)
     height: int = Field(default=400, ge=120, le=960)
     plant: dict[str, Any] = {}
 
@@ -77,7 +77,7 @@ def run(context: Any) -> dict[str, Any]:
     absent = [needed.artifact for needed in stage.inputs if needed.artifact not in parts]
     lacking = f"; without {', '.join(absent)}" if absent else ""
     return {
-        "headline": f"{walk.speed:.2f} m/s at {p.vx:g}{ending}; {len(parts)} results on the page{lacking}",
+        "headline": f"{walk.speed:.2f} m/s at {p.vx:g}{ending}{lacking}",
         "walk": {"speed": walk.speed, "seconds": walk.seconds, "fall_time": walk.fall_time, "shown": list(walk.shown)},
         "film_bytes": walk.film.stat().st_size,
         "missing": absent,

@@ -30,14 +30,13 @@ def write_report(folder: Path, chain: Chain) -> Path:
 def _top(chain: Chain) -> str:
     """Film, headline numbers, notes, and the figure of the walk."""
     walk = chain.walk
-    ending = f" It fell after {walk.fall_time:.1f} s." if walk.fall_time is not None else ""
     first, last = walk.shown
     slow = "" if walk.play == 1.0 else f", shown at {walk.play:g} times its speed"
     alt = f"{walk.robot} walking on the plant at {walk.speed:.2f} m/s"
     notes = "".join(f'<p class="missing">{text(note)}</p>' for note in chain.notes)
     return (
         f"<p class=soft>{text(walk.robot)}</p>"
-        f"<h1>The exported policy walks at {walk.speed:.2f} m/s where {walk.order[0]:.2f} is ordered.{ending}</h1>"
+        f"<h1>{_title(walk)}</h1>"
         f"<figure class=film>{picture(walk.film, alt)}<figcaption>{text(_order(walk))}; "
         f"seconds {first:.1f} to {last:.1f} of a walk on the reference plant{slow}. "
         f"<span class=from>seed {walk.seed}, plant {text(_plant(walk))}</span></figcaption></figure>"
@@ -46,6 +45,13 @@ def _top(chain: Chain) -> str:
         "<figcaption>Torques are the largest of their kind of joint, as a share of its limit; bars are feet on the "
         "ground.</figcaption></figure></section>"
     )
+
+
+def _title(walk: Walk) -> str:
+    speed = f"{walk.speed:.2f} m/s where {walk.order[0]:.2f} is ordered"
+    if walk.fall_time is None:
+        return f"The exported policy walks at {speed}."
+    return f"The exported policy fell after {walk.fall_time:.1f} s, having walked at {speed}."
 
 
 def _order(walk: Walk) -> str:
@@ -80,9 +86,8 @@ def _tiles(chain: Chain) -> list[tuple[str, str, str]]:
     if checked is None or checked.record is None:
         tiles += [_unknown(chain, "validation", "latency")]
     else:
-        timing = checked.told("latency")
-        slow = f"median call of the policy; 99 in 100 take less than {number(timing['p99_us'])}"
-        tiles.append(("latency", f"{number(timing['median_us'])} <small>µs</small>", slow))
+        slow = f"median call of the policy; 99 in 100 take less than {number(checked.told('latency', 'p99_us'))}"
+        tiles.append(("latency", f"{number(checked.told('latency', 'median_us'))} <small>µs</small>", slow))
     return [*tiles, _run_time(chain)]
 
 
@@ -103,11 +108,8 @@ def _run_time(chain: Chain) -> tuple[str, str, str]:
     if not times:
         return "run time", "–", "no result has a manifest"
     minutes, seconds = divmod(round(sum(times)), 60)
-    return (
-        "run time",
-        f"{minutes} <small>min</small> {seconds} <small>s</small>",
-        f"all that made these {len(times)} results",
-    )
+    many = f"{len(times)} result{'s' if len(times) > 1 else ''}"
+    return "run time", f"{minutes} <small>min</small> {seconds} <small>s</small>", f"of all that made the {many} shown"
 
 
 def _tile(name: str, value: str, note: str) -> str:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 from hqpipe.report.chain_parts import Chain, Part, figure, hidden, table, text, wide
 from hqpipe.report.diagnosis_read import read_files
+from hqpipe.report.diagnosis_sections import with_code
 from hqpipe.report.diagnosis_words import (
     confusions,
     joints_text,
@@ -71,7 +73,7 @@ def actuator(part: Part, chain: Chain) -> str:
 
 def _models(part: Part) -> str:
     held, stress = part.told("held_out_rmse"), part.told("stress_rmse")
-    order = sorted(held, key=lambda name: (held[name]["free_run"] is None, held[name]["free_run"]))
+    order = sorted(held, key=lambda name: inf if held[name]["free_run"] is None else held[name]["free_run"])
     rows = [
         (
             text(name),
@@ -101,8 +103,8 @@ def diagnosis(part: Part, chain: Chain) -> str:
     if content["causes"]:
         parts.append(_causes(content))
     if content["next_experiment"]:
-        parts.append(f"<p>Next experiment: {text(content['next_experiment'])}.</p>")
-    parts += [f'<p class="soft">Warning: {text(warning)}.</p>' for warning in content["warnings"]]
+        parts.append(f"<p>Next: {with_code(content['next_experiment'])}.</p>")
+    parts += [f'<p class="soft">Warning: {with_code(warning)}.</p>' for warning in content["warnings"]]
     if (part.folder / DIAGNOSIS_PAGE).is_file():
         parts.append(f'<p><a href="{DIAGNOSIS_PAGE}">The whole diagnosis</a>, beside this page.</p>')
     return "".join(parts)

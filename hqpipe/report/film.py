@@ -20,7 +20,7 @@ FRAME_RATES = (10, 20, 25)  # GIF counts hundredths of a second, and browsers sl
 COLOURS = 255  # one of the 256 is left for "as in the frame before"
 _SAMPLED = 12  # frames of which the palette is made, evenly spaced
 _BACK = "#FFFFFF"
-_MARGIN, _TEXT_SHARE = 0.025, 0.047  # of the height: the edge, and the letters
+_MARGIN, _LETTERS = 0.025, (0.047, 0.0293)  # the edge, of the height; the letters, of height and width at most
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,11 @@ class Caption:
 
 
 def captioned(picture: np.ndarray, caption: Caption) -> Image.Image:
-    """The picture (height, width, 3) uint8 with its caption at the top and a mark for every foot at the bottom."""
+    """The picture (height, width, 3) uint8 with times and speeds at the top, feet and falls at the bottom."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)
-    edge, size = round(_MARGIN * image.height), max(9, round(_TEXT_SHARE * image.height))
+    edge = round(_MARGIN * image.height)
+    size = max(8, round(min(_LETTERS[0] * image.height, _LETTERS[1] * image.width)))
     font = ImageFont.load_default(size)
     x = edge
     for text, sample, colour in _texts(caption):
@@ -56,6 +57,8 @@ def captioned(picture: np.ndarray, caption: Caption) -> Image.Image:
         draw.rectangle(corners, fill=INK if stands else _BACK, outline=INK, width=max(1, size // 12))
         draw.text((x + 1.3 * side, y), foot, fill=INK, font=font)
         x += round(1.3 * side + draw.textlength(f"{foot}  ", font=font))
+    if caption.fallen:
+        draw.text((image.width - edge, y), "FALLEN", fill=INK, font=font, anchor="ra")
     return image
 
 
@@ -65,8 +68,6 @@ def _texts(caption: Caption) -> list[tuple[str, str, str]]:
     if caption.commanded is not None:
         texts.append((f"commanded {caption.commanded:.2f} m/s", "commanded 0.00 m/s", INK))
     texts.append((f"actual {caption.actual:.2f} m/s", "actual 0.00 m/s", BLUE))
-    if caption.fallen:
-        texts.append(("FALLEN", "FALLEN", INK))
     return texts
 
 

@@ -72,9 +72,7 @@ def walk_summary(
         if fall_time is not None:
             axes.axvline(fall_time, color=VERMILION, linewidth=1.0)
     if fall_time is not None:
-        panels[0].annotate(
-            "fallen", (fall_time, 1.0), xycoords=panels[0].get_xaxis_transform(), color=VERMILION, fontsize=8.0
-        )
+        name_line(panels[0], fall_time, panels[0].get_ylim()[0], " fallen", VERMILION, va="bottom")
     panels[-1].set_xlabel("time (s)")
     panels[-1].set_xlim(trial.time[0], trial.time[-1])
     if filmed is not None:
