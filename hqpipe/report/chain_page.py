@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +64,7 @@ def _order(walk: Walk) -> str:
 
 
 def _plant(walk: Walk) -> str:
-    return ", ".join(f"{key}={value}" for key, value in walk.plant.items()) or "as designed"
+    return json.dumps(walk.plant, ensure_ascii=False) if walk.plant else "as designed"
 
 
 def _tiles(chain: Chain) -> list[tuple[str, str, str]]:

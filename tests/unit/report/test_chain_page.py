@@ -126,12 +126,12 @@ def test_a_record_of_an_earlier_version_is_told(tmp_path):
 
 
 def test_a_fall_comes_first_and_notes_stand_above_the_results(tmp_path):
-    given = chain(tmp_path, fall_time=3.25, order=(0.6, -0.2, 0.3), play=0.5, plant={"supply.pressure": 1e7})
+    given = chain(tmp_path, fall_time=3.25, order=(0.6, -0.2, 0.3), play=0.5, plant={"supply": {"pressure": 1e7}})
     noted = dataclasses.replace(given, notes=["policy was made from another actuator <x>"])
     page = Reader(write_report(tmp_path, noted).read_text(encoding="utf-8"))
     assert "The exported policy fell after 3.2 s, having walked at 0.99 m/s where 0.60 is ordered." in page.text
     assert "Ordered: 0.6 m/s ahead, 0.2 m/s to the right, turning 0.3 rad/s" in page.text
-    assert "shown at 0.5 times its speed" in page.text and "supply.pressure=10000000.0" in page.text
+    assert "shown at 0.5 times its speed" in page.text and 'plant {"supply": {"pressure": 10000000.0}}' in page.text
     assert page.text.index("another actuator <x>") < page.text.index(SECTIONS[0].title)
 
 

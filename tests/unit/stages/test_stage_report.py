@@ -131,12 +131,12 @@ def test_results_that_do_not_belong_together_are_told(tmp_path):
 
 
 def test_another_plant_is_told(tmp_path):
-    plant = {"fluid.temperature": 60.0}
+    plant = {"fluid": {"temperature": 60.0}}
     inputs = {"onnx": made(tmp_path, "onnx"), "rollouts": made(tmp_path, "rollouts", params={"plant": plant})}
     parts = _parts(context(tmp_path, inputs), STAGES)
     assert _other_plants(parts, plant) == []
     (told,) = _other_plants(parts, {})
-    assert "another plant than artifacts/rollouts" in told and '{"fluid.temperature": 60.0}' in told
+    assert "another plant than artifacts/rollouts" in told and '{"fluid": {"temperature": 60.0}}' in told
 
 
 def test_a_folder_of_another_stage_is_refused(tmp_path):
