@@ -22,7 +22,20 @@ ACTUATOR = Input("actuator", "actuator", "--actuator", files=(*MODEL, "posterior
 FITTED = Input("actuator", "actuator", "--actuator", files=(*MODEL, "fit.json"))
 POLICY = Input("policy", "policy", "--policy")
 ONNX = Input("onnx", "onnx", "--policy")
+EXPORTED = Input("onnx", "onnx", "--onnx")
 ONNX_FLAG = ("--onnx", "Write ONNX; the only format, so it is the default.")
+# What the page of `report` shows beside the exported policy, as far as it has been made.
+SHOWN = tuple(
+    Input(artifact, artifact, option, optional=True)
+    for artifact, option in (
+        ("bootstrap", "--bootstrap"),
+        ("rollouts", "--logs"),
+        ("actuator", "--actuator"),
+        ("diagnosis", "--diagnosis"),
+        ("policy", "--policy"),
+        ("validation", "--validation"),
+    )
+)
 
 # fmt: off
 STAGES = StageTable(
@@ -43,6 +56,9 @@ STAGES = StageTable(
         Stage("validate", "validation", "hqpipe.stages.validate",
               "Hold the exported policy against its thresholds; exit 4 if one is missed.", version=1,
               inputs=(ONNX, LOGS, FITTED)),
+        Stage("report", "report", "hqpipe.stages.report",
+              "Film a walk of the exported policy, and show the results of the chain on one page.", version=1,
+              inputs=(EXPORTED, *SHOWN), alone=True),
     ],
     template=Path(__file__).with_name("pipeline_template.yaml"),
 )

@@ -18,18 +18,24 @@ def draw_training(folder: Path, runs: Mapping[str, Path]) -> None:
     training_curves(runs, folder / "training.png")
 
 
-def draw_walk(folder: Path, name: str, columns: Mapping[str, Any], robot_folder: Path) -> None:
-    """walk.png: one walk of the plant, given as log columns."""
-    import numpy as np
-
+def walk_trajectory(name: str, columns: Mapping[str, Any], robot: Any) -> Any:
+    """A walk of the plant, given as log columns, as a `Trajectory` in the joint order of `robot`, a `RobotSpec`."""
     from hqpipe.logs.assemble import assemble
     from hqpipe.logs.columns import RawTable
+
+    return assemble(RawTable(Path(name), columns)).for_joints(robot.joints)
+
+
+def draw_walk(folder: Path, name: str, columns: Mapping[str, Any], robot_folder: Path, **more: Any) -> None:
+    """walk.png: one walk of the plant, given as log columns; `more` goes to `walk_summary`."""
+    import numpy as np
+
     from hqpipe.report.walk_figures import walk_summary
     from hqpipe.robots import load_robot
 
     robot = load_robot(robot_folder)
-    trial = assemble(RawTable(Path(name), columns)).for_joints(robot.joints)
-    walk_summary(trial, folder / "walk.png", effort_limit=np.asarray(robot.effort_limit))
+    trial = walk_trajectory(name, columns, robot)
+    walk_summary(trial, folder / "walk.png", effort_limit=np.asarray(robot.effort_limit), **more)
 
 
 def draw_distribution(folder: Path, logs: Mapping[str, list[Mapping[str, Any]]], robot: Any) -> None:

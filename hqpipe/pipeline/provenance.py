@@ -28,6 +28,8 @@ PACKAGES = (
     "pyarrow",
     "safetensors",
     "pydantic",
+    "matplotlib",
+    "pillow",
 )
 """Packages that can change a result."""
 

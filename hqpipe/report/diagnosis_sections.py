@@ -270,7 +270,7 @@ def next_step(files: DiagnosisFiles) -> str:
     """The next experiment, and what to do with the model that was found."""
     content, steps = files.content, []
     if content["next_experiment"]:
-        steps.append(_code(content["next_experiment"]))
+        steps.append(with_code(content["next_experiment"]))
     if content["causes"] and files.has_model:
         steps.append("Retrain with the causes in the model: <code>hqpipe retrain --actuator</code> with this folder.")
     if content["verdict"] == "no_gap":
@@ -282,7 +282,7 @@ def next_step(files: DiagnosisFiles) -> str:
 
 def warnings(content: Content) -> str:
     """What the reader should know before believing the numbers."""
-    items = "".join(f"<li>{_code(text)}</li>" for text in content["warnings"])
+    items = "".join(f"<li>{with_code(text)}</li>" for text in content["warnings"])
     return f"<section><h2>Warnings</h2><ul>{items}</ul></section>" if items else ""
 
 
@@ -322,6 +322,6 @@ def _text(text: Any) -> str:
     return html.escape(str(text), quote=True)
 
 
-def _code(text: str) -> str:
+def with_code(text: str) -> str:
     """Escaped text in which `…` is set as code."""
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", _text(text))

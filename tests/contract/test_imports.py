@@ -20,6 +20,7 @@ HEAVY = {
     "mujoco",
     "onnx",
     "onnxruntime",
+    "PIL",
     "plotly",
     "pyarrow",
     "pybullet",

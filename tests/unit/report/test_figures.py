@@ -9,6 +9,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+from diagnosis_cases import explained, not_identifiable
 
 from hqpipe.errors import UsageError
 from hqpipe.logs.trajectory import Trajectory
@@ -17,6 +18,7 @@ from hqpipe.report.constants_figures import constants_chart
 from hqpipe.report.data_curve_figures import data_curve_chart
 from hqpipe.report.data_figures import Cloud, data_distribution
 from hqpipe.report.fit_figures import actuator_fit, typical_and_worst
+from hqpipe.report.gap_figures import gap_steps
 from hqpipe.report.training_figures import read_metrics, training_curves
 from hqpipe.report.walk_figures import forward_speed, walk_summary
 
@@ -37,7 +39,8 @@ def walk() -> Trajectory:
     contact = (TIME % 0.5 < 0.3).astype(float)
     extra = {f"foot/{foot}/contact": contact for foot in ("LF", "RF")}
     extra |= {"base/linear_velocity/x": np.ones(3000), "command/vx": np.ones(3000)}
-    extra |= {"supply/pressure": 2e7 - 1e6 * contact}
+    extra |= {"supply/pressure": 2e7 - 1e6 * contact, "base/position/z": 0.9 - 0.2 * (TIME > 2.5)}
+    extra |= {f"base/orientation/{axis}": np.full(3000, axis == "w") for axis in "xyzw"}
     return Trajectory(TIME, JOINTS, MEASURED, MEASURED, effort=MEASURED, extra=extra)
 
 
@@ -84,6 +87,8 @@ DRAWINGS = {
     "fit": lambda path: actuator_fit(TIME, MEASURED, MEASURED, PREDICTED, JOINTS, path),
     "training": lambda path: training_curves({"run": metrics_csv(path.parent)}, path),
     "walk": lambda path: walk_summary(walk(), path, effort_limit=np.full(3, 150.0)),
+    "fall": lambda path: walk_summary(walk(), path, posture=True, filmed=(1.0, 3.0), fall_time=2.5),
+    "gap": lambda path: gap_steps(explained(), path),
 }
 
 
@@ -133,6 +138,8 @@ def test_nothing_to_draw_is_said(tmp_path):
         stress_chart([row for row in score_rows() if row["logs"] == "held-out"], tmp_path / "a.png")
     with pytest.raises(UsageError, match="no model could be fitted"):
         data_curve_chart({"net": [(1.0, None)]}, 60.0, 1.0, tmp_path / "a.png")
+    with pytest.raises(UsageError, match="the diagnosis has no gap"):
+        gap_steps(not_identifiable(), tmp_path / "a.png")
     with pytest.raises(UsageError, match="nothing to draw"):
         walk_summary(Trajectory(TIME, JOINTS, MEASURED, MEASURED), tmp_path / "a.png")
     (tmp_path / "m.csv").write_text("step,loss\n1,2\n", encoding="utf-8")
