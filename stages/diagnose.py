@@ -26,25 +26,25 @@ def run(context: Any) -> dict[str, Any]:
     from hqpipe.report.diagnosis_page import write_page
     from hqpipe.report.diagnosis_table import diagnosis_table
     from hqpipe.stages.closed_loop import close_loop, closed_loop_lines
-    from hqpipe.stages.earlier import REFERENCE, read_earlier
+    from hqpipe.stages.earlier import REFERENCE, is_logs, read_earlier
     from hqpipe.stages.logs import read_logs
     from hqpipe.stages.terminal import show
 
-    compared = REFERENCE in context.inputs
-    largest = LARGEST // 2 if compared else LARGEST  # both are in memory
+    twice = is_logs(context)
+    largest = LARGEST // 2 if twice else LARGEST  # both are in memory
     log_set = read_logs(context, most=largest)
     diagnosis = diagnose(
         log_set,
         window_s=context.params.window_s,
         without=context.params.without,
         workers=context.workers,
-        progress=_second_half(context.progress) if compared else context.progress,
+        progress=_second_half(context.progress) if twice else context.progress,
         earlier=read_earlier(context, log_set, largest),
     )
     write_diagnosis(diagnosis, context.output)
     loop = close_loop(context, log_set, diagnosis)
     left_out = f" --set 'without=[{', '.join(context.params.without)}]'" if context.params.without else ""
-    since = f" --reference {diagnosis.content[REFERENCE]['path']}" if compared else ""
+    since = f" --reference {diagnosis.content[REFERENCE]['path']}" if REFERENCE in context.inputs else ""
     write_page(context.output, provenance={"command": f"hqpipe diagnose --logs {log_set.path}{since}{left_out}"})
     show(diagnosis_table(diagnosis.content))
     if loop is not None:

@@ -7,6 +7,14 @@ from typing import Any
 REFERENCE = "reference"
 
 
+def is_logs(context: Any) -> bool:
+    """Whether there is a reference, and it is logs."""
+    from hqpipe.actuators.files import FILE
+
+    folder = context.inputs.get(REFERENCE)
+    return folder is not None and not (folder / FILE).is_file()
+
+
 def read_earlier(context: Any, log_set: Any, most: int) -> Any:
     """The `Earlier` of the input `reference`: an actuator model, or logs that are diagnosed first; None without it.
 
@@ -27,7 +35,7 @@ def read_earlier(context: Any, log_set: Any, most: int) -> Any:
     folder = context.inputs.get(REFERENCE)
     if folder is None:
         return None
-    if (folder / FILE).is_file():
+    if not is_logs(context):
         return earlier_actuator(folder, str(shown_path(context, folder)))
     try:
         then = read_logs(context, most, REFERENCE)

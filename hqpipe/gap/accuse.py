@@ -288,6 +288,8 @@ def _raw_error(
         if state.joint in signed.joints:
             j = signed.raw.joints.index(state.joint)
             unsigned = joint_data(trials["fit"], trials["heldout"], j, mode, steps, one.noise, speed=speed)
+            if one.then is not None:  # the reference's own error, not that of a fit
+                unsigned = replace(unsigned, then=one.then, row=one.row)
             errors.append(JointFitter(unsigned).fit().heldout)
         else:
             errors.append(state.base.heldout)

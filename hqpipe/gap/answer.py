@@ -10,8 +10,8 @@ from hqpipe.gap.accuse import WINDOWS_PER_BLOCK, Accusation
 from hqpipe.gap.bootstrap import block_weights, interval
 from hqpipe.gap.causes import Cause
 from hqpipe.gap.changes import CANDIDATES, FACTORS
+from hqpipe.gap.considered import considered, significant
 from hqpipe.gap.groups import scope_of
-from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.locate import Place, telling
 from hqpipe.gap.reference import Explained
 from hqpipe.gap.replay import persistence_error
@@ -25,7 +25,6 @@ from hqpipe.logs.trajectory import LogSet, recording_of
 
 LAYER = "actuator"
 EXPLAINED = 0.25  # of the squared error above the noise may be left in an explained gap; assumption
-HELPS = 0.97  # of the loss in the fit trials that an effect must leave at most to count as seen there; assumption
 UNLIKE = 3.0  # held-out over fitted RMSE beyond which the trials are unlike each other; assumption
 UNSIGNED_EVEN, UNSIGNED_STEEPNESS = 0.7, 10.0  # error ratio of the sign search at even odds, and how fast they grow
 MISSES = 1.5  # RMSE over the noise floor from which it is told that a reference itself misses its machine; assumption
@@ -93,9 +92,9 @@ def answer(
         "gap": _gap(log_set, window_s, found, evidence),
         "where": where,
         "causes": causes,
-        "effects_considered": _considered(found, log_set),
+        "effects_considered": considered(found, log_set),
         "unexplained": {
-            "share_of_gap": _short(min(left, 1.0)),
+            "share_of_gap": significant(min(left, 1.0)),
             "above_noise": unexplained,
             "where": remaining,
             "depends_on": _depends_on(log_set, evidence[1], explained[1], gap_after),
@@ -145,8 +144,8 @@ def _gap(log_set: LogSet, window_s: float, found: Accusation, evidence: tuple[Ev
         "after": after,
         "noise_floor": _rms(found.noise),
         "persistence": _rms(persistence_error(found.heldout)),
-        "shrink": _short(1.0 - after / before) if before > 0 else 0.0,
-        "shrink_ci95": [_short(low), _short(min(high + part * _room(found, evidence), 1.0))],
+        "shrink": significant(1.0 - after / before) if before > 0 else 0.0,
+        "shrink_ci95": [significant(low), significant(min(high + part * _room(found, evidence), 1.0))],
     }
 
 
@@ -155,23 +154,23 @@ def _cause(cause: Cause, shrink: float, interval: np.ndarray, log_set: LogSet) -
     units = {p.name: p.unit for p in effect.parameters}
     parameters = {
         name: {
-            "value": _short(part.value),
+            "value": significant(part.value),
             "unit": COMMAND_UNITS[log_set.control_mode] if units[name] == "command" else units[name],
-            "ci95": [_short(part.low), _short(part.high)],
+            "ci95": [significant(part.low), significant(part.high)],
         }
         for name, part in cause.parameters.items()
     }
     for name, then in cause.then.items():
-        parameters[name]["reference"] = then if then is None else _short(then)
+        parameters[name]["reference"] = then if then is None else significant(then)
     return {
         "effect": cause.effect,
         "layer": effect.layer,
         "joints": list(cause.joints),
         "scope": cause.scope,
-        "probability": _short(cause.probability),
+        "probability": significant(cause.probability),
         "parameters": parameters,
-        "shrink": _short(shrink),
-        "shrink_ci95": sorted([_short(interval[0]), _short(interval[1])]),
+        "shrink": significant(shrink),
+        "shrink_ci95": sorted([significant(interval[0]), significant(interval[1])]),
         "confused_with": list(cause.rivals),
     }
 
@@ -186,10 +185,10 @@ def _unsigned(signed: SignedLogs, log_set: LogSet, found: Accusation, evidence: 
         "layer": "sensing",
         "joints": list(signed.joints),
         "scope": scope_of(signed.joints, log_set.joints),
-        "probability": _short(1.0 / (1.0 + np.exp(UNSIGNED_STEEPNESS * (ratio - UNSIGNED_EVEN)))),
+        "probability": significant(1.0 / (1.0 + np.exp(UNSIGNED_STEEPNESS * (ratio - UNSIGNED_EVEN)))),
         "parameters": {},
-        "shrink": _short(shrink),
-        "shrink_ci95": [_short(min(low, shrink)), _short(max(high, shrink))],
+        "shrink": significant(shrink),
+        "shrink_ci95": [significant(min(low, shrink)), significant(max(high, shrink))],
         "confused_with": [],
     }
 
@@ -202,74 +201,6 @@ def _fall(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
         1.0 - np.sqrt((weights @ np.add.reduceat(after, edges)) / (weights @ np.add.reduceat(before, edges)))
     )
     return float(low), float(high)
-
-
-def _considered(found: Accusation, log_set: LogSet) -> list[dict[str, Any]]:
-    """Candidates that were not accepted anywhere, the best first, with the reason."""
-    accepted = {cause.effect for cause in found.causes}
-    total = sum(state.base.heldout.sum() for state in found.states)
-    rows = []
-    for effect in dict.fromkeys((*found.library, *_absorbed(log_set))):
-        if effect in accepted:
-            continue
-        if effect not in found.library:
-            compared = found.states[0].data.then is not None
-            reason = (
-                "it changes the coefficients as a softer oil does: see stiffness_change"
-                if compared
-                else "the base model's own coefficients take it up completely: these logs cannot show it"
-            )
-            joints, score, shrink = list(log_set.joints), 0.0, 0.0
-        else:
-            joints, score, shrink = _alone(effect, found.states, total)
-            reason = _reason(effect, found.states, score)
-        rows.append(
-            {
-                "effect": effect,
-                "layer": CANDIDATES[effect].layer,
-                "joints": joints,
-                "scope": scope_of(joints, log_set.joints),
-                "score": _short(score),
-                "shrink": _short(shrink),
-                "reason": reason,
-            }
-        )
-    return sorted(rows, key=lambda row: -row["shrink"])
-
-
-def _absorbed(log_set: LogSet) -> list[str]:
-    return [name for name, effect in CANDIDATES.items() if log_set.control_mode in effect.absorbed]
-
-
-def _alone(effect: str, states: list[JointState], total: float) -> tuple[list[str], float, float]:
-    """Joints that the effect alone would help, the largest z of its improvement, and its shrink."""
-    after, best, joints = 0.0, 0.0, []
-    for state in states:
-        if effect not in state.search.library:
-            after += state.base.heldout.sum()
-            continue
-        fit = state.search.fit((effect,))
-        ratio, z = state.search.gain(state.base, fit)
-        after += min(fit.heldout.sum(), state.base.heldout.sum())
-        if ratio > 1.05 and z > 2.0:
-            joints.append(state.joint)
-        best = max(best, z if ratio > 1.0 else 0.0)
-    return joints, best, 1.0 - float(np.sqrt(after / total)) if total > 0 else 0.0
-
-
-def _reason(effect: str, states: list[JointState], score: float) -> str:
-    for state in states:
-        if effect in state.dropped:
-            return state.dropped[effect]
-    if score < states[0].search.significance:
-        return "does not lower the held-out error beyond chance"
-    if all(
-        state.search.fit((effect,)).loss > HELPS * state.base.loss for state in states if effect in state.search.library
-    ):
-        return "helps by chance: not in the fit trials"
-    if any(state.chosen.effects for state in states):
-        return "adds nothing once the accepted causes are in the model"
-    return "lowers the held-out error too little to matter"
 
 
 def _depends_on(
@@ -285,7 +216,7 @@ def _depends_on(
             if drop > MIN_SHARE * (evidence.error[j] - evidence.floor[j]):
                 found.setdefault(known.get(signal, signal), {})[joints[j]] = drop
     rows = [
-        {"signal": name, "joints": list(drops), "share": _short(min(1.0, sum(drops.values()) / total))}
+        {"signal": name, "joints": list(drops), "share": significant(min(1.0, sum(drops.values()) / total))}
         for name, drops in found.items()
     ]
     return sorted(rows, key=lambda row: -row["share"])
@@ -319,7 +250,7 @@ def _known_miss(found: Accusation, earlier: Earlier | None) -> list[str]:
             f"the reference is no better than {known:.3g} on a machine that has not changed: less is no change"
         )
     for name in (name for name in FACTORS if name in found.library):
-        if lacking := [s.joint for s in found.states if name not in s.search.library and s.data.barred == ()]:
+        if lacking := [s.joint for s in found.states if name not in s.search.library]:
             notes.append(
                 f"{', '.join(lacking)}: {FACTORS[name][0]} is 0 in the reference, so that {name} has no ratio and was not asked"
             )
@@ -390,12 +321,8 @@ def _head(log_set: LogSet, verdict: str, earlier: Earlier | None) -> dict[str, A
 
 
 def _place(p: Place) -> dict[str, Any]:
-    return {"layer": LAYER, "joint": p.joint, "regime": p.regime, "share": _short(p.share)}
+    return {"layer": LAYER, "joint": p.joint, "regime": p.regime, "share": significant(p.share)}
 
 
 def _rms(mean_square: np.ndarray) -> float:
-    return _short(float(np.sqrt(np.mean(mean_square))))
-
-
-def _short(value: float) -> float:
-    return float(f"{value:.6g}")
+    return significant(float(np.sqrt(np.mean(mean_square))))

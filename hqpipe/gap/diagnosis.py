@@ -20,13 +20,13 @@ from hqpipe.gap.intake import LONGER, Intake, take_in
 from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.locate import Place, locate
 from hqpipe.gap.reference import Explained
-from hqpipe.gap.replay import Replay
+from hqpipe.gap.replay import Replay, persistence_error
 from hqpipe.gap.rest import Rest
 from hqpipe.gap.row_model import RowModel
 from hqpipe.gap.schema import validate_diagnosis
 from hqpipe.gap.second_channel import measured, scale_causes, settle_offsets
 from hqpipe.gap.since import Earlier
-from hqpipe.gap.tally import Tally, tally
+from hqpipe.gap.tally import ALL, Tally, tally
 from hqpipe.gap.traces import worst_windows
 from hqpipe.gap.verdict import Evidence, shortage, weigh
 from hqpipe.logs.trajectory import LogSet
@@ -34,16 +34,22 @@ from hqpipe.sysid.free_run import WINDOW_S
 
 LARGEST = 3_800_000  # samples × joints in memory: 5 min of twelve joints at 1 kHz, which takes 1.5 GB
 FILE, TABLE, TRACES = "diagnosis.json", "residuals.csv", "traces.json"
+HELD = "rmse_persistence"
 Progress = Callable[[float, float, str], None]
 
 
 @dataclass(frozen=True)
 class Row:
-    """One joint in one regime, before and after; the trial "all" pools the held-out trials."""
+    """One joint in one regime, before and after; the trial "all" pools the held-out trials.
+
+    Attributes:
+        held: RMSE of holding the output, of a whole joint in all trials; None elsewhere.
+    """
 
     trial: str
     before: Place
     after: Place | None
+    held: float | None = None
 
 
 @dataclass(frozen=True)
@@ -165,7 +171,11 @@ def _look(rest: Rest, floor: np.ndarray, familiar: np.ndarray) -> Look:
 
 def _table(before: Look, after: Look, heldout: list[Replay]) -> list[Row]:
     """Rows of all trials together, then trial by trial."""
-    table = _paired("all", before.places, after.places)
+    held = dict(zip(heldout[0].trajectory.joints, np.sqrt(persistence_error(heldout)), strict=True))
+    table = [
+        replace(row, held=float(held[row.before.joint])) if row.before.family == ALL else row
+        for row in _paired("all", before.places, after.places)
+    ]
     for index, item in enumerate(heldout):
         places = [locate(x.sums.of_trial(index), x.evidence.floor, item.trajectory.joints) for x in (before, after)]
         table += _paired(item.file, *places)
@@ -198,10 +208,11 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> None:
     columns = ("joint", "family", "regime", "samples", "rmse", "share", "share_low", "share_high")
     with (folder / TABLE).open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(["trial", "joint", "family", "regime", "n", *columns[4:], "rmse_after", "share_after"])
+        writer.writerow(["trial", "joint", "family", "regime", "n", *columns[4:], "rmse_after", "share_after", HELD])
         for row in diagnosis.table:
             values = asdict(row.before)
             later = [row.after.rmse, row.after.share] if row.after else ["", ""]
+            later.append("" if row.held is None else row.held)
             writer.writerow([row.trial, *(_cell(values[name]) for name in columns), *(_cell(v) for v in later)])
 
 

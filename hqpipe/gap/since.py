@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
-import csv
-import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from hqpipe.actuators.augmented import Augmented
-from hqpipe.actuators.base import DT_TOLERANCE, ActuatorModel
+from hqpipe.actuators.base import DT_TOLERANCE
 from hqpipe.actuators.files import FILE, load_actuator
 from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.effects.layout import slot
 from hqpipe.errors import UsageError
-from hqpipe.gap.estimate import Z95
 from hqpipe.gap.joint_data import LOGGED, JointData, Then
+from hqpipe.gap.model_files import COEFFICIENTS, POWERS, Left, digest, left_of, variances
 from hqpipe.gap.two_fits import two_fits
 from hqpipe.logs.trajectory import LogSet
 
 LOGS, ACTUATOR = "logs", "actuator"
 MODE = "position"  # in the others the coefficients are no physics that could be compared one by one
-FIT, DIAGNOSIS, RESIDUALS = "fit.json", "diagnosis.json", "residuals.csv"
-_COEFFICIENTS = ("k1", "k2", "k3", "k4")
-_POWERS = (2, 0, 2, 1)  # of the sprocket's radius in joint space, eq. (7)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +28,7 @@ class Earlier:
     """An earlier record.
 
     Attributes:
-        path: as it is shown. kind: `LOGS` or `ACTUATOR`. sha256: of its files.
+        path: as it is shown. kind: `LOGS` or `ACTUATOR`. sha256: of what is read of it.
         mode: control mode. dt: sample time, s. joints: names. source: of the torque, where it is known.
         speed: the speed that its coefficients belong to, of `SPEEDS`; None if the record does not say.
         then: joint → what is known of it. bare: it knows coefficients alone; settings, and what two fits differ by, are then
@@ -135,7 +128,7 @@ def earlier_actuator(folder: Path, shown: str | None = None) -> Earlier:
 
     Raises:
         UsageError: the model has no coefficients that could be compared.
-        ConfigError: actuator.json is broken.
+        ConfigError: actuator.json or a file beside it is broken.
     """
     model = load_actuator(folder)
     if not isinstance(model, Hydraulic | Augmented):
@@ -143,8 +136,8 @@ def earlier_actuator(folder: Path, shown: str | None = None) -> Earlier:
             f"{folder / FILE}: a model of kind '{model.NAME}' has no coefficients to compare; give artifacts/actuator, "
             "artifacts/diagnosis or the logs that it was fitted to"
         )
-    shown, sha256 = shown or str(folder), hashlib.sha256((folder / FILE).read_bytes()).hexdigest()
-    fitted, left = _intervals(folder, model), _left(folder, model)
+    shown = shown or str(folder)
+    fitted, left = variances(folder, model), left_of(folder, model)
     effects = model.effects if isinstance(model, Augmented) else {}
     then = {}
     for j, joint in enumerate(model.joints):
@@ -153,14 +146,19 @@ def earlier_actuator(folder: Path, shown: str | None = None) -> Earlier:
         names = tuple(name for name, joints in effects.items() if joint in joints)
         columns = np.array(list(variance), dtype=np.int64)
         covariance = np.diag(np.array(list(variance.values()), dtype=np.float64))
-        familiar, swing = left.get(joint, (0.0, None))
-        then[joint] = Then(row, columns, covariance, familiar, swing, effects=names)
-    warnings = (
-        () if fitted else (f"the reference {shown} has no intervals: it is taken to be as sure as these logs are",)
-    )
+        known = left.get(joint, Left(0.0, None))
+        then[joint] = Then(row, columns, covariance, known.error, known.swing, effects=names)
+    warnings = []
+    if not fitted:
+        warnings.append(f"the reference {shown} has no intervals: it is taken to be as sure as these logs are")
+    if any(left.get(joint, Left(0.0, None)).swing is None for joint in model.joints):
+        warnings.append(
+            f"the reference {shown} does not say how much its own logs moved: in livelier ones an error that it always had may "
+            "pass for a change"
+        )
     speed = LOGGED if isinstance(model, Hydraulic) else None
     return Earlier(
-        shown, ACTUATOR, sha256, "position", model.dt, model.joints, speed, then, warnings=warnings, bare=True
+        shown, ACTUATOR, digest(folder), MODE, model.dt, model.joints, speed, then, warnings=tuple(warnings), bare=True
     )
 
 
@@ -174,52 +172,10 @@ def _joint_space(model: Hydraulic, j: int) -> np.ndarray:
         row[slots(name)] = neutral_row()[slots(name)]
     row[slot("coulomb_friction", "presliding_rad")] = np.nan
     radius = model.column("sprocket_radius")[j]
-    for name, power in zip(_COEFFICIENTS, _POWERS, strict=True):
+    for name, power in zip(COEFFICIENTS, POWERS, strict=True):
         row[slot("base", name)] = model.column(name)[j] * radius**power
     row[slot("base", "neutral")] = 0.0
     row[slot("setting", "effort_limit")] = model.column("effort_limit")[j]
     row[slot("setting", "sample_time")] = model.dt
     row[slot("setting", "speed_late")] = 0.0
     return row
-
-
-def _intervals(folder: Path, model: ActuatorModel) -> dict[str, dict[int, float]]:
-    """Joint → column → variance, from the fit.json beside a model of fit-actuator; empty without one."""
-    if not isinstance(model, Hydraulic):
-        return {}
-    found: dict[str, dict[int, float]] = {}
-    for joint, radius in zip(model.joints, model.column("sprocket_radius"), strict=True):
-        fit = _fit_of(folder, model.scope, joint)
-        for name, power in zip(_COEFFICIENTS, _POWERS, strict=True):
-            known = next((c for c in fit.get("coefficients", ()) if c["name"] == name and c["ci95"]), None)
-            if known:
-                low, high = known["ci95"]
-                sigma = (high - low) / (2.0 * Z95) * radius**power
-                found.setdefault(joint, {})[slot("base", name)] = sigma**2
-    return found
-
-
-def _fit_of(folder: Path, scope: str, joint: str) -> dict[str, Any]:
-    path = folder / FIT
-    if not path.is_file():
-        return {}
-    fits = json.loads(path.read_text(encoding="utf-8")).get(scope, {}).get("fits", [])
-    return next((fit for fit in fits if fit["joint"] in (joint, "all")), {})
-
-
-def _left(folder: Path, model: ActuatorModel) -> dict[str, tuple[float, float | None]]:
-    """Joint → mean squared error of the model on its own logs beyond their noise, and that of holding the torque, if known."""
-    if isinstance(model, Hydraulic):
-        fits = {joint: _fit_of(folder, model.scope, joint) for joint in model.joints}
-        return {joint: (_beyond(fit["free_run_rmse"], fit["noise"]), None) for joint, fit in fits.items() if fit}
-    paths = folder / DIAGNOSIS, folder / RESIDUALS
-    gap = json.loads(paths[0].read_text(encoding="utf-8"))["gap"] if all(path.is_file() for path in paths) else None
-    if gap is None:
-        return {}
-    with paths[1].open(newline="", encoding="utf-8") as stream:
-        rows = [row for row in csv.DictReader(stream) if (row["trial"], row["family"]) == ("all", "all")]
-    return {row["joint"]: (_beyond(float(row["rmse_after"]), gap["noise_floor"]), None) for row in rows}
-
-
-def _beyond(error: float, noise: float) -> float:
-    return max(error**2 - noise**2, 0.0)

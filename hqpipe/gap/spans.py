@@ -78,7 +78,8 @@ def search_spans(states: list[JointState], floor: np.ndarray, workers: int = 1) 
     if not quiet:
         return None
     stretch = [_held(restrict(data[i], fit, heldout), outside[data[i].joint].row) for i in quiet]
-    found = search_joints(stretch, states[0].search.library, workers)
+    names = tuple(dict.fromkeys(name for state in states for name in state.search.library))
+    found = search_joints(stretch, names, workers)
     found = close_gap(pool_groups(seek_consensus(found)), level[quiet])
     if data[0].then is not None:
         found = drop_unchanged(found, level[quiet])

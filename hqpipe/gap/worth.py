@@ -94,21 +94,32 @@ def drop_outweighed(
     """Take back names that explain hardly more than what could still be explained in their joints.
 
     Where something acts that the library lacks, names that resemble it a little are picked up beside those that are right.
-    What cannot be predicted, as sticking and slipping, is held against no name.
+    What cannot be predicted, as sticking and slipping, is held against no name. The weakest goes first and the others are
+    weighed again without it, so that of two names for one thing the better stays.
 
     Args:
         causes: of the states. sensor: (J,) mean squared error that the noise of the output's sensor leaves.
         rest: of the machine with the states' effects.
     """
     found = {state.joint: state for state in states}
-    noise = {state.joint: float(level) for state, level in zip(states, sensor, strict=True)}
-    for cause in causes:
-        members = [state for state in states if state.joint in cause.joints]
-        fall = sum(s.search.without(s.chosen, cause.effect).error - s.chosen.error for s in members)
-        if fall >= OUTWEIGHED * sum(max(s.chosen.error - noise[s.joint], 0.0) for s in members):
-            continue  # more than all that is left, so that nobody need ask what of it is predictable
-        if fall < OUTWEIGHED * sum(rest.predictable(s.joint) * s.chosen.error for s in members):
-            take_back(cause, found, "explains hardly more than what could still be explained in its joints")
+    left = {s.joint: s.chosen.error for s in states}
+    above = {s.joint: max(s.chosen.error - float(level), 0.0) for s, level in zip(states, sensor, strict=True)}
+    causes = list(causes)
+    while causes:
+        outweighed = []
+        for cause in causes:
+            members = [found[joint] for joint in cause.joints]
+            fall = sum(s.search.without(s.chosen, cause.effect).error - s.chosen.error for s in members)
+            if fall >= OUTWEIGHED * sum(above[joint] for joint in cause.joints):
+                continue  # more than all that is left, so that nobody need ask what of it is predictable
+            bar = OUTWEIGHED * sum(rest.predictable(joint) * left[joint] for joint in cause.joints)
+            if fall < bar:
+                outweighed.append((fall / bar, cause))
+        if not outweighed:
+            break
+        weakest = min(outweighed, key=lambda item: item[0])[1]
+        take_back(weakest, found, "explains hardly more than what could still be explained in its joints")
+        causes.remove(weakest)
     return list(found.values())
 
 

@@ -145,6 +145,7 @@ def _fit_group(problem: Problem, noise: np.ndarray) -> tuple[Solution | None, Jo
         samples=int((bounds[:, 1] - bounds[:, 0]).sum()) * len(problem.joints),
         covariance=spread.covariance if spread else None,
         freedom=spread.freedom if spread else None,
+        persistence_rmse=float(np.sqrt(np.mean(np.concatenate(problem.held()) ** 2))),
     )
     return solution, fit, one_step
 

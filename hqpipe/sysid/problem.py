@@ -95,6 +95,11 @@ class Problem:
         self.evaluate(k, self.measured_starts())
         return [r[np.isfinite(r)] for r in self._residuals]
 
+    def held(self) -> list[np.ndarray]:
+        """Errors of the predicted samples if the torque at every window's start stayed, per joint, N·m."""
+        bounds = self.windows.bounds
+        return [np.concatenate([x[a] - x[a + 1 : b + 1] for a, b in bounds]) for x in (d.effort for d in self.joints)]
+
     def one_step(self, span: int) -> np.ndarray:
         """(4,) linear least squares over steps of `span` samples within the bounds; 1 is the paper's fit."""
         moments, right = np.zeros((4, 4)), np.zeros(4)

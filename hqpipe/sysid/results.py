@@ -44,6 +44,7 @@ class JointFit:
         windows: how many; samples: predicted samples in them, over all joints that share the coefficients.
         covariance: (4, 4) of the coefficients, as their intervals use it; 0 where not identifiable, None with too few windows.
         freedom: (4,) degrees of freedom of its diagonal.
+        persistence_rmse: of holding the torque at every window's start, N·m: how much these logs move.
     """
 
     joint: str
@@ -54,6 +55,7 @@ class JointFit:
     samples: int
     covariance: np.ndarray | None = field(default=None, compare=False, repr=False)
     freedom: np.ndarray | None = field(default=None, compare=False, repr=False)
+    persistence_rmse: float | None = None
 
     def __getitem__(self, name: str) -> Coefficient:
         return next(c for c in self.coefficients if c.name == name)

@@ -47,19 +47,22 @@ def test_the_paper_s_coefficients_become_joint_space(tmp_path):
     assert gains == pytest.approx([540.0, 0.06, 21.6, 0.36])
     assert row[slot("setting", "effort_limit")] == 900.0 and found.speed == LOGGED
     assert found.header().keys() == {"path", "kind", "sha256"} and found.kind == "actuator"
-    assert "no intervals" in found.warnings[0]
+    assert "no intervals" in found.warnings[0] and "how much its own logs moved" in found.warnings[1]
 
 
 def test_intervals_of_the_fit_are_in_joint_space_too(tmp_path):
     save_actuator(hydraulic(), tmp_path)
     coefficients = [{"name": "k1", "ci95": [13000.0, 14000.0]}, {"name": "k4", "ci95": None}]
-    fits = [{"joint": joint, "coefficients": coefficients, "free_run_rmse": 5.0, "noise": 3.0} for joint in JOINTS]
+    fits = [
+        {"joint": joint, "coefficients": coefficients, "free_run_rmse": 5.0, "noise": 3.0, "persistence_rmse": 40.0}
+        for joint in JOINTS
+    ]
     (tmp_path / "fit.json").write_text(json.dumps({"per_joint": {"fits": fits}}))
     found = earlier_actuator(tmp_path)
     then = found.then["LFR"]
     assert then.columns.tolist() == [slot("base", "k1")] and not found.warnings
     assert np.sqrt(then.covariance[0, 0]) == pytest.approx(1000.0 / 2 / 1.96 * RADIUS**2, rel=1e-3)
-    assert then.familiar == 16.0
+    assert (then.familiar, then.swing) == (16.0, 1600.0)
 
 
 def test_a_diagnosed_model_brings_its_effects(tmp_path):

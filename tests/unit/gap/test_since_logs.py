@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from planted_logs import logs_of, planted, size
 
-from hqpipe.actuators.files import load_actuator
+from hqpipe.actuators.files import load_actuator, save_actuator
 from hqpipe.effects import EFFECTS
 from hqpipe.effects.layout import slot
 from hqpipe.errors import ConfigError, IdentificationError
@@ -21,6 +21,7 @@ from hqpipe.gap.schema import validate_diagnosis
 from hqpipe.gap.since import earlier_actuator
 from hqpipe.gap.since_logs import earlier_logs
 from hqpipe.gap.unchanged import REASON, drop_unchanged
+from hqpipe.sysid.fit_actuator import fit_actuator
 
 KEPT = (*CHANGES, "torque_scale", "valve_deadband", "valve_lag", "unsigned_sensor")
 WITHOUT = tuple(name for name in EFFECTS if name not in KEPT)
@@ -74,6 +75,22 @@ def test_grown_leakage_is_named_with_its_ratio(leaking, found):
     assert "reference" not in ratio, "it is a ratio to the reference"
     assert content["gap"]["before"] > 10.0 * content["gap"]["after"]
     assert content["where"][0]["joint"] == leaking.joints[1]
+
+
+@pytest.mark.parametrize("kind", ["fit", "diagnosis"])
+def test_what_a_model_always_lacked_grows_with_the_motion_and_is_no_change(tmp_path, kind):
+    lag, without = [size("valve_lag"), {}], (*WITHOUT, "valve_lag")
+    then = logs_of(lag, seed=1, motion=0.15, knocks=200.0)
+    if kind == "fit":
+        fit = fit_actuator(then)
+        save_actuator(fit.model, tmp_path)
+        (tmp_path / "fit.json").write_text(json.dumps({"per_joint": fit.to_dict()}))
+    else:
+        write_diagnosis(diagnose(then, without=without), tmp_path)
+    earlier = earlier_actuator(tmp_path)
+    content = diagnose(logs_of(lag, seed=3), without=without, earlier=earlier).content
+    assert content["verdict"] == "no_gap" and content["causes"] == []
+    assert not any("how much its own logs moved" in text for text in content["warnings"])
 
 
 def test_the_saved_actuator_is_the_machine_of_now(found, earlier, tmp_path):

@@ -59,6 +59,19 @@ def test_a_name_is_measured_by_what_could_still_be_explained_beside_it(share, ke
     assert set(state.dropped) == {DELAY, RUB} - set(kept)
 
 
+def test_of_two_names_for_one_thing_the_better_stays():
+    errors = {
+        (): 500.0,
+        (DELAY,): 45.0,
+        (RUB,): 50.0,
+        (DELAY, RUB): 40.0,
+    }  # each beside the other falls short of 0.4 · 40
+    (state,) = drop_outweighed(
+        [joint("a", errors, (DELAY, RUB))], [cause(RUB, "a"), cause(DELAY, "a")], np.array([1.0]), Rest(a=0.4)
+    )
+    assert state.chosen.effects == (DELAY,)
+
+
 def test_joints_with_one_cause_are_weighed_together():
     weak = {(): 60.0, (RUB,): 50.0}  # by itself it would go: 10 against 30
     clear = {(): 300.0, (RUB,): 10.0}
