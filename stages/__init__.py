@@ -39,7 +39,7 @@ STAGES = StageTable(
         Stage("retrain", "policy", "hqpipe.stages.retrain",
               "Train the policy with the actuator model.", version=2, inputs=(ACTUATOR,)),
         Stage("export", "onnx", "hqpipe.stages.export",
-              "Write the policy as ONNX for the robot.", version=1, inputs=(POLICY,), flags=(ONNX_FLAG,)),
+              "Write the policy as ONNX for the robot.", version=2, inputs=(POLICY,), flags=(ONNX_FLAG,)),
         Stage("validate", "validation", "hqpipe.stages.validate",
               "Hold the exported policy against its thresholds; exit 4 if one is missed.", version=1,
               inputs=(ONNX, LOGS, FITTED)),
