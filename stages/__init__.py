@@ -41,7 +41,7 @@ STAGES = StageTable(
         Stage("export", "onnx", "hqpipe.stages.export",
               "Write the policy as ONNX for the robot.", version=2, inputs=(POLICY,), flags=(ONNX_FLAG,)),
         Stage("validate", "validation", "hqpipe.stages.validate",
-              "Hold the exported policy against its thresholds; exit 4 if one is missed.", version=1,
+              "Hold the exported policy against its thresholds; exit 4 if one is missed.", version=2,
               inputs=(ONNX, LOGS, FITTED)),
     ],
     template=Path(__file__).with_name("pipeline_template.yaml"),

@@ -68,10 +68,12 @@ class EstimateLog:
     """x̃_t of every call of a controller.
 
     Attributes:
-        names: as `Wiring.estimate`. rows: (m,) each, in physical units.
+        names: as `Wiring.estimate`. period_s: between two calls. rows: (m,) each, in physical units; the first belongs to the
+            first row of the trial. Empty if the policy does not tell it.
     """
 
     names: tuple[str, ...] = ()
+    period_s: float = 0.0
     rows: list[np.ndarray] = field(default_factory=list)
 
 
@@ -137,7 +139,7 @@ class PolicyController:
         targets = np.asarray(answer[0][0], dtype=float)
         self.previous = targets
         if self.record is not None and self.wiring.estimate:
-            self.record.names = self.wiring.estimate
+            self.record.names, self.record.period_s = self.wiring.estimate, self.period_s
             self.record.rows.append(np.array(answer[1][0], dtype=float))
         if clock_hz is not None:
             self.phase = float(gait.advance(np.asarray(self.phase), clock_hz, self.period_s))
