@@ -117,6 +117,17 @@ def test_scenarios_show_the_worst_in_readable_units_and_mark_what_is_missed():
     assert "0/4" in text and "12.5" in text and "206" in text
     assert "torque" not in text, "no scenario has it"
     cells = {column.header: list(column.cells) for column in table.columns}
-    assert cells["drift\nm"] == ["[red]2.5[/red]", "[red]–[/red]"]
+    assert cells["drift\nm"] == ["[red]2.50[/red]", "[red]–[/red]"]
     assert cells["falls"] == ["0/4", "[red]4/4[/red]"]
-    assert cells["speed\nerror\nm/s"] == ["0.0123", ""]
+    assert cells["speed\nerror\nm/s"] == ["0.012", ""]
+
+
+def test_every_measure_of_a_scenario_fits_a_terminal_of_120_columns():
+    from hqpipe.report.tables import _SCENARIO_COLUMNS
+
+    worst = {name: 12345.0 / 10**decimals / scale for _, name, scale, decimals in _SCENARIO_COLUMNS}  # five digits each
+    text = text_of(
+        scenario_table([{"scenario": "push_forward", "walks": 32, "falls": 32, "worst": worst, "limits": {"falls": 0}}])
+    )
+    assert "push_forward" in text and "32/32" in text and "…" not in text
+    assert max(len(line.rstrip()) for line in text.splitlines()) <= 120
