@@ -125,7 +125,7 @@ def test_scenarios_show_the_worst_in_readable_units_and_mark_what_is_missed():
 def test_every_measure_of_a_scenario_fits_a_terminal_of_120_columns():
     from hqpipe.report.tables import _SCENARIO_COLUMNS
 
-    worst = {name: 12345.0 / 10**decimals / scale for _, name, scale, decimals in _SCENARIO_COLUMNS}  # five digits each
+    worst = {name: 1234.0 / 10**decimals / scale for _, name, scale, decimals in _SCENARIO_COLUMNS}  # four digits each
     text = text_of(
         scenario_table([{"scenario": "push_forward", "walks": 32, "falls": 32, "worst": worst, "limits": {"falls": 0}}])
     )
