@@ -79,7 +79,7 @@ def _until_lying(trial: Any) -> dict[str, Any]:
 def _steady_speed(walk: Any, fall_time: float | None) -> float:
     """Mean forward speed after settling and before a fall, m/s."""
     from hqpipe.report.walk_figures import forward_speed
-    from hqpipe.stages.machine import SETTLING_S
+    from hqpipe.rl.walk_measures import SETTLING_S
 
     end = float(walk.time[-1]) if fall_time is None else fall_time
     part = (walk.time >= min(SETTLING_S, 0.5 * end)) & (walk.time <= end)

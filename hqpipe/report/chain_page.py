@@ -80,9 +80,10 @@ def _tiles(chain: Chain) -> list[tuple[str, str, str]]:
     if checked is None or checked.record is None:
         tiles += [_unknown(chain, "validation", "falls in validation")]
     else:
-        walks, order = checked.told("walks"), checked.parameter("walk_speed")
-        falls = f"{sum(w['fell'] for w in walks)} <small>of {len(walks)}</small>"
-        tiles.append(("falls in validation", falls, f"walks at {number(order)} m/s on the plant"))
+        rows = checked.told("scenarios")
+        falls = f"{sum(row['falls'] for row in rows)} <small>of {sum(row['walks'] for row in rows)}</small>"
+        kinds = f"{len(rows)} kind{'s' if len(rows) > 1 else ''}"
+        tiles.append(("falls in validation", falls, f"walks of {kinds} on the plant"))
     tiles.append(_unknown(chain, "diagnosis", "model error") if gap is None else _gap(gap))
     if checked is None or checked.record is None:
         tiles += [_unknown(chain, "validation", "latency")]

@@ -25,6 +25,17 @@ from hqpipe.report.diagnosis_words import (
 DIAGNOSIS_PAGE = "diagnosis.html"
 
 
+_MEASURES = (
+    ("m/s off", "speed_error", 1.0, 3),
+    ("rad/s off", "yaw_error", 1.0, 3),
+    ("m aside", "drift", 1.0, 2),
+    ("feet lifted, cm", "foot_clearance", 100.0, 1),
+    ("hardest step, weights", "peak_force", 1.0, 2),
+    ("lowest supply, bar", "lowest_supply", 1e-5, 0),
+)
+"""Column, measure of `run_scenarios`, factor, decimals."""
+
+
 @dataclass(frozen=True)
 class Section:
     """One result on the page.
@@ -173,8 +184,21 @@ def validation(part: Part, chain: Chain) -> str:
         passed = value is not None and value <= limit
         mark = "<b class=ok>✓ passed</b>" if passed else "<b class=bad>✗ missed</b>"
         rows.append((text(check["check"]), mark, number(value), f"≤ {number(limit)}"))
-    walks = {f"walk {i}": walk for i, walk in enumerate(part.told("walks"), start=1)}
-    return table(("check", "", "value", "limit"), rows, words=2) + _walks(walks)
+    return table(("check", "", "value", "limit"), rows, words=2) + _scenarios(part.told("scenarios"))
+
+
+def _scenarios(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The worst walk of every scenario."""
+    cells = []
+    for row in rows:
+        falls = f"{row['falls']} of {row['walks']}"
+        worst = [
+            "–" if (value := row["worst"].get(name)) is None else f"{factor * value:.{decimals}f}"
+            for _, name, factor, decimals in _MEASURES
+        ]
+        cells.append((text(row["title"]), f"<b class=bad>{falls}</b>" if row["falls"] else falls, *worst))
+    head = ("on the plant, the worst walk", "fell", *(title for title, *_ in _MEASURES))
+    return table(head, cells, words=1)
 
 
 def _walks(walks: Mapping[str, Mapping[str, Any]]) -> str:

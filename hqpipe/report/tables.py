@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
+from math import isfinite, pi
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
@@ -122,6 +122,55 @@ def constants_table(rows: Sequence[Mapping[str, Any]]) -> Table:
             cells.append(_span([row["expected"] for row in same if row["expected"] is not None]))
         table.add_row(f"{quantity} ({unit})", *cells)
     return table
+
+
+# Columns of the scenarios: title with unit, measure, factor from its SI unit, decimals.
+_SCENARIO_COLUMNS = (
+    ("speed\nerror\nm/s", "speed_error", 1.0, 3),
+    ("turn\nerror\nrad/s", "yaw_error", 1.0, 3),
+    ("drift\nm", "drift", 1.0, 2),
+    ("lean\n°", "lean", 180.0 / pi, 1),
+    ("foot\nlift\ncm", "foot_clearance", 100.0, 1),
+    ("peak\nforce\nweight", "peak_force", 1.0, 2),
+    ("joint\nerror\nmrad", "tracking_rmse", 1e3, 0),
+    ("torque\nerror\nN·m", "torque_rmse", 1.0, 0),
+    ("full\nvalve\n%", "valve_saturation", 100.0, 1),
+    ("lowest\nsupply\nbar", "lowest_supply", 1e-5, 0),
+    ("est.\nspeed\nm/s", "estimate_velocity", 1.0, 2),
+    ("est.\ntilt\n°", "estimate_tilt", 180.0 / pi, 1),
+    ("est.\nheight\ncm", "estimate_height", 100.0, 1),
+)
+
+
+def scenario_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    """One line per scenario: falls, and the worst of every measure among the walks that did not fall; red is above its limit.
+
+    Args:
+        rows: each with scenario, walks, falls, worst (measure → value) and limits (measure → the largest that is allowed).
+            Measures that no scenario has are left out.
+    """
+    table = _table("trials on the plant, the worst walk of each; est.: error of what the estimator believes")
+    table.collapse_padding = True  # fifteen columns have to fit
+    table.add_column("scenario", no_wrap=True)
+    table.add_column("falls", justify="right", no_wrap=True)
+    columns = [each for each in _SCENARIO_COLUMNS if any(row["worst"].get(each[1]) is not None for row in rows)]
+    for title, *_ in columns:
+        table.add_column(title, justify="right", no_wrap=True)
+    for row in rows:
+        falls = f"{row['falls']}/{row['walks']}"
+        cells = [_limited(row["falls"], falls, row["limits"].get("falls"))]
+        for _, name, scale, decimals in columns:
+            value = row["worst"].get(name)
+            text = "" if value is None else f"{value * scale:.{decimals}f}"
+            cells.append(_limited(value, text, row["limits"].get(name)))
+        table.add_row(row["scenario"], *cells)
+    return table
+
+
+def _limited(value: float | None, text: str, limit: float | None) -> str:
+    if limit is None or (value is not None and value <= limit):
+        return text
+    return f"[red]{text or '–'}[/red]"
 
 
 def _spread(values: Sequence[float]) -> str:

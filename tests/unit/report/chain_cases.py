@@ -32,7 +32,11 @@ _RUN = {"command": [1.0, 0.0, 0.0], "velocity": [0.98, -0.001, 0.02], "falls": 1
 _TRAINED = {"policy": {"commands": [_RUN]}, "zero_action_baseline": {"commands": [_RUN]}}
 METRICS: dict[str, dict[str, Any]] = {
     "bootstrap": {"headline": "0.96 m/s at 1", "position": _TRAINED},
-    "rollouts": {"headline": "68 s in 8 trials", "walks": {"walk_04": _WALK}, "stress": {"fall": {"fell": True}}},
+    "rollouts": {
+        "headline": "68 s in 8 trials",
+        "walks": {"walk_04": _WALK, "walk_10": _FELL},
+        "stress": {"fall": {"fell": True}},
+    },
     "actuator": {
         "headline": "held-out free run 39.1 N·m",
         "held_out_rmse": {
@@ -53,7 +57,10 @@ METRICS: dict[str, dict[str, Any]] = {
             {"check": "speed error of the walks, m/s", "value": None, "limit": 0.15},
         ],
         "latency": {"median_us": 104.4, "p99_us": 256.9},
-        "walks": [_WALK, _FELL],
+        "scenarios": [
+            {"title": "1.0 m/s forward", "walks": 2, "falls": 1, "worst": {"speed_error": 0.0123, "drift": 0.42}},
+            {"title": "standing <still>", "walks": 2, "falls": 0, "worst": {"speed_error": None, "drift": 0.0}},
+        ],
     },
 }
 
@@ -62,7 +69,7 @@ def record(artifact: str) -> dict[str, Any]:
     """A manifest."""
     return {
         "key": f"{artifact}{'0' * 64}"[:64],
-        "recipe": {"stage": STAGES[artifact], "version": 1, "params": {"walk_speed": 1.0}, "seed": 7, "inputs": {}},
+        "recipe": {"stage": STAGES[artifact], "version": 1, "params": {}, "seed": 7, "inputs": {}},
         "sources": {},
         "outputs": {},
         "metrics": METRICS[artifact],
