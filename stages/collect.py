@@ -83,7 +83,7 @@ def run(context: Any) -> dict[str, Any]:
 def _write(context: Any, jobs: list[Any], trials: list[Any], header: dict[str, Any]) -> dict[str, Any]:
     """Write the log set that models are fitted to and judged on; returns name → what became of each walk."""
     from hqpipe.logs.writer import LogSetWriter
-    from hqpipe.stages.machine import walked
+    from hqpipe.rl.walk_columns import walk_course
 
     splits = {name: split for name, _, split in (*_WALKS, *_GANTRY)}
     walks = {}
@@ -91,7 +91,8 @@ def _write(context: Any, jobs: list[Any], trials: list[Any], header: dict[str, A
         for job, trial in zip(jobs, trials, strict=True):
             command = None
             if job.excitation is None:
-                walks[job.name] = _checked(job, walked(trial, job.vx), context.params.shortest_seconds)
+                walk = {**walk_course(trial.columns, (job.vx, job.vy, 0.0)), "fell": trial.fell}
+                walks[job.name] = _checked(job, walk, context.params.shortest_seconds)
                 command = {"vx": job.vx, "vy": 0.0, "wz": 0.0}
             writer.add(f"{job.name}.parquet", trial.columns, split=splits[job.name], command=command, base=trial.base)
     return walks

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-SETTLING_S = 2.0  # from standing to a steady gait; means are taken after it
+Progress = Callable[[float, float, str], None]
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,7 @@ class Job:
         repeat: whether it is one of several walks under the same order, which start and are steered each in their own way.
         disturbances: `hqpipe.plant.Push` and `hqpipe.plant.Grip`.
         stop_at_fall: whether the trial ends with a fall.
+        plant: overrides of `hqpipe.plant.PlantConfig` for this trial alone.
     """
 
     name: str
@@ -39,15 +42,16 @@ class Job:
     repeat: bool = False
     disturbances: tuple[Any, ...] = ()
     stop_at_fall: bool = True
+    plant: Mapping[str, Any] = field(default_factory=dict)
 
 
 def run_jobs(
     jobs: Sequence[Job],
     robot_folder: Path,
     policy: Path,
-    overrides: dict[str, Any],
+    overrides: Mapping[str, Any],
     workers: int,
-    progress: Callable[[float, float, str], None],
+    progress: Progress,
 ) -> list[Any]:
     """Run trials in `workers` processes; the result does not depend on their number.
 
@@ -57,9 +61,15 @@ def run_jobs(
     Returns:
         A `PlantTrial` per job, in order.
     """
+    trial = partial(run_job, robot_folder=robot_folder, policy=policy, overrides=overrides)
+    return in_processes(trial, jobs, workers, progress)
+
+
+def in_processes(task: Callable[[Job], Result], jobs: Sequence[Job], workers: int, progress: Progress) -> list[Result]:
+    """`task` of every job, in order; it must be a function of a module, and what it returns is copied between processes."""
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context) as pool:
-        futures = {pool.submit(run_job, job, robot_folder, policy, overrides): job for job in jobs}
+        futures = {pool.submit(task, job): job for job in jobs}
         try:
             for done, future in enumerate(as_completed(futures), start=1):
                 future.result()
@@ -70,8 +80,8 @@ def run_jobs(
     return [future.result() for future in futures]
 
 
-def run_job(job: Job, robot_folder: Path, policy: Path, overrides: dict[str, Any]) -> Any:
-    """Run one trial from standing; see `run_jobs`."""
+def run_job(job: Job, robot_folder: Path, policy: Path, overrides: Mapping[str, Any], record: Any | None = None) -> Any:
+    """Run one trial from standing; see `run_jobs`. `record` is an `hqpipe.rl.controller.EstimateLog` to be filled."""
     from hqpipe.plant import Plant, PlantConfig
     from hqpipe.plant.excitation import excitation
     from hqpipe.plant.postures import postures
@@ -81,9 +91,11 @@ def run_job(job: Job, robot_folder: Path, policy: Path, overrides: dict[str, Any
 
     robot = load_robot(robot_folder)
     base = "floating" if job.excitation is None else "fixed"
-    plant = Plant(robot, PlantConfig(overrides), seed=job.seed, base=base)
+    config = PlantConfig(overrides).merged(PlantConfig(job.plant))
+    plant = Plant(robot, config, seed=job.seed, base=base)
     hold = HeadingHold(heading=0.0 if job.repeat else None) if job.wz is None else None
     walker = _policy_controller(policy, robot.joints, hold)
+    walker.record = record
     if job.clearance > 0.0:
         plant.reset(clearance=job.clearance)
     how: dict[str, Any] = {
@@ -109,27 +121,3 @@ def _policy_controller(folder: Path, joints: tuple[str, ...], hold: Any) -> Any:
 
     load = onnx_controller if (folder / "policy.onnx").is_file() else torch_controller
     return load(folder, joints=joints, heading_hold=hold)
-
-
-def walked(trial: Any, vx: float) -> dict[str, Any]:
-    """Speed, drift and fall of a walk along world x, which is its course.
-
-    Returns:
-        distance, speed, speed_error (m, m/s; means after the settling time), drift (m, sideways),
-        seconds, fell.
-    """
-    import numpy as np
-
-    time = trial.columns["time"]
-    track = np.stack([trial.columns[f"base/position/{axis}"] for axis in "xy"], axis=1)
-    track = track - track[0]
-    first = int(np.searchsorted(time, min(SETTLING_S, 0.5 * time[-1])))
-    speed = float((track[-1, 0] - track[first, 0]) / (time[-1] - time[first]))
-    return {
-        "distance": float(track[-1, 0]),
-        "speed": speed,
-        "speed_error": abs(speed - vx),
-        "drift": float(abs(track[-1, 1])),
-        "seconds": float(time[-1]),
-        "fell": trial.fell,
-    }

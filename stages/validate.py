@@ -3,77 +3,139 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pydantic import NonNegativeInt, PositiveFloat, PositiveInt
+from pydantic import NonNegativeInt, PositiveFloat, PositiveInt, field_validator
 
+from hqpipe.errors import UsageError
 from hqpipe.pipeline.config import StageParams
+from hqpipe.stages.scenarios import SCENARIOS, Scenario, check_names, run_scenarios
+
+_SHOWN = "forward_10"  # in walk.png, or else the first scenario
+_WORDS = {
+    "falls": "falls",
+    "drift": "drift, m",
+    "speed_error": "speed error, m/s",
+    "yaw_error": "error of the turning rate, rad/s",
+}
 
 
 class Params(StageParams):
-    """Thresholds, and the walk of the exported policy on the plant.
+    """Thresholds, and the walks of the exported policy on the plant.
 
     Attributes:
         torque_nrmse: largest free-running torque error on held-out trials, over the torque's standard deviation.
         parity_rad: largest difference between ONNX Runtime and torch, rad.
         latency_us: largest median time of one call, µs; the policy has 10 ms.
-        walk_speed: m/s. walk_seconds: s. walk_seeds: how many walks.
-        walk_falls: how many of them may fall. walk_speed_error: largest mean error of those that do not, m/s.
+        scenarios: names of the trials on the plant, see `hqpipe.stages.scenarios`.
+        walk_seeds: how many walks of each. walk_seconds: longest walk, s; shortens the scenarios.
+        walk_falls: how many walks of a scenario may fall.
+        walk_speed_error: largest error of a walk's mean speed, m/s. walk_drift: largest distance from its course, m.
+        walk_yaw_error: largest error of the mean rate of a turn, rad/s. All three of the walks that do not fall;
+            `hqpipe.stages.scenarios` says where more is granted, or less.
         plant: as in collect. resample: as in fit-actuator.
     """
 
     torque_nrmse: PositiveFloat = 0.35
     parity_rad: PositiveFloat = 1e-4
     latency_us: PositiveFloat = 1000.0
-    walk_speed: PositiveFloat = 1.0
-    walk_seconds: PositiveFloat = 30.0
-    walk_seeds: PositiveInt = 8
+    scenarios: list[str] = list(SCENARIOS)
+    walk_seeds: PositiveInt = 4
+    walk_seconds: PositiveFloat | None = None
     walk_falls: NonNegativeInt = 0
     walk_speed_error: PositiveFloat = 0.05
+    walk_drift: PositiveFloat = 1.0
+    walk_yaw_error: PositiveFloat = 0.05
     plant: dict[str, Any] = {}
     resample: bool = False
 
+    @field_validator("scenarios")
+    @classmethod
+    def _known(cls, names: list[str]) -> list[str]:
+        try:
+            check_names(names)
+        except UsageError as error:
+            raise ValueError(str(error)) from None
+        return names
+
+
+Check = tuple[str, float | None, float]  # what, value, limit; a value of None is a missed check
+
 
 def run(context: Any) -> dict[str, Any]:
+    from hqpipe.report.tables import scenario_table
     from hqpipe.rl.onnx_session import latency
     from hqpipe.stages.figures import draw_walk
-    from hqpipe.stages.machine import walked
+    from hqpipe.stages.terminal import show
 
     p = context.params
     torque = _torque_error(context)
-    trials = _walk(context)
-    walks = [walked(trial, p.walk_speed) for trial in trials]
-    draw_walk(context.output, "walk 1", trials[0].columns, context.robot)
-    finished = [walk for walk in walks if not walk["fell"]]
-    falls = len(walks) - len(finished)
-    error = max((walk["speed_error"] for walk in finished), default=None)
+    shown = _SHOWN if _SHOWN in p.scenarios else p.scenarios[0]
+    rows = run_scenarios(
+        context.inputs["onnx"],
+        context.robot,
+        p.scenarios,
+        p.walk_seeds,
+        1000 * context.seed + 500,  # apart from those of collect, so that no walk repeats one that was logged
+        p.plant,
+        context.workers,
+        context.progress,
+        seconds=p.walk_seconds,
+        shown=(shown,),
+    )
+    for row in rows:
+        row["limits"] = walk_limits(SCENARIOS[row["scenario"]], p)
+        if row["scenario"] == shown:
+            draw_walk(context.output, shown, row.pop("columns"), context.robot)
     timing = latency(context.inputs["onnx"] / "policy.onnx")
     checks = [
         ("held-out torque error over its standard deviation", torque["nrmse"], p.torque_nrmse),
         ("difference to torch, rad", _parity(context), p.parity_rad),
         ("latency, µs", timing["median_us"], p.latency_us),
-        (f"falls in {len(walks)} walks at {p.walk_speed:g} m/s on the plant", falls, p.walk_falls),
-        ("speed error of the walks, m/s", error, p.walk_speed_error),
+        *(check for row in rows for check in walk_checks(row)),
     ]
-    failures = [
-        f"{what}: {'none finished' if value is None else f'{value:.4g}'}, expected at most {limit:g}"
-        for what, value, limit in checks
-        if value is None or not value <= limit  # NaN is a failure
-    ]
-    failed = [what for what, value, limit in checks if value is None or not value <= limit]
-    report = {"torque": torque, "walks": walks, "failed": failed}  # no timing, so that the bytes can be made again
+    failed = missed(checks)
+    show(scenario_table(rows))
+    # No timing, so that the bytes can be made again.
+    report = {"torque": torque, "scenarios": rows, "failed": [what for what, _, _ in failed]}
     text = json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False)
     (context.output / "validation.json").write_text(text + "\n", encoding="utf-8")
-    speed = sum(walk["speed"] for walk in finished) / len(finished) if finished else 0.0
+    falls, walks = sum(row["falls"] for row in rows), sum(row["walks"] for row in rows)
     return {
-        "headline": (
-            f"{len(checks) - len(failures)} of {len(checks)} checks passed, {speed:.2f} m/s at {p.walk_speed:g}"
-        ),
-        "gate": {"passed": not failures, "failures": failures},
+        "headline": f"{len(checks) - len(failed)} of {len(checks)} checks passed, {falls} of {walks} walks fell",
+        "gate": {"passed": not failed, "failures": [failure(*check) for check in failed]},
         "checks": [{"check": what, "value": value, "limit": limit} for what, value, limit in checks],
         "latency": timing,
         **report,
     }
+
+
+def walk_limits(scenario: Scenario, p: Params) -> dict[str, float]:
+    """Measure → its largest value: falls, drift, and how well the ordered speed is kept."""
+    limits: dict[str, float] = {"falls": p.walk_falls, "drift": scenario.drift_slack * p.walk_drift}
+    if scenario.vx or scenario.vy:
+        limits["speed_error"] = scenario.speed_slack * p.walk_speed_error
+    if scenario.wz:
+        limits["yaw_error"] = p.walk_yaw_error
+    return limits
+
+
+def walk_checks(row: Mapping[str, Any]) -> list[Check]:
+    """One check per limit of a row of `run_scenarios`, of its worst walk."""
+    found = {"falls": row["falls"], **row["worst"]}
+    where = f"{row['scenario']} ({row['title']}, {row['walks']} walks)"
+    return [(f"{where}: {_WORDS[name]}", found[name], limit) for name, limit in row["limits"].items()]
+
+
+def missed(checks: Sequence[Check]) -> list[Check]:
+    """The checks above their limit, without a value, or NaN."""
+    return [(what, value, limit) for what, value, limit in checks if value is None or not value <= limit]
+
+
+def failure(what: str, value: float | None, limit: float) -> str:
+    """One line for a missed check."""
+    return f"{what}: {'none finished' if value is None else f'{value:.4g}'}, expected at most {limit:g}"
 
 
 def _torque_error(context: Any) -> dict[str, float]:
@@ -103,16 +165,3 @@ def _parity(context: Any) -> float:
     folder = context.inputs["onnx"]
     with np.load(folder / REFERENCE, allow_pickle=False) as reference:
         return parity(folder / "policy.onnx", reference["observations"], reference["actions"])
-
-
-def _walk(context: Any) -> list[Any]:
-    """Trials of the exported policy on the plant."""
-    from hqpipe.stages.machine import Job, run_jobs
-
-    p = context.params
-    # Seeds apart from those of collect, so that no walk repeats one that was logged.
-    jobs = [
-        Job(f"walk {i + 1}", p.walk_seconds, 1000 * context.seed + 500 + i, vx=p.walk_speed)
-        for i in range(p.walk_seeds)
-    ]
-    return run_jobs(jobs, context.robot, context.inputs["onnx"], p.plant, context.workers, context.progress)

@@ -40,11 +40,15 @@ class Repeat:
     waver_phase: np.ndarray
 
     def command(self, vx: float, vy: float, wz: float) -> Callable[[float], dict[str, float]]:
-        """What is ordered at `time` s of a walk that is to go at vx, vy (m/s) and wz (rad/s)."""
+        """What is ordered at `time` s of a walk that is to go at vx, vy (m/s) and wz (rad/s).
+
+        Nobody's hand is on the stick of a robot that is to stand.
+        """
+        waver = WAVER if vx or vy or wz else 0.0
 
         def at(time: float) -> dict[str, float]:
             share = min(max((time - self.wait) / self.ramp, 0.0), 1.0)
-            hand = WAVER * np.sin(2.0 * np.pi * self.waver_hz * time + self.waver_phase)
+            hand = waver * np.sin(2.0 * np.pi * self.waver_hz * time + self.waver_phase)
             return {"vx": share * (vx + hand[0]), "vy": share * (vy + hand[1]), "wz": share * wz}
 
         return at

@@ -117,7 +117,11 @@ def _truth(plant: Plant) -> list[np.ndarray]:
     signals = {"position": plant.body.joint_position, "velocity": plant.body.joint_velocity}
     joints = [signals[name] if name in signals else state[name] for name in TRUE_JOINT_SIGNALS]
     pressure = supply["pressure"] + plant.ripple
-    return [*joints, np.array([pressure, supply["drawn"], supply["pump"], supply["relief"]])]
+    return [
+        *joints,
+        plant.body.base_orientation,
+        np.array([pressure, supply["drawn"], supply["pump"], supply["relief"]]),
+    ]
 
 
 def _seen(

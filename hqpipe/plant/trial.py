@@ -20,9 +20,10 @@ TRUE_JOINT_SIGNALS = (
 )
 TRUE_SUPPLY_SIGNALS = ("supply/pressure", "supply/drawn", "energy/pump", "energy/relief")
 XYZ = ("x", "y", "z")
+ORIENTATION = tuple(f"base/orientation/{axis}" for axis in (*XYZ, "w"))
 BASE_COLUMNS = (
     *(f"base/position/{axis}" for axis in XYZ),
-    *(f"base/orientation/{axis}" for axis in (*XYZ, "w")),
+    *ORIENTATION,
     *(f"base/linear_velocity/{axis}" for axis in XYZ),
     *(f"base/angular_velocity/{axis}" for axis in XYZ),
     *(f"imu/linear_acceleration/{axis}" for axis in XYZ),
@@ -37,7 +38,7 @@ class PlantTrial:
     Attributes:
         columns: log column → (T,) float64, what the machine's own sensors and loggers say.
         truth: column → (T,) float64 that no sensor sees; joint/<name>/chain in m at the pitch radius,
-            supply/drawn in m³ and energy/* in J since the start.
+            base/orientation/* without the error of the attitude filter, supply/drawn in m³ and energy/* in J since the start.
         control_mode: "position", "torque" or "valve".
         effort_source: "pressure" or "load_cell".
         base: "floating" or "fixed".
@@ -83,6 +84,7 @@ def truth_columns(joints: tuple[str, ...]) -> list[str]:
     """Names of the truth columns in the order of `Recorder.add`."""
     return [
         *(f"joint/{joint}/{signal}" for signal in TRUE_JOINT_SIGNALS for joint in joints),
+        *ORIENTATION,
         *TRUE_SUPPLY_SIGNALS,
     ]
 

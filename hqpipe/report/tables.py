@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
+from math import isfinite, pi
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
@@ -121,6 +121,49 @@ def constants_table(rows: Sequence[Mapping[str, Any]]) -> Table:
         if len(table.columns) > len(cells) + 1:
             cells.append(_span([row["expected"] for row in same if row["expected"] is not None]))
         table.add_row(f"{quantity} ({unit})", *cells)
+    return table
+
+
+# Columns of the scenarios: title, unit, measure, factor from its SI unit.
+_SCENARIO_COLUMNS = (
+    ("speed\nerror", "m/s", "speed_error", 1.0),
+    ("turn\nerror", "rad/s", "yaw_error", 1.0),
+    ("drift", "m", "drift", 1.0),
+    ("lean", "°", "lean", 180.0 / pi),
+    ("foot\nlift", "cm", "foot_clearance", 100.0),
+    ("peak\nforce", "weights", "peak_force", 1.0),
+    ("joint\nerror", "mrad", "tracking_rmse", 1e3),
+    ("torque\nerror", "N·m", "torque_rmse", 1.0),
+    ("valve\nfull", "%", "valve_saturation", 100.0),
+    ("lowest\nsupply", "bar", "lowest_supply", 1e-5),
+    ("estimate\nspeed", "m/s", "estimate_velocity", 1.0),
+    ("estimate\ntilt", "°", "estimate_tilt", 180.0 / pi),
+    ("estimate\nheight", "cm", "estimate_height", 100.0),
+)
+
+
+def scenario_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    """One line per scenario: falls, and the worst of every measure among the walks that did not fall; red is above its limit.
+
+    Args:
+        rows: each with scenario, walks, falls, worst (measure → value) and limits (measure → the largest that is allowed).
+            Measures that no scenario has are left out.
+    """
+    table = _table("trials on the plant, the worst walk of each")
+    table.add_column("scenario")
+    table.add_column("falls", justify="right")
+    columns = [each for each in _SCENARIO_COLUMNS if any(row["worst"].get(each[2]) is not None for row in rows)]
+    for title, unit, _, _ in columns:
+        table.add_column(f"{title}\n{unit}", justify="right")
+    for row in rows:
+        cells = [f"{row['falls']}/{row['walks']}"]
+        cells += ["" if (v := row["worst"].get(name)) is None else _number(v * scale) for _, _, name, scale in columns]
+        values = {"falls": row["falls"], **row["worst"]}
+        for i, name in enumerate(("falls", *(each[2] for each in columns))):
+            limit, value = row["limits"].get(name), values.get(name)
+            if limit is not None and (value is None or not value <= limit):
+                cells[i] = f"[red]{cells[i] or '–'}[/red]"
+        table.add_row(row["scenario"], *cells)
     return table
 
 

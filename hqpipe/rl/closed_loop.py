@@ -19,6 +19,7 @@ from hqpipe.errors import UsageError
 from hqpipe.rl.controller import HeadingHold, onnx_controller, torch_controller
 from hqpipe.rl.leg import read_leg_geometry
 from hqpipe.rl.observation import rotate_inverse
+from hqpipe.rl.walk_measures import SETTLING_S
 from hqpipe.rl.walk_statistics import (
     BANDS_HZ,
     LEAST_S,
@@ -33,7 +34,6 @@ from hqpipe.robots import RobotSpec
 from hqpipe.sim.engine import PHYSICS_DT
 from hqpipe.sim.world import BatchedWorld
 
-SETTLING_S = 2.0  # from standing to a steady gait, not compared; as in the evaluation of a training
 FALL_TILT = 1.0  # rad of base tilt; assumption: nobody walks on from there
 Progress = Callable[[float, float, str], None]
 

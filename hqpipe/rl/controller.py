@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
@@ -14,8 +14,9 @@ from hqpipe.errors import ConfigError, UsageError
 from hqpipe.rl import gait
 from hqpipe.rl.observation import build_observation
 
+ACTIONS, ESTIMATE = "actions", "estimate"  # outputs of the graph, in this order
 _TERMS = ("base_angular_velocity", "joint_position", "joint_velocity", "previous_target", "velocity_command")
-Infer = Callable[[np.ndarray], np.ndarray]
+Infer = Callable[[np.ndarray], Sequence[np.ndarray]]
 
 
 class Frame(Protocol):
@@ -52,20 +53,40 @@ class Wiring:
         joints: names, in the order of the policy. period_s: between two calls.
         clock_hz: frequency of the clock in the observation, None if it has none.
         control_mode: what the targets are for, position or torque.
+        estimate: elements of x̃_t as term/element, e.g. foot_contact/LF; empty if the policy does not tell it.
     """
 
     joints: tuple[str, ...]
     period_s: float
     clock_hz: float | None
     control_mode: str
+    estimate: tuple[str, ...] = ()
+
+
+@dataclass
+class EstimateLog:
+    """x̃_t of every call of a controller.
+
+    Attributes:
+        names: as `Wiring.estimate`. period_s: between two calls. rows: (m,) each, in physical units; the first belongs to the
+            first row of the trial. Empty if the policy does not tell it.
+    """
+
+    names: tuple[str, ...] = ()
+    period_s: float = 0.0
+    rows: list[np.ndarray] = field(default_factory=list)
 
 
 class PolicyController:
     """`controller(frame, command)` → (J,) joint position targets, rad, once every `period_s`.
 
     Args:
-        infer: (1, n) float32 observation → (1, J) targets; see `torch_controller` and `onnx_controller`.
+        infer: (1, n) float32 observation → (1, J) targets and, if `wiring` names its elements, (1, m) x̃_t; see
+            `torch_controller` and `onnx_controller`.
         joints: names in the order of the frames; must be those of the policy.
+
+    Attributes:
+        record: where x̃_t is written down, or None.
 
     Raises:
         UsageError: other joints than the policy's.
@@ -87,6 +108,7 @@ class PolicyController:
         self.wiring, self.infer, self.heading_hold = wiring, infer, heading_hold
         self._to_policy = np.array([order.index(name) for name in wiring.joints])
         self._to_frame = np.argsort(self._to_policy)
+        self.record: EstimateLog | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -113,8 +135,12 @@ class PolicyController:
             self._steered(frame, np.array([command[name] for name in ("vx", "vy", "wz")])),
             None if clock_hz is None else gait.clock(np.asarray(self.phase)),
         )
-        targets = np.asarray(self.infer(observation[None])[0], dtype=float)
+        answer = self.infer(observation[None])
+        targets = np.asarray(answer[0][0], dtype=float)
         self.previous = targets
+        if self.record is not None and self.wiring.estimate:
+            self.record.names, self.record.period_s = self.wiring.estimate, self.period_s
+            self.record.rows.append(np.array(answer[1][0], dtype=float))
         if clock_hz is not None:
             self.phase = float(gait.advance(np.asarray(self.phase), clock_hz, self.period_s))
         return targets[self._to_frame]
@@ -143,11 +169,17 @@ def torch_controller(
     spec, networks = load_policy(folder)
     deployed = DeployedPolicy(spec, networks).eval()
 
-    def infer(observation: np.ndarray) -> np.ndarray:
+    def infer(observation: np.ndarray) -> list[np.ndarray]:
         with torch.no_grad():
-            return deployed(torch.as_tensor(observation)).numpy()
+            return [output.numpy() for output in deployed(torch.as_tensor(observation))]
 
-    wiring = Wiring(spec.joints, spec.period_s, spec.gait.frequency_hz if spec.has_clock else None, spec.control_mode)
+    wiring = Wiring(
+        joints=spec.joints,
+        period_s=spec.period_s,
+        clock_hz=spec.gait.frequency_hz if spec.has_clock else None,
+        control_mode=spec.control_mode,
+        estimate=tuple(f"{term.name}/{name}" for term in spec.state.terms for name in term.names),
+    )
     return PolicyController(wiring, infer, joints=joints, heading_hold=heading_hold)
 
 
@@ -161,12 +193,13 @@ def onnx_controller(
     """
     from hqpipe.rl.onnx_session import open_session
 
-    session = open_session(folder / "policy.onnx")
+    session, wiring = open_session(folder / "policy.onnx"), read_wiring(folder)
+    outputs = [ACTIONS, ESTIMATE] if wiring.estimate else [ACTIONS]
 
-    def infer(observation: np.ndarray) -> np.ndarray:
-        return session.run(["actions"], {"obs": observation})[0]
+    def infer(observation: np.ndarray) -> list[np.ndarray]:
+        return session.run(outputs, {"obs": observation})
 
-    return PolicyController(read_wiring(folder), infer, joints=joints, heading_hold=heading_hold)
+    return PolicyController(wiring, infer, joints=joints, heading_hold=heading_hold)
 
 
 def read_wiring(folder: Path) -> Wiring:
@@ -189,4 +222,6 @@ def read_wiring(folder: Path) -> Wiring:
         period_s=1.0 / raw["rates"]["policy_hz"],
         clock_hz=clock["frequency_hz"] if clock else None,
         control_mode=raw["control_mode"],
+        # A graph from elsewhere may keep its x̃_t to itself, or have none.
+        estimate=tuple(f"{term['name']}/{name}" for term in raw.get("estimate", ()) for name in term["elements"]),
     )

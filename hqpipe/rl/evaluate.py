@@ -12,9 +12,8 @@ import torch
 from hqpipe.rl.config import CONTROL_PERIOD_S
 from hqpipe.rl.networks import LocomotionNetworks
 from hqpipe.rl.task import LocomotionTask
+from hqpipe.rl.walk_measures import SETTLING_S
 
-# Speeds are averaged after this, when the robot has reached its gait; assumption.
-SETTLING_S = 2.0
 # Share of the time after which the robots are pushed, and the angle between the pushes of two neighbours: the golden
 # angle spreads any number of directions evenly.
 PUSH_TIME, PUSH_ANGLE = 2.0 / 3.0, np.pi * (3.0 - np.sqrt(5.0))

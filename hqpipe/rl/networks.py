@@ -32,6 +32,10 @@ class Normaliser(nn.Module):
     def forward(self, value: Tensor) -> Tensor:
         return (value - self.offset) * self.scale
 
+    def restore(self, value: Tensor) -> Tensor:
+        """Inverse of `forward`: physical units."""
+        return value / self.scale + self.offset
+
 
 class LocomotionNetworks(nn.Module):
     """The paper's three networks (its figure of the concurrent training framework).
@@ -75,17 +79,19 @@ class LocomotionNetworks(nn.Module):
 
 
 class DeployedPolicy(nn.Module):
-    """One graph from o_t to joint targets: normalisation, estimator, actor, prior and joint limits."""
+    """One graph from o_t to joint targets and to x̃_t: normalisation, estimator, actor, prior and joint limits."""
 
     def __init__(self, spec: PolicySpec, networks: LocomotionNetworks) -> None:
         super().__init__()
         self.spec, self.networks = spec, networks
         self.rule = spec.target_rule()
 
-    def forward(self, obs: Tensor) -> Tensor:
-        """(B, n) → (B, J) joint position targets, rad, within the joint limits."""
-        action = self.networks.action(obs)
+    def forward(self, obs: Tensor) -> tuple[Tensor, Tensor]:
+        """(B, n) → (B, J) joint position targets, rad, within the joint limits, and (B, m) x̃_t in physical units."""
+        estimate = self.networks.estimate(obs)
+        action = self.networks.action(obs, estimate)
         layout = self.spec.observation
         clock = obs[:, layout.part("clock")] if self.spec.has_clock else None
         command = obs[:, layout.part("velocity_command")]
-        return self.rule.clipped(self.rule.unclipped(action, clock, command, torch), torch)
+        targets = self.rule.clipped(self.rule.unclipped(action, clock, command, torch), torch)
+        return targets, self.networks.normalise_state.restore(estimate)

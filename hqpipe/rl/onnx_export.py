@@ -11,6 +11,7 @@ import onnx
 import torch
 import yaml
 
+from hqpipe.rl.controller import ACTIONS, ESTIMATE
 from hqpipe.rl.networks import DeployedPolicy, LocomotionNetworks
 from hqpipe.rl.onnx_metadata import deploy_description, runner_metadata
 from hqpipe.rl.policy_spec import PolicySpec
@@ -20,7 +21,10 @@ MODEL, DEPLOY = "policy.onnx", "deploy.yaml"
 
 
 def export_onnx(folder: Path, spec: PolicySpec, networks: LocomotionNetworks) -> Path:
-    """Write policy.onnx – obs (B, n) → actions (B, J) in rad – and deploy.yaml; the same policy gives the same bytes."""
+    """Write policy.onnx and deploy.yaml; the same policy gives the same bytes.
+
+    The graph maps obs (B, n) to actions (B, J) in rad, its first output, and to estimate (B, m), x̃_t in physical units.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / MODEL
     path.write_bytes(onnx_bytes(spec, networks))
@@ -45,7 +49,7 @@ def onnx_bytes(spec: PolicySpec, networks: LocomotionNetworks) -> bytes:
             external_data=False,
             opset_version=OPSET,
             input_names=["obs"],
-            output_names=["actions"],
+            output_names=[ACTIONS, ESTIMATE],
             dynamic_shapes=({0: torch.export.Dim("batch")},),
             verbose=False,
         )
@@ -77,7 +81,7 @@ def _strip(model: onnx.ModelProto) -> None:
 def torch_actions(spec: PolicySpec, networks: LocomotionNetworks, observations: np.ndarray) -> np.ndarray:
     """(B, J) targets that the networks give for `observations` (B, n), rad: what the graph must reproduce."""
     with torch.no_grad():
-        return DeployedPolicy(spec, networks).eval()(torch.as_tensor(observations)).numpy()
+        return DeployedPolicy(spec, networks).eval()(torch.as_tensor(observations))[0].numpy()
 
 
 def sample_observations(spec: PolicySpec, count: int, rng: np.random.Generator) -> np.ndarray:

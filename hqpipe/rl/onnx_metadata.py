@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from hqpipe.rl.controller import ACTIONS, ESTIMATE
 from hqpipe.rl.observation import Layout
 from hqpipe.rl.policy_spec import PolicySpec
 
@@ -47,7 +48,7 @@ def deploy_description(spec: PolicySpec) -> dict:
     return {
         "format": "hqpipe-deploy/1",
         "robot": spec.robot,
-        "model": {"file": "policy.onnx", "input": "obs", "output": "actions"},
+        "model": {"file": "policy.onnx", "input": "obs", "output": ACTIONS, "estimate_output": ESTIMATE},
         "rates": {"policy_hz": round(1.0 / spec.period_s), "joint_controller_hz": 1000},
         "control_mode": spec.control_mode,
         "observation": _terms(spec.observation),
@@ -57,6 +58,7 @@ def deploy_description(spec: PolicySpec) -> dict:
             "joints": list(spec.joints),
             "already_clipped": True,
         },
+        "estimate": _terms(spec.state),
         "clock": _clock(spec),
         "command_range": {
             name: [float(v) for v in row] for name, row in zip(("vx", "vy", "wz"), spec.command_range, strict=True)

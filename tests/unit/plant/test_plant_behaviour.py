@@ -7,7 +7,7 @@ import pytest
 
 from hqpipe.errors import UsageError
 from hqpipe.plant import Plant, PlantConfig
-from hqpipe.plant.trial import BASE_COLUMNS
+from hqpipe.plant.trial import BASE_COLUMNS, ORIENTATION
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +80,8 @@ def test_columns_are_those_of_the_log_format(robot, stand):
     assert trial.columns["command/vx"][0] == 0.5
     assert all(np.isfinite(column).all() and len(column) == 1000 for column in trial.columns.values())
     assert not set(trial.truth) <= set(trial.columns)
+    seen, true = (np.stack([of[name] for name in ORIENTATION]) for of in (trial.columns, trial.truth))
+    assert 0.0 < np.abs(seen - true).max() < 0.01, "the attitude filter errs by 2 mrad"
 
 
 def test_pressures_times_area_are_the_effort(robot, stand):

@@ -37,3 +37,5 @@ def test_it_stays_the_same_test(robot):
         vx, vy = np.array([[order(t)["vx"], order(t)["vy"]] for t in times]).T
         assert np.abs(vx - 1.0).max() <= WAVER and np.abs(vy).max() <= WAVER, "the stick is where it should be"
         assert abs(vx.mean() - 1.0) < 0.01 and np.ptp(vx) > WAVER
+        still = one.command(0.0, 0.0, 0.0)
+        assert all(still(t) == {"vx": 0.0, "vy": 0.0, "wz": 0.0} for t in times[::100]), "nobody holds the stick"

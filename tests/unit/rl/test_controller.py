@@ -1,14 +1,24 @@
 from __future__ import annotations
 
+import shutil
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
+import yaml
 
 from hqpipe.errors import ConfigError, UsageError
 from hqpipe.rl import gait
-from hqpipe.rl.controller import HeadingHold, PolicyController, Wiring, onnx_controller, read_wiring, torch_controller
+from hqpipe.rl.controller import (
+    EstimateLog,
+    HeadingHold,
+    PolicyController,
+    Wiring,
+    onnx_controller,
+    read_wiring,
+    torch_controller,
+)
 from hqpipe.rl.networks import LocomotionNetworks
 from hqpipe.rl.onnx_export import export_onnx
 from hqpipe.rl.policy_io import save_policy
@@ -32,9 +42,9 @@ class Echo:
     def __init__(self) -> None:
         self.seen: list[np.ndarray] = []
 
-    def __call__(self, observation: np.ndarray) -> np.ndarray:
+    def __call__(self, observation: np.ndarray) -> list[np.ndarray]:
         self.seen.append(observation[0])
-        return np.array([[1.0, 2.0, 3.0]])
+        return [np.array([[1.0, 2.0, 3.0]])]
 
 
 def controller(echo: Echo, **kwargs) -> PolicyController:
@@ -108,6 +118,33 @@ def test_torch_and_onnx_walk_in_step(robot, folder):
         now = frame(q=robot.nominal_position + rng.normal(0, 0.05, 12))
         np.testing.assert_allclose(first(now, COMMAND), second(now, COMMAND), atol=1e-5)
     assert first.wiring == second.wiring
+
+
+def test_what_the_estimator_believes_is_written_down_when_asked(robot, folder):
+    logs = []
+    for load in (torch_controller, onnx_controller):
+        run = load(folder)
+        run(frame(q=robot.nominal_position), COMMAND)
+        run.record = EstimateLog()
+        for _ in range(3):
+            run(frame(q=robot.nominal_position), COMMAND)
+        logs.append(run.record)
+    first, second = logs
+    assert first.names == second.names and "foot_contact/RH" in first.names
+    assert np.shape(first.rows) == (3, len(first.names))
+    np.testing.assert_allclose(first.rows, second.rows, atol=1e-5)
+
+
+def test_a_graph_that_keeps_its_estimate_to_itself_still_walks(robot, folder, tmp_path):
+    deploy = yaml.safe_load((folder / "deploy.yaml").read_text(encoding="utf-8"))
+    del deploy["estimate"]
+    (tmp_path / "deploy.yaml").write_text(yaml.safe_dump(deploy), encoding="utf-8")
+    shutil.copy(folder / "policy.onnx", tmp_path)
+    run, full = onnx_controller(tmp_path), onnx_controller(folder)
+    run.record = EstimateLog()
+    now = frame(q=robot.nominal_position)
+    np.testing.assert_array_equal(run(now, COMMAND), full(now, COMMAND))
+    assert run.record == EstimateLog()
 
 
 def test_foreign_deploy_file_is_refused(folder, tmp_path):

@@ -55,7 +55,7 @@ def test_deployed_graph_equals_the_environment_s_rule(spec, networks):
     seen = build_observation(rng.normal(size=(20, 3)), *joints, command, gait.clock(phase))
     with torch.no_grad():
         action = networks.action(torch.as_tensor(seen)).numpy()
-        deployed = DeployedPolicy(spec, networks)(torch.as_tensor(seen)).numpy()
+        deployed = DeployedPolicy(spec, networks)(torch.as_tensor(seen))[0].numpy()
     rule = spec.target_rule()
     expected = rule.clipped(rule.unclipped(action.astype(float), gait.clock(phase), command))
     np.testing.assert_allclose(deployed, expected, atol=1e-4)

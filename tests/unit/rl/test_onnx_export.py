@@ -12,7 +12,7 @@ from hqpipe.rl.config import GaitConfig
 from hqpipe.rl.networks import LocomotionNetworks
 from hqpipe.rl.observation import observation_layout
 from hqpipe.rl.onnx_export import export_onnx, onnx_bytes, sample_observations, torch_actions
-from hqpipe.rl.onnx_session import latency, parity
+from hqpipe.rl.onnx_session import latency, open_session, parity
 
 
 def exported(spec, robot, prior: str, folder):
@@ -42,6 +42,20 @@ def test_onnx_equals_torch_without_a_trot(spec, robot, tmp_path, prior):
     assert parity(path, seen, torch_actions(spec, networks, seen)) < 1e-5
 
 
+def test_the_graph_tells_what_the_estimator_believes(trot):
+    """x̃_t in physical units, element by element as deploy.yaml names it."""
+    spec, networks, path = trot
+    seen = sample_observations(spec, 64, np.random.default_rng(1))
+    (told,) = open_session(path).run(["estimate"], {"obs": seen})
+    with torch.no_grad():
+        believed = networks.estimate(torch.as_tensor(seen)).numpy() / spec.state.scale + spec.state.offset
+    np.testing.assert_allclose(told, believed, atol=1e-5)
+    rows = yaml.safe_load((path.parent / "deploy.yaml").read_text(encoding="utf-8"))["estimate"]
+    assert [(row["name"], row["start"], row["size"]) for row in rows] == [
+        (term.name, spec.state.part(term.name).start, term.size) for term in spec.state.terms
+    ]
+
+
 def test_same_policy_same_bytes_and_no_paths(trot):
     spec, networks, path = trot
     data = path.read_bytes()
@@ -54,7 +68,7 @@ def test_graph_is_one_file_of_opset_18_with_a_free_batch(trot):
     model = onnx.load(trot[2], load_external_data=False)
     assert [o.version for o in model.opset_import if o.domain == ""] == [18]
     assert [i.name for i in model.graph.input] == ["obs"]
-    assert [o.name for o in model.graph.output] == ["actions"]
+    assert [o.name for o in model.graph.output] == ["actions", "estimate"], "a runner takes the first"
     assert model.graph.input[0].type.tensor_type.shape.dim[0].dim_param
     assert not any(t.external_data for t in model.graph.initializer)
 
