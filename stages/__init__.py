@@ -20,6 +20,12 @@ REFERENCE = Input(
 MODEL = ("actuator.json", "weights.safetensors")
 ACTUATOR = Input("actuator", "actuator", "--actuator", files=(*MODEL, "posterior.json"))
 FITTED = Input("actuator", "actuator", "--actuator", files=(*MODEL, "fit.json"))
+# Its nets besides, as in the paper and with every advantage, in which compare trains.
+NETS = tuple(
+    f"rivals/{prefix}{kind}/{name}" for prefix in ("", "strong_") for kind in ("mlp", "lstm", "gru") for name in MODEL
+)
+MODELS = Input("actuator", "actuator", "--actuator", files=(*MODEL, "posterior.json", *NETS))
+DIAGNOSED = Input("diagnosis", "diagnosis", "--diagnosis", optional=True, files=(*MODEL, "diagnosis.json"))
 POLICY = Input("policy", "policy", "--policy")
 ONNX = Input("onnx", "onnx", "--policy")
 ONNX_FLAG = ("--onnx", "Write ONNX; the only format, so it is the default.")
@@ -43,6 +49,9 @@ STAGES = StageTable(
         Stage("validate", "validation", "hqpipe.stages.validate",
               "Hold the exported policy against its thresholds; exit 4 if one is missed.", version=2,
               inputs=(ONNX, LOGS, FITTED)),
+        Stage("compare", "comparison", "hqpipe.stages.compare",
+              "Train controllers with every actuator model and walk them on the plant.", version=1,
+              inputs=(MODELS, DIAGNOSED), alone=True),
     ],
     template=Path(__file__).with_name("pipeline_template.yaml"),
 )

@@ -35,7 +35,7 @@ def draw(output: Path, report: Report) -> None:
     if any(runs.values()):
         reward_curves(runs, output / "reward_curves.png")
     if cells := list(_cells(report)):
-        plant_panels(cells, _titles(report), output / "plant.png")
+        plant_panels(cells, _short(report), output / "plant.png")
 
 
 def tables(report: Report, speeds: Mapping[str, Mapping[str, float]]) -> list[Any]:
@@ -48,7 +48,7 @@ def tables(report: Report, speeds: Mapping[str, Mapping[str, float]]) -> list[An
     if cells := list(_cells(report)):
         found.append(plant_table(rows))
         if len({cell["scenario"] for cell in cells}) > 1:
-            found.append(scenario_table(cells, _titles(report)))
+            found.append(scenario_table(cells, _short(report)))
     diverged = [
         f"warning: {training['folder']} after {training['iterations']} iterations: {training['diverged']}"
         for each in report["controllers"]
@@ -63,20 +63,21 @@ def _row(each: Report) -> dict[str, Any]:
     finished = [training for training in each["trainings"] if not training["diverged"]]
     rewards = [training["reward"] for training in each["trainings"] if training["reward"] is not None]
     kinds = {"policy": "policy", "zero_action": "zero_action_baseline"}
-    simulator = {
-        actor: {
-            "falls": sum(training[key]["falls"] for training in finished),
-            "walks": sum(training[key]["robots"] for training in finished),
-            "score": _mean([training[key]["score"] for training in finished]),
-        }
-        for actor, key in kinds.items()
-    }
     return {
         "title": each["title"],
         "reward": _mean(rewards) if rewards else None,
-        "simulator": simulator if finished else None,
+        "simulator": {actor: _judged([t[key] for t in finished]) for actor, key in kinds.items()} if finished else None,
         "plant": each["plant"],
         "note": _randomised(finished[0]["actuator_randomisation"]) if finished else "diverged",
+    }
+
+
+def _judged(evaluations: Sequence[Report]) -> dict[str, float]:
+    """Of several evaluations in the simulator."""
+    return {
+        "falls": sum(each["falls"] for each in evaluations),
+        "walks": sum(each["robots"] for each in evaluations),
+        "score": _mean([each["score"] for each in evaluations]),
     }
 
 
@@ -105,8 +106,9 @@ def _cells(report: Report) -> Iterator[dict[str, Any]]:
         yield {"scenario": scenario, "controller": controller, "actor": actor, **pooled(rows)}
 
 
-def _titles(report: Report) -> dict[str, str]:
-    return {each["controller"]: each["title"] for each in report["controllers"]}
+def _short(report: Report) -> dict[str, str]:
+    """Controller → the end of its title, where seven must stand side by side."""
+    return {each["controller"]: each["title"].rsplit(", ", 1)[1] for each in report["controllers"]}
 
 
 def _mean(values: Sequence[float]) -> float:

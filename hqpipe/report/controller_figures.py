@@ -26,7 +26,7 @@ from hqpipe.report.style import (
     styled,
     title_row,
 )
-from hqpipe.report.training_figures import STEPS, read_metrics
+from hqpipe.report.training_figures import STEPS, read_metrics, unit_of_steps
 
 REWARD = "rollout/reward_mean"
 _COLOURS = (ORANGE, SKY, VERMILION, BLUE, GREEN, PURPLE, INK)
@@ -61,12 +61,13 @@ def reward_curves(runs: Mapping[str, Sequence[Path]], path: Path) -> Path:
         raise UsageError("nothing to draw: no training has a metrics table")
     figure = new_figure(3.6)
     axes = figure.subplots()
-    last, ends = 0.0, []
-    for (title, files), colour in zip(runs.items(), _COLOURS, strict=False):
-        if not files:
+    last, ends, tables = 0.0, [], {title: _stacked(files) for title, files in runs.items() if files}
+    unit, name_of_unit = unit_of_steps(max(float(steps[-1]) for steps, _ in tables.values()))
+    for title, colour in zip(runs, _COLOURS, strict=False):
+        if title not in tables:
             continue
-        steps, reward = _stacked(files)
-        x = steps / 1e6
+        steps, reward = tables[title]
+        x = steps / unit
         mean = np.nanmean(reward, axis=0)
         if len(reward) > 1:
             axes.fill_between(
@@ -80,7 +81,7 @@ def reward_curves(runs: Mapping[str, Sequence[Path]], path: Path) -> Path:
     for (title, colour, _), y in zip(ends, spread([end[2] for end in ends], _LEAST_APART * (high - low)), strict=True):
         name_line(axes, 1.01 * last, y, title, colour, va="center")
     axes.set_title("mean reward per step in training", fontweight="normal")
-    axes.set_xlabel("environment steps (million)")
+    axes.set_xlabel(f"environment steps ({name_of_unit})")
     return save_figure(figure, path)
 
 
@@ -125,10 +126,13 @@ def plant_panels(cells: Cells, titles: Mapping[str, str], path: Path) -> Path:
     if not cells:
         raise UsageError("nothing to draw: no controller walked")
     scenarios = list(dict.fromkeys(cell["scenario"] for cell in cells))
-    shown = [name for name in PANELS if any(_value(cell, name) is not None for cell in cells)]
+    shown = [
+        name for name in PANELS if name == "falls" or any(_value(cell, name) for cell in cells)
+    ]  # some value above 0
     across = 3 if len(scenarios) < 3 else 2 if len(scenarios) < 6 else 1
     depth = -(-len(shown) // across)
     figure = new_figure(0.5 + 1.55 * depth)
+    figure.get_layout_engine().set(h_pad=0.08)
     panels = figure.subplots(depth, across, squeeze=False, sharex=True)
     for axes in panels.flat[len(shown) :]:
         axes.set_visible(False)
@@ -150,10 +154,8 @@ def _panel(axes: Axes, name: str, cells: Cells, scenarios: Sequence[str], colour
         x, colour = scenarios.index(cell["scenario"]) + place[cell["controller"]], colours[cell["controller"]]
         value, policy = _value(cell, name), cell["actor"] == "policy"
         if value is not None:
-            axes.plot(
-                x, value, "o", markersize=5.5, color=colour, markerfacecolor=colour if policy else "white", clip_on=False,
-                zorder=3 if policy else 2,
-            )  # fmt: skip
+            inside, size, order = (colour, 5.0, 3) if policy else ("none", 7.5, 2)
+            axes.plot(x, value, "o", color=colour, markerfacecolor=inside, markersize=size, zorder=order, clip_on=False)
         elif policy and cell["falls"] == cell["walks"]:
             axes.plot(x, 0.06, "x", markersize=5.0, color=colour, transform=axes.get_xaxis_transform(), zorder=3)
     for edge in range(len(scenarios) - 1):
@@ -163,7 +165,7 @@ def _panel(axes: Axes, name: str, cells: Cells, scenarios: Sequence[str], colour
     axes.set_xlim(-0.5, len(scenarios) - 0.5)
     axes.set_ylim(0.0, 105.0 if name == "falls" else max(1.15 * axes.get_ylim()[1], 1e-9))
     axes.grid(axis="x", visible=False)
-    axes.tick_params(axis="x", length=0, labelbottom=True)
+    axes.tick_params(axis="x", length=0, pad=7.0, labelbottom=True)  # below the dots at zero
 
 
 def _value(cell: Mapping[str, Any], name: str) -> float | None:

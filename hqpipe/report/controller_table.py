@@ -71,7 +71,7 @@ def scenario_table(cells: Rows, titles: Mapping[str, str]) -> Table:
     table = _table("on the plant: falls of walks, error of the mean velocity (m/s)")
     table.add_column("scenario")
     for title in titles.values():
-        table.add_column(title.replace(", ", "\n"), justify="right")
+        table.add_column(title.replace(" ", "\n"), justify="right")
     for scenario in dict.fromkeys(cell["scenario"] for cell in cells):
         same = {(c["controller"], c["actor"]): c for c in cells if c["scenario"] == scenario}
         table.add_row(
@@ -124,7 +124,7 @@ def _falls(found: Mapping[str, Any]) -> str:
 
 def _outcome(found: Mapping[str, Any]) -> str:
     error = found["velocity_error"]
-    return _falls(found) + ("" if error is None else f", {error:.3f}")
+    return f"{found['falls']}/{found['walks']}" + ("" if error is None else f" {error:.3f}")
 
 
 def _number(value: float | None, factor: float) -> str:
