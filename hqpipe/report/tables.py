@@ -124,21 +124,21 @@ def constants_table(rows: Sequence[Mapping[str, Any]]) -> Table:
     return table
 
 
-# Columns of the scenarios: title, unit, measure, factor from its SI unit.
+# Columns of the scenarios: title with unit, measure, factor from its SI unit, decimals.
 _SCENARIO_COLUMNS = (
-    ("speed\nerror", "m/s", "speed_error", 1.0),
-    ("turn\nerror", "rad/s", "yaw_error", 1.0),
-    ("drift", "m", "drift", 1.0),
-    ("lean", "°", "lean", 180.0 / pi),
-    ("foot\nlift", "cm", "foot_clearance", 100.0),
-    ("peak\nforce", "weights", "peak_force", 1.0),
-    ("joint\nerror", "mrad", "tracking_rmse", 1e3),
-    ("torque\nerror", "N·m", "torque_rmse", 1.0),
-    ("valve\nfull", "%", "valve_saturation", 100.0),
-    ("lowest\nsupply", "bar", "lowest_supply", 1e-5),
-    ("estimate\nspeed", "m/s", "estimate_velocity", 1.0),
-    ("estimate\ntilt", "°", "estimate_tilt", 180.0 / pi),
-    ("estimate\nheight", "cm", "estimate_height", 100.0),
+    ("speed\nerror\nm/s", "speed_error", 1.0, 3),
+    ("turn\nerror\nrad/s", "yaw_error", 1.0, 3),
+    ("drift\nm", "drift", 1.0, 2),
+    ("lean\n°", "lean", 180.0 / pi, 1),
+    ("foot\nlift\ncm", "foot_clearance", 100.0, 1),
+    ("peak\nforce\nweight", "peak_force", 1.0, 2),
+    ("joint\nerror\nmrad", "tracking_rmse", 1e3, 0),
+    ("torque\nerror\nN·m", "torque_rmse", 1.0, 0),
+    ("full\nvalve\n%", "valve_saturation", 100.0, 1),
+    ("lowest\nsupply\nbar", "lowest_supply", 1e-5, 0),
+    ("est.\nspeed\nm/s", "estimate_velocity", 1.0, 2),
+    ("est.\ntilt\n°", "estimate_tilt", 180.0 / pi, 1),
+    ("est.\nheight\ncm", "estimate_height", 100.0, 1),
 )
 
 
@@ -149,22 +149,28 @@ def scenario_table(rows: Sequence[Mapping[str, Any]]) -> Table:
         rows: each with scenario, walks, falls, worst (measure → value) and limits (measure → the largest that is allowed).
             Measures that no scenario has are left out.
     """
-    table = _table("trials on the plant, the worst walk of each")
-    table.add_column("scenario")
-    table.add_column("falls", justify="right")
-    columns = [each for each in _SCENARIO_COLUMNS if any(row["worst"].get(each[2]) is not None for row in rows)]
-    for title, unit, _, _ in columns:
-        table.add_column(f"{title}\n{unit}", justify="right")
+    table = _table("trials on the plant, the worst walk of each; est.: error of what the estimator believes")
+    table.collapse_padding = True  # fifteen columns have to fit
+    table.add_column("scenario", no_wrap=True)
+    table.add_column("falls", justify="right", no_wrap=True)
+    columns = [each for each in _SCENARIO_COLUMNS if any(row["worst"].get(each[1]) is not None for row in rows)]
+    for title, *_ in columns:
+        table.add_column(title, justify="right", no_wrap=True)
     for row in rows:
-        cells = [f"{row['falls']}/{row['walks']}"]
-        cells += ["" if (v := row["worst"].get(name)) is None else _number(v * scale) for _, _, name, scale in columns]
-        values = {"falls": row["falls"], **row["worst"]}
-        for i, name in enumerate(("falls", *(each[2] for each in columns))):
-            limit, value = row["limits"].get(name), values.get(name)
-            if limit is not None and (value is None or not value <= limit):
-                cells[i] = f"[red]{cells[i] or '–'}[/red]"
+        falls = f"{row['falls']}/{row['walks']}"
+        cells = [_limited(row["falls"], falls, row["limits"].get("falls"))]
+        for _, name, scale, decimals in columns:
+            value = row["worst"].get(name)
+            text = "" if value is None else f"{value * scale:.{decimals}f}"
+            cells.append(_limited(value, text, row["limits"].get(name)))
         table.add_row(row["scenario"], *cells)
     return table
+
+
+def _limited(value: float | None, text: str, limit: float | None) -> str:
+    if limit is None or (value is not None and value <= limit):
+        return text
+    return f"[red]{text or '–'}[/red]"
 
 
 def _spread(values: Sequence[float]) -> str:

@@ -19,15 +19,18 @@ Columns = Mapping[str, np.ndarray]
 
 
 def walk_course(columns: Columns, order: tuple[float, float, float]) -> dict[str, float]:
-    """`measures.course` of a walk, or its wander where it is not to move over ground; with seconds (s)."""
+    """`measures.course` of a walk, or where it is to stay on the spot its wander after settling as drift; with seconds (s)."""
     time, track = columns["time"], _stack(columns, "base/position", ("x", "y"))
     straight = any(order[:2]) and not order[2]
-    where = measures.course(time, track, order[:2]) if straight else {"drift": measures.wander(track)}
+    if straight:
+        where = measures.course(time, track, order[:2])
+    else:
+        where = {"drift": measures.wander(track[measures.settled(time) :])}
     return {**where, "seconds": float(time[-1])}
 
 
 def walk_measures(columns: Columns, robot: RobotSpec, order: tuple[float, float, float]) -> dict[str, float | None]:
-    """What a walk was like; all but distance and drift after the settling time.
+    """What a walk was like; all but the distance and the drift of a course after the settling time.
 
     Args:
         columns: name → (T,) of the log format, base, feet and supply included.

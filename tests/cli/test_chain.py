@@ -110,7 +110,10 @@ def test_diagnosis_is_valid_and_complete(project, first_run):
 def test_exported_policy_walks_on_the_plant(first_run):
     metrics = first_run["validate"]
     assert metrics["gate"] == {"passed": True, "failures": []}
-    assert all(walk["distance"] > 0.5 * walk["seconds"] and not walk["fell"] for walk in metrics["walks"])
+    rows = {row["scenario"]: row for row in metrics["scenarios"]}
+    assert rows.keys() == {"forward_10", "stand"} and not any(row["falls"] for row in rows.values())
+    assert all(walk["distance"] > 0.5 * walk["seconds"] for walk in rows["forward_10"]["seeds"])
+    assert all(walk["estimate_tilt"] < 0.2 for row in rows.values() for walk in row["seeds"]), "the graph tells its x̃_t"
 
 
 def test_deployment_description_fits_the_robot(project, first_run):

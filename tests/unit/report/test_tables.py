@@ -7,7 +7,7 @@ import io
 import pytest
 from rich.console import Console
 
-from hqpipe.report.tables import coefficient_table, comparison_table, constants_table
+from hqpipe.report.tables import coefficient_table, comparison_table, constants_table, scenario_table
 
 
 def text_of(table) -> str:
@@ -98,3 +98,36 @@ def test_constants_are_told_once_for_all_joints():
 
 def test_constants_of_an_unknown_machine_have_no_column_for_its_design():
     assert "by design" not in text_of(constants_table([constant_row("hip", "mine", 20.0, None)]))
+
+
+def test_scenarios_show_the_worst_in_readable_units_and_mark_what_is_missed():
+    walked = {
+        "speed_error": 0.0123,
+        "drift": 2.5,
+        "foot_clearance": 0.125,
+        "lowest_supply": 2.06e7,
+        "torque_rmse": None,
+    }
+    rows = [
+        {"scenario": "forward_10", "walks": 4, "falls": 0, "worst": walked, "limits": {"falls": 0, "drift": 1.0}},
+        {"scenario": "stand", "walks": 4, "falls": 4, "worst": {"drift": None}, "limits": {"falls": 0, "drift": 0.1}},
+    ]
+    table = scenario_table(rows)
+    text = text_of(table)
+    assert "0/4" in text and "12.5" in text and "206" in text
+    assert "torque" not in text, "no scenario has it"
+    cells = {column.header: list(column.cells) for column in table.columns}
+    assert cells["drift\nm"] == ["[red]2.50[/red]", "[red]–[/red]"]
+    assert cells["falls"] == ["0/4", "[red]4/4[/red]"]
+    assert cells["speed\nerror\nm/s"] == ["0.012", ""]
+
+
+def test_every_measure_of_a_scenario_fits_a_terminal_of_120_columns():
+    from hqpipe.report.tables import _SCENARIO_COLUMNS
+
+    worst = {name: 1234.0 / 10**decimals / scale for _, name, scale, decimals in _SCENARIO_COLUMNS}  # four digits each
+    text = text_of(
+        scenario_table([{"scenario": "push_forward", "walks": 32, "falls": 32, "worst": worst, "limits": {"falls": 0}}])
+    )
+    assert "push_forward" in text and "32/32" in text and "…" not in text
+    assert max(len(line.rstrip()) for line in text.splitlines()) <= 120
