@@ -12,6 +12,7 @@ from hqpipe.stages.compare_train import Trained
 
 POLICY, ZERO = "policy", "zero_action"
 _ZERO_FOLDER = "zero_action"
+_BELIEF = "estimate_"  # begins the names of measures of the estimator
 Progress = Callable[[float, float, str], None]
 
 
@@ -47,6 +48,18 @@ def walk_all(context: Any, trained: Sequence[Trained], progress: Progress) -> li
     return rows
 
 
+def _without_beliefs(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """A policy that does nothing has an estimator that means nothing."""
+
+    def told(measures: dict[str, Any]) -> dict[str, Any]:
+        return {name: value for name, value in measures.items() if not name.startswith(_BELIEF)}
+
+    return [
+        {**r, "mean": told(r["mean"]), "worst": told(r["worst"]), "seeds": [told(row) for row in r["seeds"]]}
+        for r in results
+    ]
+
+
 def _walked(context: Any, trained: Trained, actor: str, progress: Progress) -> list[dict[str, Any]]:
     """Results of `run_scenarios`, kept in scratch so that a killed stage does not walk again."""
     from hqpipe.stages.scenarios import run_scenarios
@@ -66,6 +79,8 @@ def _walked(context: Any, trained: Trained, actor: str, progress: Progress) -> l
             progress,
             seconds=p.walk_seconds,
         )
+        if actor == ZERO:
+            results = _without_beliefs(results)
         fresh = path.with_suffix(".new")
         fresh.write_text(json.dumps(results, allow_nan=False), encoding="utf-8")
         os.replace(fresh, path)

@@ -13,6 +13,7 @@ from hqpipe.stages.controllers import DIAGNOSED, FITTED, STIFF
 # Measures of `hqpipe.rl.walk_columns.walk_measures` that controllers are compared by.
 MEASURES = (
     "velocity_error",
+    "yaw_error",
     "drift",
     "foot_clearance",
     "peak_force",
@@ -30,7 +31,8 @@ def walks(trials: Rows) -> Iterator[dict[str, Any]]:
     for trial in trials:
         head = {key: trial[key] for key in ("controller", "training_seed", "actor", "scenario")}
         for walk in trial["seeds"]:
-            yield {**head, "walk_seed": walk["seed"], **{key: value for key, value in walk.items() if key != "seed"}}
+            measures = {key: value for key, value in walk.items() if key != "seed"}
+            yield {**head, "walk_seed": walk["seed"], **measures}
 
 
 def pooled(rows: Rows) -> dict[str, Any]:

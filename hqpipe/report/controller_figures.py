@@ -34,6 +34,7 @@ _COLOURS = (ORANGE, SKY, VERMILION, BLUE, GREEN, PURPLE, INK)
 PANELS = {
     "falls": ("walks that fell (%)", 100.0),
     "velocity_error": ("error of the mean velocity (m/s)", 1.0),
+    "yaw_error": ("error of the turning rate (rad/s)", 1.0),
     "drift": ("drift from the course (m)", 1.0),
     "foot_clearance": ("foot clearance (cm)", 100.0),
     "peak_force": ("hardest impact of a foot (weights)", 1.0),

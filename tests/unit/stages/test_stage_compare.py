@@ -90,9 +90,12 @@ def walked(monkeypatch) -> list[Path]:
         torque = json.loads((policy / "policy.json").read_text(encoding="utf-8"))["control_mode"] == "torque"
         rows = [
             {"seed": first_seed + i, "fell": torque, **dict.fromkeys(MEASURES, 0.1 * (i + 1)), "torque_rmse": None}
+            | {"estimate_tilt": 0.2}
             for i in range(seeds)
         ]
-        return [{"scenario": name, "walks": seeds, "falls": seeds * torque, "seeds": rows} for name in names]
+        mean = {"drift": 0.15, "estimate_tilt": 0.2}
+        head = {"walks": seeds, "falls": seeds * torque, "mean": mean, "worst": mean}
+        return [{"scenario": name, **head, "seeds": rows} for name in names]
 
     monkeypatch.setattr(scenarios, "run_scenarios", run_scenarios)
     return seen
@@ -110,6 +113,9 @@ def test_every_controller_has_its_policy_its_curve_and_its_walks(models, walked,
         assert len((folder / "metrics.csv").read_text(encoding="utf-8").splitlines()) == 3
         assert each["plant"]["policy"]["walks"] == each["plant"]["zero_action"]["walks"] == 2
     assert report["controllers"][0]["plant"]["policy"]["falls"] == 2
+    for trial in report["trials"]:
+        told = [trial["mean"], trial["worst"], *trial["seeds"]]
+        assert ["estimate_tilt" in each for each in told] == 4 * [trial["actor"] == "policy"]
     assert len(walked) == 10 and len(set(walked)) == 10
     assert report["loop"]["gap"]["before"] == 30.0
     assert metrics["speeds"]["fitted/seed_3"]["steps_per_second"] > 0.0
