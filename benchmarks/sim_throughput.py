@@ -2,7 +2,7 @@
 
 Every row runs in the same minute on the same machine, standing robots with the hydraulic actuator model, so that the
 rows can be compared even where other programs are busy. "engine alone" counts only the time inside the engine's own
-step function, on one core.
+step function, on one core. "SubprocVecEnv" is what one would write with Stable-Baselines3 alone, a robot in each process.
 
 Run: python benchmarks/sim_throughput.py [--envs 128] [--steps 40] [--repeats 3]
 """
@@ -13,11 +13,16 @@ import argparse
 import os
 import platform
 import time
+from functools import partial
 
 import mujoco
 import numpy as np
+from plain_env import PlainEnv
+from stable_baselines3.common.vec_env import SubprocVecEnv
 
 from hqpipe.actuators.hydraulic import Hydraulic
+from hqpipe.rl.config import GaitConfig
+from hqpipe.rl.observation import observation_layout, state_layout
 from hqpipe.robots import RobotSpec, load_robot
 from hqpipe.sim.engine import DECIMATION, FRICTION, robot_setup
 from hqpipe.sim.mujoco_model import robot_spec
@@ -42,6 +47,9 @@ def main() -> None:
     plain, bare = plain_pybullet(robot, arguments.steps, arguments.repeats)
     _row("pybullet, engine alone", bare, bare)
     _row("pybullet, plain Python loop", plain, bare)
+    for processes in sorted({2, os.cpu_count() or 1}):
+        rate = stable_baselines(robot, processes, arguments.steps, arguments.repeats)
+        _row(f"pybullet, SubprocVecEnv, {processes} processes", rate, bare)
     for workers in (1, 2):
         _row(f"pybullet, our world, {workers} worker(s)", _world(robot, "pybullet", workers, arguments), bare)
     bare = bare_mujoco(robot, arguments.steps, arguments.repeats)
@@ -108,6 +116,26 @@ def plain_pybullet(robot: RobotSpec, steps: int, repeats: int) -> tuple[float, f
     for client, _, _ in envs:
         pybullet.disconnect(physicsClientId=client)
     return PLAIN_ENVS * steps / fastest, PLAIN_ENVS * steps / fastest_inside
+
+
+def stable_baselines(robot: RobotSpec, processes: int, steps: int, repeats: int) -> float:
+    """Rate of Stable-Baselines3's `SubprocVecEnv`, a robot in each process, with an observation of the training's size."""
+    gains = (GAINS["k1"] * robot.sprocket_radius**2, GAINS["k2"], GAINS["k3"] * robot.sprocket_radius**2)
+    size = observation_layout(robot, GaitConfig().prior).size + state_layout(robot).size
+    envs = SubprocVecEnv([partial(PlainEnv, gains, size)] * processes)
+    try:
+        envs.reset()
+        actions = np.zeros((processes, len(robot.joints)), dtype=np.float32)
+        fastest = np.inf
+        for repeat in range(repeats + 1):
+            count, start = steps if repeat else SETTLE_STEPS, time.perf_counter()
+            for _ in range(count):
+                envs.step(actions)
+            if repeat:
+                fastest = min(fastest, time.perf_counter() - start)
+    finally:
+        envs.close()
+    return processes * steps / fastest
 
 
 def bare_mujoco(robot: RobotSpec, steps: int, repeats: int) -> float:

@@ -3,7 +3,8 @@
 The actuator is the paper's model with the coefficients of the packaged robot's reference plant. Every policy is judged
 beside the zero action, on robots of another seed, with noise, randomised bodies and actuators, and pushes.
 
-Run: python benchmarks/training.py [--steps 200000] [--engine pybullet] [--prior trot_residual] [--figure walk.png]
+Run: python benchmarks/training.py [--steps 200000] [--engine pybullet] [--prior trot_residual] [--profile]
+     [--figure walk.png]
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ from __future__ import annotations
 import argparse
 import os
 import platform
+import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +25,7 @@ from hqpipe.rl.config import CONTROL_PERIOD_S, ActuatorRandomisationConfig, Trai
 from hqpipe.rl.evaluate import Actor, Evaluation, network_actor, zero_actor
 from hqpipe.rl.policy_spec import PolicySpec
 from hqpipe.rl.task import LocomotionTask
-from hqpipe.rl.train import train
+from hqpipe.rl.train import Trainer, TrainResult, train
 from hqpipe.rl.worlds import evaluation_world, training_world
 from hqpipe.robots import RobotSpec, load_robot
 
@@ -45,7 +48,8 @@ def main() -> None:
     chosen = {"total_steps": arguments.steps, "engine": arguments.engine, "gait": {"prior": arguments.prior}}
     config = replace(from_mapping(TrainConfig(), chosen), seed=arguments.seed)
     print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
-    result = train(robot, actuator, config, workers=arguments.workers)
+    trained = profiled if arguments.profile else train
+    result = trained(robot, actuator, config, workers=arguments.workers)
     every = max(1, len(result.rows) // 10)
     for row in result.rows[::every]:
         print(
@@ -73,7 +77,50 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--figure", type=Path)
+    parser.add_argument("--profile", action="store_true", help="also print where the time goes")
     return parser.parse_args()
+
+
+def profiled(robot: RobotSpec, actuator: ActuatorModel, config: TrainConfig, *, workers: int) -> TrainResult:
+    """`train`, and a table of where its time went."""
+    options = {"control_mode": "position", "scratch": None, "report": None, "posterior": None, "stiffness": None}
+    trainer = Trainer(robot, actuator, config, workers=workers, **options)
+    seconds = {
+        "simulator": _timed(trainer.task.world, "step"),
+        "environment": _timed(trainer.task, "step"),
+        "rollout": _timed(trainer.model, "collect_rollouts"),
+        "update": _timed(trainer.model, "train"),
+    }
+    start = time.perf_counter()
+    result = trainer.run()
+    total = time.perf_counter() - start
+    took = {name: sum(times) for name, times in seconds.items()}
+    shares = {
+        "simulator with its actuators": took["simulator"],
+        "rewards, observations, resets": took["environment"] - took["simulator"],
+        "policy in the rollout, buffer": took["rollout"] - took["environment"],
+        "PPO's update": took["update"],
+        "evaluations and the rest": total - took["rollout"] - took["update"],
+    }
+    for name, value in shares.items():
+        print(f"{name:32s}{value:8.1f} s{100.0 * value / total:6.1f} %")
+    return result
+
+
+def _timed(owner: Any, name: str) -> list[float]:
+    """Replace a method by one that writes down how long each call takes, s."""
+    times: list[float] = []
+    method = getattr(owner, name)
+
+    def inner(*arguments: Any, **options: Any) -> Any:
+        start = time.perf_counter()
+        try:
+            return method(*arguments, **options)
+        finally:
+            times.append(time.perf_counter() - start)
+
+    setattr(owner, name, inner)
+    return times
 
 
 def _speeds(evaluation: Evaluation) -> str:

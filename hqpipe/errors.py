@@ -5,6 +5,7 @@ HqpipeError                  1  a stage failed
 │   └── ConfigError          2  a field of pipeline.yaml or robot.yaml
 ├── LogError                 1  a log set cannot be used as it is
 ├── IdentificationError      1  the data cannot determine what was asked
+├── DivergedError            1  a training whose numbers are no longer finite
 ├── IntegrityError           3  an artifact is stale or was changed
 ├── GateError                4  a validation threshold was missed
 └── LockedError              5  another run holds the artifacts
@@ -16,6 +17,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
 
 
 class HqpipeError(Exception):
@@ -38,6 +40,14 @@ class LogError(HqpipeError):
 
 class IdentificationError(HqpipeError):
     pass
+
+
+class DivergedError(HqpipeError):
+    """A training whose numbers are no longer finite; `rows` are those of its metrics table up to there."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.rows: list[dict[str, Any]] = []
 
 
 class IntegrityError(HqpipeError):

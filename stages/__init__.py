@@ -20,6 +20,12 @@ REFERENCE = Input(
 MODEL = ("actuator.json", "weights.safetensors")
 ACTUATOR = Input("actuator", "actuator", "--actuator", files=(*MODEL, "posterior.json"))
 FITTED = Input("actuator", "actuator", "--actuator", files=(*MODEL, "fit.json"))
+# Its nets besides, as in the paper and with every advantage, in which compare trains.
+NETS = tuple(
+    f"rivals/{prefix}{kind}/{name}" for prefix in ("", "strong_") for kind in ("mlp", "lstm", "gru") for name in MODEL
+)
+MODELS = Input("actuator", "actuator", "--actuator", files=(*MODEL, "posterior.json", *NETS))
+DIAGNOSED = Input("diagnosis", "diagnosis", "--diagnosis", optional=True, files=(*MODEL, "diagnosis.json"))
 POLICY = Input("policy", "policy", "--policy")
 ONNX = Input("onnx", "onnx", "--policy")
 EXPORTED = Input("onnx", "onnx", "--onnx")
@@ -34,6 +40,7 @@ SHOWN = tuple(
         ("diagnosis", "--diagnosis"),
         ("policy", "--policy"),
         ("validation", "--validation"),
+        ("comparison", "--comparison"),
     )
 )
 
@@ -56,6 +63,9 @@ STAGES = StageTable(
         Stage("validate", "validation", "hqpipe.stages.validate",
               "Hold the exported policy against its thresholds; exit 4 if one is missed.", version=2,
               inputs=(ONNX, LOGS, FITTED)),
+        Stage("compare", "comparison", "hqpipe.stages.compare",
+              "Train controllers with every actuator model and walk them on the plant.", version=1,
+              inputs=(MODELS, DIAGNOSED), alone=True),
         Stage("report", "report", "hqpipe.stages.report",
               "Film a walk of the exported policy, and show the results of the chain on one page.", version=1,
               inputs=(EXPORTED, *SHOWN), alone=True),

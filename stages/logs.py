@@ -60,13 +60,22 @@ def model_for(context: Any, joints: tuple[str, ...]) -> Any:
     Raises:
         UsageError: it was fitted to another machine.
     """
+    return model_at(context.inputs["actuator"], joints)
+
+
+def model_at(folder: Path, joints: tuple[str, ...], option: str = "--actuator") -> Any:
+    """The actuator model in `folder`, with its rows in the order of `joints`; `option` names another folder.
+
+    Raises:
+        UsageError: it was fitted to another machine.
+    """
     from hqpipe.actuators.files import load_actuator
 
-    model = load_actuator(context.inputs["actuator"])
+    model = load_actuator(folder)
     if missing := [joint for joint in joints if joint not in model.joints]:
         raise UsageError(
             f"the actuator model was fitted to joints {', '.join(model.joints)} and has no '{missing[0]}': run "
-            "hqpipe fit-actuator on logs of this machine first, or name another model with --actuator DIR"
+            f"hqpipe fit-actuator on logs of this machine first, or name another model with {option} DIR"
         )
     return model.for_joints(joints)
 

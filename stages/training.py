@@ -1,4 +1,4 @@
-"""What bootstrap and retrain share: the training section of pipeline.yaml, and a trained policy's files."""
+"""What bootstrap, retrain and compare share: the training section of pipeline.yaml, and a trained policy's files."""
 
 from __future__ import annotations
 
@@ -41,7 +41,6 @@ def run_training(
         control_mode: "position" or "torque". part: subfolder when a stage trains several policies.
         posterior: of the model's parameters, if it has one.
     """
-    from hqpipe.rl.policy_io import save_policy
     from hqpipe.rl.train import train
     from hqpipe.robots import load_robot
 
@@ -55,7 +54,13 @@ def run_training(
         workers=context.workers,
         posterior=posterior,
     )
-    folder = context.output / part
+    return write_training(context.output / part, result)
+
+
+def write_training(folder: Path, result: Any) -> dict[str, Any]:
+    """Write a `TrainResult` into `folder`, as `run_training` does, and return its metrics."""
+    from hqpipe.rl.policy_io import save_policy
+
     save_policy(folder, result.spec, result.networks)
     write_rows(folder / METRICS, result.rows)
     report = {

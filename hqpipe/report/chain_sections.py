@@ -215,6 +215,14 @@ def _walks(walks: Mapping[str, Mapping[str, Any]]) -> str:
     return table(("walk on the plant", "fell", "m/s", "m ahead", "m aside"), rows, words=2)
 
 
+def comparison(part: Part, chain: Chain) -> str:
+    """Controllers trained with different actuator models."""
+    curves = figure(
+        part, "reward_curves.png", "reward curves", "Mean reward in the simulator, each with its own actuator model."
+    )
+    return curves + figure(part, "plant.png", "measures on the plant", "The same orders on the plant, walk by walk.")
+
+
 SECTIONS = (
     Section("bootstrap", "First policy, without an actuator model", bootstrap),
     Section("rollouts", "Logs of the machine", rollouts),
@@ -223,5 +231,6 @@ SECTIONS = (
     Section("policy", "Policy, trained with the model", policy),
     Section("onnx", "Export", onnx),
     Section("validation", "Validation on the plant", validation),
+    Section("comparison", "Controllers compared", comparison),
 )
 """In the order of the chain. A further one is a function and a row here."""

@@ -53,7 +53,7 @@ def training_curves(metrics: Mapping[str, Path], path: Path) -> Path:
     panels = [key for key in PANELS if any(_has(run, key) for run in runs.values())]
     if not panels:
         raise UsageError(f"none of the columns {', '.join(PANELS)} in {', '.join(map(str, metrics.values()))}")
-    unit, name_of_unit = (1e6, "million") if _last_step(runs) > 2e5 else (1e3, "thousand")
+    unit, name_of_unit = unit_of_steps(_last_step(runs))
     depth = -(-len(panels) // 3)
     figure = new_figure(0.35 + 2.0 * depth)
     axes_of = figure.subplots(depth, 3, sharex=True, squeeze=False)
@@ -77,6 +77,11 @@ def training_curves(metrics: Mapping[str, Path], path: Path) -> Path:
         if index >= len(panels) - 3:
             axes.set_xlabel(f"environment steps ({name_of_unit})")
     return save_figure(figure, path)
+
+
+def unit_of_steps(last: float) -> tuple[float, str]:
+    """What an axis up to `last` environment steps is divided by, and its name."""
+    return (1e6, "million") if last > 2e5 else (1e3, "thousand")
 
 
 def _last_step(runs: Mapping[str, dict[str, np.ndarray]]) -> float:

@@ -85,16 +85,25 @@ class PolicySpec:
 
     @classmethod
     def build(
-        cls, robot: RobotSpec, actuator: ActuatorModel, config: TrainConfig, control_mode: str = "position"
+        cls,
+        robot: RobotSpec,
+        actuator: ActuatorModel,
+        config: TrainConfig,
+        control_mode: str = "position",
+        stiffness: np.ndarray | None = None,
     ) -> PolicySpec:
         """The spec of a policy that `config` trains for `robot` with `actuator`.
+
+        Args:
+            stiffness: (J,) static stiffness that the trot compensates, N·m/rad; None takes the actuator's own.
 
         Raises:
             ConfigError: unknown control mode, or an actuator that cannot hold a joint.
         """
         if control_mode not in CONTROL_MODES:
             raise ConfigError(f"control_mode: '{control_mode}', expected {' or '.join(CONTROL_MODES)}")
-        stiffness = position_stiffness(actuator.for_joints(robot.joints))
+        if stiffness is None:
+            stiffness = position_stiffness(actuator.for_joints(robot.joints))
         if limp := [joint for joint, value in zip(robot.joints, stiffness, strict=True) if not value > 0]:
             raise ConfigError(
                 f"the actuator model does not push a held joint back at {', '.join(limp)}, as if that had not been identified: "

@@ -8,6 +8,7 @@ import torch
 from stable_baselines3 import PPO
 from torch import Tensor, nn
 
+from hqpipe.errors import DivergedError
 from hqpipe.rl.config import PPOConfig
 from hqpipe.rl.policy import LocomotionPolicy
 
@@ -119,7 +120,9 @@ class ConcurrentPPO(PPO):
         optimizer.zero_grad()
         loss.backward()
         parameters = [p for group in optimizer.param_groups for p in group["params"]]
-        nn.utils.clip_grad_norm_(parameters, self.config.max_grad_norm)
+        norm = nn.utils.clip_grad_norm_(parameters, self.config.max_grad_norm)
+        if not torch.isfinite(norm):  # before it is in the weights, where the next distribution would fail on it
+            raise DivergedError("the training diverged: a gradient is not finite; lower ppo.learning_rate")
         optimizer.step()
 
     def _adapt_learning_rate(self, divergence: float) -> None:

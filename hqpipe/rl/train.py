@@ -17,7 +17,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
 from hqpipe.actuators.posterior import Posterior
-from hqpipe.errors import HqpipeError
+from hqpipe.errors import DivergedError
 from hqpipe.rl.actuator_draws import draws_report
 from hqpipe.rl.checkpoint import Progress, load_checkpoint, save_checkpoint
 from hqpipe.rl.config import TrainConfig, to_mapping
@@ -98,6 +98,11 @@ class Trainer:
         scratch: folder of the checkpoint. report: progress(done, total, note) in environment steps.
         workers: processes of the simulator; they do not change the result.
         posterior: of the actuator's parameters, for the randomisation; None if it has none.
+        stiffness: (J,) static stiffness that the trot compensates, N·m/rad, joints as in the robot; None takes the
+            actuator's own.
+
+    Raises:
+        DivergedError: a gradient or the reward is not finite.
     """
 
     def __init__(
@@ -111,15 +116,16 @@ class Trainer:
         report: Report | None,
         workers: int,
         posterior: Posterior | None,
+        stiffness: np.ndarray | None,
     ) -> None:
         torch.set_num_threads(config.torch_threads)
         self.config, self.scratch, self.report = config, scratch, report
-        self.spec = PolicySpec.build(robot, actuator, config, control_mode)
+        self.spec = PolicySpec.build(robot, actuator, config, control_mode, stiffness)
         options = {"num_envs": config.num_envs, "seed": config.seed, "posterior": posterior}
         table = training_actuators(robot, actuator, config, **options)
         model = actuator.for_joints(robot.joints)
         self.actuators = draws_report(model, config.randomisation.actuator, posterior, table)
-        self.fingerprint = _fingerprint(robot, actuator, config, control_mode, table)
+        self.fingerprint = _fingerprint(robot, actuator, config, self.spec, table)
         world = training_world(robot, actuator, config, workers=workers, **options)
         self.task = LocomotionTask(robot, self.spec, world, config, training=True, seed=config.seed)
         trial_world = evaluation_world(robot, actuator, config, workers=workers)
@@ -157,6 +163,9 @@ class Trainer:
                 self._after_iteration(progress)
             networks = LocomotionNetworks(self.spec)
             networks.load_state_dict(progress.best)
+        except DivergedError as error:
+            error.rows = progress.rows
+            raise
         finally:
             self.close()
         steps = (total - first) * self.config.rollout_size
@@ -202,7 +211,7 @@ class Trainer:
         model.collect_rollouts(self.env, self.meter, model.rollout_buffer, config.ppo.n_steps)
         model.train()
         if not math.isfinite(self.meter.reward):
-            raise HqpipeError("the training diverged: the mean reward is not a number; lower ppo.learning_rate")
+            raise DivergedError("the training diverged: the mean reward is not a number; lower ppo.learning_rate")
         progress.iteration += 1
         row = {"iteration": progress.iteration, "time/total_timesteps": model.num_timesteps}
         episodes = list(model.ep_info_buffer)
@@ -244,11 +253,11 @@ class Trainer:
 
 
 def _fingerprint(
-    robot: RobotSpec, actuator: Any, config: TrainConfig, control_mode: str, table: np.ndarray | None
+    robot: RobotSpec, actuator: Any, config: TrainConfig, spec: PolicySpec, table: np.ndarray | None
 ) -> str:
     """Names a training, so that a checkpoint of another one is never resumed; `table` as of `training_actuators`."""
     drawn = "" if table is None else hashlib.sha256(table.tobytes()).hexdigest()
-    parts = [robot.hash, actuator.to_dict(), to_mapping(config), control_mode, drawn, torch.__version__]
+    parts = [robot.hash, actuator.to_dict(), to_mapping(config), spec.to_dict(), drawn, torch.__version__]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
@@ -262,6 +271,7 @@ def train(
     progress: Report | None = None,
     workers: int = 2,
     posterior: Posterior | None = None,
+    stiffness: np.ndarray | None = None,
 ) -> TrainResult:
     """Train a policy; arguments as of `Trainer`.
 
@@ -277,5 +287,6 @@ def train(
         report=progress,
         workers=workers,
         posterior=posterior,
+        stiffness=stiffness,
     )
     return trainer.run()

@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 from hqpipe.actuators import files, posterior_file, weights_file
+from hqpipe.gap import diagnosis
 from hqpipe.pipeline.config import Configuration, StageParams
-from hqpipe.stages import ACTUATOR, FITTED, MODEL, STAGES
+from hqpipe.stages import ACTUATOR, DIAGNOSED, FITTED, MODEL, MODELS, STAGES
+from hqpipe.stages.controllers import ACTUATOR_FOLDERS
 from hqpipe.stages.logs import FIT
 
 ROOT = Path(__file__).parents[2]
@@ -44,3 +46,5 @@ def test_init_writes_the_pipeline_yaml_of_this_project():
 def test_what_is_read_of_an_actuator_is_what_counts():
     assert MODEL == (files.FILE, weights_file.FILE)
     assert ACTUATOR.files == (*MODEL, posterior_file.FILE) and FITTED.files == (*MODEL, FIT)
+    nets = {f"rivals/{folder}/{name}" for folder in ACTUATOR_FOLDERS.values() for name in MODEL}
+    assert set(MODELS.files) == {*MODEL, posterior_file.FILE, *nets} and DIAGNOSED.files == (*MODEL, diagnosis.FILE)

@@ -19,12 +19,14 @@ STAGES = {
     "policy": "retrain",
     "onnx": "export",
     "validation": "validate",
+    "comparison": "compare",
 }
 FIGURES = {
     "bootstrap": ["training.png"],
     "rollouts": ["distribution.png"],
     "actuator": ["comparison.png", "stress.png", "fit.png", "constants.png"],
     "policy": ["training.png"],
+    "comparison": ["reward_curves.png", "plant.png"],
 }
 _WALK = {"distance": 9.4, "speed": 0.99, "speed_error": 0.01, "drift": 0.3, "seconds": 10.0, "fell": False}
 _FELL = {**_WALK, "seconds": 3.2, "fell": True}
@@ -62,6 +64,7 @@ METRICS: dict[str, dict[str, Any]] = {
             {"title": "standing <still>", "walks": 2, "falls": 0, "worst": {"speed_error": None, "drift": 0.0}},
         ],
     },
+    "comparison": {"headline": "3 controllers"},
 }
 
 

@@ -58,7 +58,7 @@ def test_film_numbers_and_every_section_in_the_order_of_the_chain(tmp_path):
     assert [section.artifact for section in SECTIONS] == list(STAGES)
     places = [page.text.index(title) for title in ("where 1.00 is ordered", *titles, "Where it comes from")]
     assert places == sorted(places)
-    for number in ("0.99 m/s", "1 of 2", "67.4 → 6.3", "104 µs", "3 min 30 s"):
+    for number in ("0.99 m/s", "1 of 2", "67.4 → 6.3", "104 µs", "4 min 0 s"):
         assert number in page.text
     assert "command delay" in page.text and "from 67.4 down to 6.3 N·m" in page.text
     assert "latency, µs ✓ passed 104 ≤ 1,000" in page.text

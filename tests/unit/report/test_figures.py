@@ -15,6 +15,7 @@ from hqpipe.errors import UsageError
 from hqpipe.logs.trajectory import Trajectory
 from hqpipe.report.comparison_figures import comparison_bars, stress_chart
 from hqpipe.report.constants_figures import constants_chart
+from hqpipe.report.controller_figures import PANELS, plant_panels, reward_curves, spread
 from hqpipe.report.data_curve_figures import data_curve_chart
 from hqpipe.report.data_figures import Cloud, data_distribution
 from hqpipe.report.fit_figures import actuator_fit, typical_and_worst
@@ -77,6 +78,29 @@ def constant_rows() -> list[dict]:
     ]
 
 
+def walk_cells() -> list[dict]:
+    """Two controllers in two scenarios; one of them fell in every walk of the second."""
+    cells = []
+    for scenario in ("slow", "fast"):
+        for controller in ("torque", "mine"):
+            lost = (scenario, controller) == ("fast", "torque")
+            values = {name: None if lost or name == "torque_rmse" else 0.1 for name in PANELS if name != "falls"}
+            head = {"scenario": scenario, "controller": controller, "walks": 3, "falls": 3 if lost else 0}
+            cells += [{**head, **values, "actor": actor} for actor in ("policy", "zero_action")]
+    return cells
+
+
+def two_seeds(folder: Path) -> list[Path]:
+    """Metrics of two trainings, of which the second stopped early."""
+    rows = [f"{1000 * i},{0.01 * i}" for i in range(1, 10)]
+    files = [folder / "seed_1.csv", folder / "seed_2.csv"]
+    for file, kept in zip(files, (9, 4), strict=True):
+        text = "\n".join(["time/total_timesteps,rollout/reward_mean", *rows[:kept]])
+        file.write_text(text + "\n", encoding="utf-8")
+    return files
+
+
+CONTROLLERS = {"torque": "ideal torque", "mine": "mine"}
 CURVES = {"mine": [(1.0, 50.0), (10.0, 20.0)], "net": [(1.0, None), (10.0, 30.0)]}
 DRAWINGS = {
     "bars": lambda path: comparison_bars(score_rows(), ["persistence"], path),
@@ -86,6 +110,8 @@ DRAWINGS = {
     "curve": lambda path: data_curve_chart(CURVES, 60.0, 1.0, path),
     "fit": lambda path: actuator_fit(TIME, MEASURED, MEASURED, PREDICTED, JOINTS, path),
     "training": lambda path: training_curves({"run": metrics_csv(path.parent)}, path),
+    "rewards": lambda path: reward_curves({"gone": [], "mine": two_seeds(path.parent)}, path),
+    "plant": lambda path: plant_panels(walk_cells(), CONTROLLERS, path),
     "walk": lambda path: walk_summary(walk(), path, effort_limit=np.full(3, 150.0)),
     "fall": lambda path: walk_summary(walk(), path, posture=True, filmed=(1.0, 3.0), fall_time=2.5),
     "gap": lambda path: gap_steps(explained(), path),
@@ -131,6 +157,13 @@ def test_share_against_the_command_counts_loaded_samples_only():
     assert Cloud(np.ones(3), np.ones(3)).against == 0.0
 
 
+def test_names_of_lines_do_not_touch_and_keep_their_order():
+    places = spread([1.0, 5.0, 1.1, 1.05], 0.5)
+    assert [places.index(p) for p in sorted(places)] == [0, 3, 2, 1] and places[1] == 5.0
+    assert np.diff(sorted(places)).min() >= 0.499
+    assert np.mean(places[:1] + places[2:]) == pytest.approx(1.05, abs=0.1)
+
+
 def test_nothing_to_draw_is_said(tmp_path):
     with pytest.raises(UsageError, match="no row over all held-out trials"):
         comparison_bars([], [], tmp_path / "a.png")
@@ -142,6 +175,10 @@ def test_nothing_to_draw_is_said(tmp_path):
         gap_steps(not_identifiable(), tmp_path / "a.png")
     with pytest.raises(UsageError, match="nothing to draw"):
         walk_summary(Trajectory(TIME, JOINTS, MEASURED, MEASURED), tmp_path / "a.png")
+    with pytest.raises(UsageError, match="no training has a metrics table"):
+        reward_curves({"gone": []}, tmp_path / "a.png")
+    with pytest.raises(UsageError, match="no controller walked"):
+        plant_panels([], CONTROLLERS, tmp_path / "a.png")
     (tmp_path / "m.csv").write_text("step,loss\n1,2\n", encoding="utf-8")
     with pytest.raises(UsageError, match="time/total_timesteps"):
         read_metrics(tmp_path / "m.csv")

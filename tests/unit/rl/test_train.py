@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from hqpipe.errors import ConfigError, DivergedError
 from hqpipe.rl import train as training
 from hqpipe.rl.config import ActuatorRandomisationConfig, from_mapping
 from hqpipe.rl.train import train
@@ -87,6 +88,24 @@ def test_torque_control_trains_against_the_ideal_torque(robot, small):
     )
     assert outcome.spec.control_mode == "torque"
     assert outcome.spec.position_stiffness[0] == robot.torque_pd.kp
+
+
+def test_a_training_that_diverges_says_so(robot, actuator, small):
+    with (
+        np.errstate(over="ignore"),
+        pytest.raises(DivergedError, match="not finite; lower ppo.learning_rate") as raised,
+    ):
+        train(robot, actuator, from_mapping(small, {"reward": {"scale": 1e300}}), workers=1)  # more than float32 holds
+    assert raised.value.rows == []
+
+
+def test_the_trot_may_compensate_another_stiffness_than_the_actuator_s(robot, actuator, small):
+    short = replace(small, total_steps=40)
+    given = np.full(len(robot.joints), 5000.0)
+    spec = train(robot, actuator, short, workers=1, stiffness=given).spec
+    np.testing.assert_array_equal(spec.position_stiffness, given)
+    with pytest.raises(ConfigError, match="does not push a held joint back"):
+        train(robot, actuator, short, workers=1, stiffness=np.zeros(len(robot.joints)))
 
 
 def test_progress_counts_environment_steps(robot, actuator, small):

@@ -90,7 +90,15 @@ def test_it_films_the_end_of_the_walk(monkeypatch, tmp_path):
         assert film.n_frames == 5 and film.size == (240, 120) and film.info["duration"] == 100
     assert metrics["walk"]["shown"] == pytest.approx([2.499, 2.999])
     assert metrics["walk"]["speed"] == pytest.approx(0.8) and metrics["walk"]["fall_time"] is None
-    assert metrics["missing"] == ["bootstrap", "rollouts", "actuator", "diagnosis", "policy", "validation"]
+    assert metrics["missing"] == [
+        "bootstrap",
+        "rollouts",
+        "actuator",
+        "diagnosis",
+        "policy",
+        "validation",
+        "comparison",
+    ]
     assert {path.name for path in (tmp_path / "a").iterdir()} == {"report.html", "walk.gif", "walk.png"}
 
 

@@ -1,0 +1,175 @@
+"""Figures of the comparison of controllers: their rewards in training, and what they did on the plant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from hqpipe.errors import UsageError
+from hqpipe.report.style import (
+    BLUE,
+    FAINT,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    name_line,
+    new_figure,
+    save_figure,
+    styled,
+    title_row,
+)
+from hqpipe.report.training_figures import STEPS, read_metrics, unit_of_steps
+
+REWARD = "rollout/reward_mean"
+_COLOURS = (ORANGE, SKY, VERMILION, BLUE, GREEN, PURPLE, INK)
+# measure → what the axis says, and the factor into that unit
+PANELS = {
+    "falls": ("walks that fell (%)", 100.0),
+    "velocity_error": ("error of the mean velocity (m/s)", 1.0),
+    "yaw_error": ("error of the turning rate (rad/s)", 1.0),
+    "drift": ("drift from the course (m)", 1.0),
+    "foot_clearance": ("foot clearance (cm)", 100.0),
+    "peak_force": ("hardest impact of a foot (weights)", 1.0),
+    "tracking_rmse": ("error of the joint targets (mrad)", 1000.0),
+    "torque_rmse": ("error of the torque targets (N·m)", 1.0),
+    "torque_saturation": ("joint samples at the torque limit (%)", 100.0),
+}
+_LEAST_APART = 0.05  # of the height of the axes: names of lines do not touch
+_SLOT = 0.8  # of a scenario's width is taken by its dots
+
+Cells = Sequence[Mapping[str, Any]]
+
+
+@styled
+def reward_curves(runs: Mapping[str, Sequence[Path]], path: Path) -> Path:
+    """Mean reward per step over environment steps: a line per controller, and a band from the lowest to the highest seed.
+
+    Args:
+        runs: title → metrics CSV of every seed, none where a training had no iteration. path: .png or .svg.
+
+    Raises:
+        UsageError: there is no run.
+    """
+    if not any(runs.values()):
+        raise UsageError("nothing to draw: no training has a metrics table")
+    figure = new_figure(3.6)
+    axes = figure.subplots()
+    last, ends, tables = 0.0, [], {title: _stacked(files) for title, files in runs.items() if files}
+    unit, name_of_unit = unit_of_steps(max(float(steps[-1]) for steps, _ in tables.values()))
+    for title, colour in zip(runs, _COLOURS, strict=False):
+        if title not in tables:
+            continue
+        steps, reward = tables[title]
+        x = steps / unit
+        mean = np.nanmean(reward, axis=0)
+        if len(reward) > 1:
+            axes.fill_between(
+                x, np.nanmin(reward, axis=0), np.nanmax(reward, axis=0), color=colour, alpha=0.18, linewidth=0
+            )
+        axes.plot(x, mean, color=colour, marker="o" if len(x) == 1 else None, markersize=3)
+        ends.append((title, colour, float(mean[-1])))
+        last = max(last, float(x[-1]))
+    axes.set_xlim(0.0, last)
+    low, high = axes.get_ylim()
+    for (title, colour, _), y in zip(ends, spread([end[2] for end in ends], _LEAST_APART * (high - low)), strict=True):
+        name_line(axes, 1.01 * last, y, title, colour, va="center")
+    axes.set_title("mean reward per step in training", fontweight="normal")
+    axes.set_xlabel(f"environment steps ({name_of_unit})")
+    return save_figure(figure, path)
+
+
+def _stacked(files: Sequence[Path]) -> tuple[np.ndarray, np.ndarray]:
+    """(T,) steps and (seeds, T) rewards; NaN after the end of a training that stopped early."""
+    tables = [read_metrics(file) for file in files]
+    longest = max(tables, key=lambda table: len(table[STEPS]))
+    reward = np.full((len(tables), len(longest[STEPS])), np.nan)
+    for row, table in zip(reward, tables, strict=True):
+        row[: len(table[REWARD])] = table[REWARD]
+    return longest[STEPS], reward
+
+
+def spread(values: Sequence[float], least: float) -> list[float]:
+    """Places near `values`, in their order, that are at least `least` apart."""
+    order = np.argsort(values, kind="stable")
+    place = np.asarray(values, dtype=float)[order]
+    for _ in range(100 * len(place)):  # pairs that are too close part, until none is
+        close = np.flatnonzero(np.diff(place) < 0.999 * least)
+        if not close.size:
+            break
+        for i in close:
+            middle = 0.5 * (place[i] + place[i + 1])
+            place[i], place[i + 1] = min(place[i], middle - 0.5 * least), max(place[i + 1], middle + 0.5 * least)
+    result = np.empty_like(place)
+    result[order] = place
+    return result.tolist()
+
+
+@styled
+def plant_panels(cells: Cells, titles: Mapping[str, str], path: Path) -> Path:
+    """One panel per measure, a dot per controller and scenario: filled the policy, hollow its gait prior alone.
+
+    Args:
+        cells: controller, actor (policy or zero_action), scenario, walks, falls (counts) and the mean of every measure over
+            the walks that did not fall, None where all did or none tells it.
+        titles: controller → what it is called. path: .png or .svg.
+
+    Raises:
+        UsageError: nothing walked.
+    """
+    if not cells:
+        raise UsageError("nothing to draw: no controller walked")
+    scenarios = list(dict.fromkeys(cell["scenario"] for cell in cells))
+    shown = [
+        name for name in PANELS if name == "falls" or any(_value(cell, name) for cell in cells)
+    ]  # some value above 0
+    across = 3 if len(scenarios) < 3 else 2 if len(scenarios) < 6 else 1
+    depth = -(-len(shown) // across)
+    figure = new_figure(0.5 + 1.55 * depth)
+    figure.get_layout_engine().set(h_pad=0.08)
+    panels = figure.subplots(depth, across, squeeze=False, sharex=True)
+    for axes in panels.flat[len(shown) :]:
+        axes.set_visible(False)
+    colours = dict(zip(titles, _COLOURS, strict=False))
+    for axes, name in zip(panels.flat, shown, strict=False):
+        _panel(axes, name, cells, scenarios, colours)
+    figure.supxlabel(
+        "filled: policy   hollow: its gait prior alone   ×: every walk fell, so that there is nothing to measure",
+        fontsize=8.0,
+        color=GREY,
+    )
+    title_row(figure, [(titles[name], colour) for name, colour in colours.items()])
+    return save_figure(figure, path)
+
+
+def _panel(axes: Axes, name: str, cells: Cells, scenarios: Sequence[str], colours: Mapping[str, str]) -> None:
+    place = {controller: _SLOT * ((i + 0.5) / len(colours) - 0.5) for i, controller in enumerate(colours)}
+    for cell in cells:
+        x, colour = scenarios.index(cell["scenario"]) + place[cell["controller"]], colours[cell["controller"]]
+        value, policy = _value(cell, name), cell["actor"] == "policy"
+        if value is not None:
+            inside, size, order = (colour, 5.0, 3) if policy else ("none", 7.5, 2)
+            axes.plot(x, value, "o", color=colour, markerfacecolor=inside, markersize=size, zorder=order, clip_on=False)
+        elif policy and cell["falls"] == cell["walks"]:
+            axes.plot(x, 0.06, "x", markersize=5.0, color=colour, transform=axes.get_xaxis_transform(), zorder=3)
+    for edge in range(len(scenarios) - 1):
+        axes.axvline(edge + 0.5, color=FAINT, linewidth=0.7)
+    axes.set_title(PANELS[name][0], fontweight="normal")
+    axes.set_xticks(range(len(scenarios)), scenarios)
+    axes.set_xlim(-0.5, len(scenarios) - 0.5)
+    axes.set_ylim(0.0, 105.0 if name == "falls" else max(1.15 * axes.get_ylim()[1], 1e-9))
+    axes.grid(axis="x", visible=False)
+    axes.tick_params(axis="x", length=0, pad=7.0, labelbottom=True)  # below the dots at zero
+
+
+def _value(cell: Mapping[str, Any], name: str) -> float | None:
+    """In the unit of its panel."""
+    value = cell["falls"] / cell["walks"] if name == "falls" else cell[name]
+    return None if value is None else PANELS[name][1] * value

@@ -1,0 +1,144 @@
+"""The controllers that compare trains: on which actuator, for which of the firmware's control modes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+from hqpipe.errors import UsageError, near_match
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from hqpipe.actuators.base import ActuatorModel
+    from hqpipe.actuators.posterior import Posterior
+
+NetKind = Literal["strong", "paper"]
+TORQUE, STIFF, FITTED, DIAGNOSED = "torque", "stiff_pd", "fitted", "diagnosed"
+NETS = ("mlp", "lstm", "gru")
+TITLES = {
+    TORQUE: "torque PID, ideal torque",
+    STIFF: "position PID, stiff PD",
+    FITTED: "position PID, fitted model",
+    DIAGNOSED: "position PID, diagnosed model",
+    **{kind: f"position PID, {kind.upper()}" for kind in NETS},
+}
+"""Name → how the machine is driven, and what stood in for its actuators in the training."""
+ACTUATOR_FOLDERS = {
+    **{(kind, "paper"): kind for kind in NETS},
+    **{(kind, "strong"): f"strong_{kind}" for kind in NETS},
+}
+"""(net, `NetKind`) → its folder under rivals/ in the artifact of fit-actuator."""
+DIAGNOSIS = "diagnosis"
+
+
+@dataclass(frozen=True, eq=False)
+class Controller:
+    """What is trained.
+
+    Attributes:
+        name: of `TITLES`. control_mode: position or torque.
+        actuator: in the simulator. posterior: of its parameters, if it has one.
+        stiffness: (J,) N·m/rad that the gait prior compensates; None takes the actuator's own.
+    """
+
+    name: str
+    control_mode: str
+    actuator: ActuatorModel
+    posterior: Posterior | None = None
+    stiffness: np.ndarray | None = None
+
+    @property
+    def title(self) -> str:
+        return TITLES[self.name]
+
+
+def checked_names(names: Sequence[str]) -> list[str]:
+    """The names in the order of `TITLES`.
+
+    Raises:
+        ValueError: there is none, one is unknown or given twice.
+    """
+    for name in names:
+        if name not in TITLES:
+            raise ValueError(f"unknown controller '{name}'{near_match(name, TITLES)} (known: {', '.join(TITLES)})")
+    if len(set(names)) != len(names) or not names:
+        raise ValueError(f"expected names of controllers, each once ({', '.join(TITLES)}), got {list(names)!r}")
+    return [name for name in TITLES if name in names]
+
+
+def read_controllers(context: Any, names: Sequence[str], nets: NetKind) -> tuple[list[Controller], list[str]]:
+    """The controllers with their models, read before anything is trained; and why one is left out, in lines.
+
+    Raises:
+        UsageError: a model is missing, or of another machine.
+    """
+    from hqpipe.robots import load_robot
+
+    robot, found, left_out = load_robot(context.robot), [], []
+    for name in names:
+        if name == DIAGNOSED and (reason := _no_diagnosis(context)):
+            left_out.append(f"{TITLES[name]}: left out: {reason}")
+        else:
+            found.append(_controller(context, robot, name, nets))
+    if not found:
+        raise UsageError(f"compare: nothing to train; {'; '.join(left_out)}")
+    return found, left_out
+
+
+def _controller(context: Any, robot: Any, name: str, nets: NetKind) -> Controller:
+    from hqpipe.actuators.files import load_actuator
+    from hqpipe.actuators.posterior_file import load_posterior
+    from hqpipe.rl.worlds import unmodelled_actuator
+    from hqpipe.stages.logs import model_at
+
+    if name in (TORQUE, STIFF):
+        mode = "torque" if name == TORQUE else "position"
+        return Controller(name, mode, unmodelled_actuator(robot, mode))
+    folder = context.inputs["actuator"]
+    if name == FITTED:
+        posterior = load_posterior(folder, load_actuator(folder))
+        return Controller(name, "position", model_at(folder, robot.joints), posterior)
+    if name == DIAGNOSED:
+        return Controller(name, "position", model_at(context.inputs[DIAGNOSIS], robot.joints, "--diagnosis"))
+    net = model_at(_net_folder(folder, name, nets), robot.joints)
+    return Controller(name, "position", net, stiffness=_loop_stiffness(folder, robot.joints))
+
+
+def _loop_stiffness(folder: Path, joints: Sequence[str]) -> Any:
+    """What the gait prior of a net compensates: the stiffness that the paper's model finds in the same logs.
+
+    A net has none of its own but its slope at one posture, which for some is near zero or negative: the trot would be lost
+    before the training began, and that would say little of training inside the net.
+    """
+    from hqpipe.rl.policy_spec import position_stiffness
+    from hqpipe.stages.logs import model_at
+
+    return position_stiffness(model_at(folder, tuple(joints)))
+
+
+def _net_folder(folder: Path, name: str, nets: NetKind) -> Path:
+    from hqpipe.actuators.files import FILE
+
+    rival = ACTUATOR_FOLDERS[name, nets]
+    found = folder / "rivals" / rival
+    if not (found / FILE).is_file():
+        raise UsageError(
+            f"{found}: no such actuator model: run hqpipe fit-actuator with '{rival}' among its rivals, or leave '{name}' "
+            f"out of compare.controllers, or set compare.nets to {' or '.join(k for k in get_args(NetKind) if k != nets)}"
+        )
+    return found
+
+
+def _no_diagnosis(context: Any) -> str:
+    """Why there is no diagnosed model; empty if there is one."""
+    from hqpipe.actuators.files import FILE
+
+    folder = context.inputs.get(DIAGNOSIS)
+    if folder is None:
+        return "no diagnosis is read: run hqpipe diagnose first, or name one with --diagnosis DIR"
+    if not (folder / FILE).is_file():
+        return "the diagnosis has no actuator model, as one that was not identifiable or not of position control"
+    return ""
