@@ -50,7 +50,7 @@ def _rows(joint: str, model: str, quantities: Sequence[Any], design: Any, expect
     wanted = expected(design)
     rows = []
     for q in (*quantities, *oil_quantities(quantities, design)):
-        low, high = (None, None) if q.half_width is None else (q.value - q.half_width, q.value + q.half_width)
+        low, high = q.interval or (None, None)
         by_design = wanted.get(q.name)
         if by_design is None or not isfinite(by_design):
             by_design = None
