@@ -10,7 +10,7 @@ CONSTANTS = "constants.csv"
 
 
 def write_constants(context: Any, log_set: Any, fit: Any, chamber_fits: Sequence[Any]) -> None:
-    """Write constants.csv, draw constants.png, and show a table of all joints together.
+    """Write constants.csv, draw constants.png, and show a table of all joints together, as far as the fits tell anything.
 
     One number a row: joint, model, quantity, unit, value, low and high of the 95 % interval, and what is expected by design;
     empty where the logs or the robot's files do not say.
@@ -18,7 +18,7 @@ def write_constants(context: Any, log_set: Any, fit: Any, chamber_fits: Sequence
     Args:
         fit: `FitResult`. chamber_fits: `ChamberJointFit` of each joint; empty without that rival.
     """
-    from hqpipe.report.constants_figures import constants_chart
+    from hqpipe.report.constants_figures import SHOWN, constants_chart
     from hqpipe.report.tables import constants_table
     from hqpipe.stages.terminal import show
     from hqpipe.stages.training import write_rows
@@ -39,6 +39,7 @@ def write_constants(context: Any, log_set: Any, fit: Any, chamber_fits: Sequence
     if rows:
         write_rows(context.output / CONSTANTS, rows)
         show(constants_table(rows))
+    if any(row["quantity"] in SHOWN for row in rows):
         constants_chart(rows, context.output / "constants.png")
 
 
