@@ -154,14 +154,15 @@ def _known(problem: Problem, solution: Solution | None, fit: JointFit) -> Known:
     joints = tuple(data.joint for data in problem.joints)
     free = np.array([c.identifiable for c in fit.coefficients])
     if solution is None:
-        return Known(joints, np.zeros(4), free, np.zeros((4, 4)), (), LOWER, UPPER)
+        return Known(joints, np.zeros(4), free, np.zeros(4, bool), np.zeros((4, 4)), (), LOWER, UPPER)
     single = [solution]
     if len(joints) > 1:
         starts = solution.starts
         single = [solve(problem.alone(j), solution.k, [starts[j]], free) for j in range(len(joints))]
     sections = sections_of([(part.k, part.at) for part in single], problem.windows, free, LOWER, UPPER)
     scatter = uncertainty(solution.at, free).covariance
-    return Known(joints, solution.k, free, scatter, sections, LOWER, UPPER, {"k4": _assumed_k4(problem, solution.k)})
+    assumed = {"k4": _assumed_k4(problem, solution.k)}
+    return Known(joints, solution.k, free, np.zeros(4, bool), scatter, sections, LOWER, UPPER, assumed)
 
 
 def _assumed_k4(problem: Problem, k: np.ndarray) -> Range:

@@ -229,14 +229,15 @@ def _report(group: _Group) -> ChamberJointFit:
 
 
 def _known(group: _Group, report: ChamberJointFit, windows: Windows) -> Known:
-    """What the fit of one group knows, for the posterior."""
+    """What the fit of one group knows, for the posterior; a parameter on a bound stays there."""
     problem = group.problem
-    inner = np.array([p.identifiable and not p.at_bound for p in report.parameters])
+    determined = np.array([p.identifiable for p in report.parameters])
+    pressed = np.array([p.at_bound for p in report.parameters])
+    inner = determined & ~pressed
     single = [(group.x, group.at)]
     if len(problem.joints) > 1:
         parts = [problem.alone(j) for j in range(len(problem.joints))]
         single = [solve_chambers(part, group.x, inner, group.lower, group.upper) for part in parts]
     sections = sections_of(single, windows, inner, group.lower, group.upper)
     joints = tuple(data.joint for data in problem.joints)
-    determined = np.array([p.identifiable for p in report.parameters])
-    return Known(joints, group.x, determined, report.covariance, sections, group.lower, group.upper)
+    return Known(joints, group.x, determined, pressed, report.covariance, sections, group.lower, group.upper)
