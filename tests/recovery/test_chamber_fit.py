@@ -137,6 +137,16 @@ def test_a_parameter_on_a_bound_is_left_there_by_the_posterior():
     assert (knee == pressed.value).all() and hip.std() > 0.05
 
 
+def test_a_single_window_leaves_a_machine_and_no_measurement():
+    found = fit_chambers(log_set((trial(machine(), 0.101, 1, "fit"),), "load_cell"), **LIMITS)
+    for fit in found.fits:
+        assert not any(p.identifiable or p.ci95 for p in fit.parameters)
+        assert fit["flow_gain"].value == pytest.approx(TRUTH["flow_gain"][found.fits.index(fit)], rel=0.1)
+        assert chamber_constants(fit) == ()
+    drawn = found.posterior.draw(found.model, 5, np.random.default_rng(0))
+    assert (drawn == found.model.parameters).all()
+
+
 def test_shared_parameters_of_equal_joints():
     same = machine(**{name: values[0] for name, values in TRUTH.items()})
     found = fit_chambers(log_set((trial(same, 6.0, 4, "fit"),), "load_cell"), scope="shared", **LIMITS)
