@@ -22,7 +22,7 @@ import numpy as np
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.rl.config import ActuatorRandomisationConfig
 from hqpipe.robots import robot_folder
-from hqpipe.stages.fit_actuator import joint_constants
+from hqpipe.stages.paper_fits import joint_constants
 from hqpipe.sysid.fit_actuator import fit_actuator
 from hqpipe.sysid.problem import COEFFICIENTS
 from hqpipe.sysid.results import FitResult

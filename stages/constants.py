@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 PAPER, CHAMBERS = "paper's model", "two chambers"  # the column `model`
@@ -10,7 +10,7 @@ CONSTANTS = "constants.csv"
 
 
 def write_constants(context: Any, log_set: Any, fit: Any, chamber_fits: Sequence[Any]) -> None:
-    """Write constants.csv, draw constants.png, and show a table of all joints together.
+    """Write constants.csv, draw constants.png, and show a table of all joints together, as far as the fits tell anything.
 
     One number a row: joint, model, quantity, unit, value, low and high of the 95 % interval, and what is expected by design;
     empty where the logs or the robot's files do not say.
@@ -18,7 +18,7 @@ def write_constants(context: Any, log_set: Any, fit: Any, chamber_fits: Sequence
     Args:
         fit: `FitResult`. chamber_fits: `ChamberJointFit` of each joint; empty without that rival.
     """
-    from hqpipe.report.constants_figures import constants_chart
+    from hqpipe.report.constants_figures import SHOWN, constants_chart
     from hqpipe.report.tables import constants_table
     from hqpipe.stages.terminal import show
     from hqpipe.stages.training import write_rows
@@ -39,6 +39,7 @@ def write_constants(context: Any, log_set: Any, fit: Any, chamber_fits: Sequence
     if rows:
         write_rows(context.output / CONSTANTS, rows)
         show(constants_table(rows))
+    if any(row["quantity"] in SHOWN for row in rows):
         constants_chart(rows, context.output / "constants.png")
 
 
@@ -50,7 +51,7 @@ def _rows(joint: str, model: str, quantities: Sequence[Any], design: Any, expect
     wanted = expected(design)
     rows = []
     for q in (*quantities, *oil_quantities(quantities, design)):
-        low, high = (None, None) if q.half_width is None else (q.value - q.half_width, q.value + q.half_width)
+        low, high = q.interval or (None, None)
         by_design = wanted.get(q.name)
         if by_design is None or not isfinite(by_design):
             by_design = None
@@ -60,65 +61,11 @@ def _rows(joint: str, model: str, quantities: Sequence[Any], design: Any, expect
 
 
 def joint_designs(robot_folder: Any, log_set: Any) -> dict[str, Any]:
-    """Joint → `Design` from the robot's files, at the mean posture and valve opening of the fit trials.
-
-    A joint of another machine has nothing but a radius of 1, and so has nothing to expect.
-    """
-    from dataclasses import replace
-
-    import numpy as np
-
+    """Joint → `Design` from the robot's files, see `hqpipe.sysid.robot_design`."""
     from hqpipe.robots import load_robot
-    from hqpipe.sysid.design import UNKNOWN, Design
+    from hqpipe.sysid.robot_design import designs_at
 
-    robot, designs = load_robot(robot_folder), {}
-    for index, joint in enumerate(log_set.joints):
-        if joint not in robot.joints:
-            designs[joint] = Design(radius=1.0)
-            continue
-        at = robot.joints.index(joint)
-        middle = 0.5 * (robot.position_lower[at] + robot.position_upper[at])
-        trials = [trial.trajectory for trial in log_set.fit]
-        position = np.concatenate([t.position[:, index] for t in trials])
-        error = np.concatenate([t.position_command[:, index] - t.position[:, index] for t in trials])
-        designs[joint] = _design(robot.hydraulics, float(robot.sprocket_radius[at]), position.mean() - middle, error)
-        if log_set.control_mode not in (None, "position"):  # the valve then follows another gain
-            designs[joint] = replace(designs[joint], gain=UNKNOWN, opening=UNKNOWN)
-    return designs
-
-
-def _design(hydraulics: Mapping[str, Any], radius: float, offset: float, error: Any) -> Any:
-    """`Design` of a joint that stands `offset` rad from the middle of its range; error: (T,) rad of the fit trials."""
-    import numpy as np
-
-    from hqpipe.sysid.design import UNKNOWN, Design
-
-    def known(path: str) -> float:
-        node: Any = hydraulics
-        for key in path.split("."):
-            node = node.get(key, {}) if isinstance(node, Mapping) else {}
-        return float(node) if isinstance(node, int | float) else UNKNOWN
-
-    area = known("cylinder.area_a") if known("cylinder.area_a") == known("cylinder.area_b") else UNKNOWN
-    half, moved = 0.5 * area * known("cylinder.stroke"), area * radius * offset
-    null, gain = known("valve.null_opening"), known("firmware.position_pid.kp")
-    opening = np.clip(gain * error, -1.0, 1.0)
-    lag = (
-        2.0 * known("valve.damping_ratio") / (2.0 * np.pi * known("valve.bandwidth_hz"))
-    )  # of a second-order spool, slow motion
-    return Design(
-        radius=radius,
-        area=area,
-        bulk_modulus=known("fluid.bulk_modulus"),
-        volume_a=known("cylinder.dead_volume_a") + half + moved,
-        volume_b=known("cylinder.dead_volume_b") + half - moved,
-        strand_stiffness=known("chain.stiffness"),
-        tooth_stiffness=known("chain.tooth_stiffness"),
-        leakage=known("cylinder.leakage"),
-        pressure=known("supply.pressure") - known("supply.return_pressure"),
-        valve_gain=known("valve.rated_flow") / np.sqrt(0.5 * known("valve.rated_drop")),
-        null_opening=null,
-        opening=float(np.mean(np.hypot(opening, null))),
-        valve_delay=lag + known("valve.delay"),
-        gain=gain,
-    )
+    robot = load_robot(robot_folder)
+    middle = 0.5 * (robot.position_lower + robot.position_upper)
+    radius, middles = (dict(zip(robot.joints, column, strict=True)) for column in (robot.sprocket_radius, middle))
+    return designs_at(log_set, robot.hydraulics, radius, middles)

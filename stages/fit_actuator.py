@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import PositiveFloat, PositiveInt
 
-from hqpipe.errors import UsageError, near_match
 from hqpipe.pipeline.config import StageParams
 from hqpipe.stages.constants import write_constants
 from hqpipe.stages.judging import judge, write_data_curve
 from hqpipe.stages.logs import FIT, read_logs
+from hqpipe.stages.paper_fits import FREE_RUNNING, SCOPES, both_models, joint_constants, paper_fits
 from hqpipe.stages.rivals import (
     EVERY,
     NAMES,
@@ -28,8 +26,6 @@ from hqpipe.stages.rivals import (
     stepped,
 )
 
-SCOPES = ("per_joint", "shared")
-FREE_RUNNING, ONE_STEP = "{}, free-running", "{}, one-step"  # names of the models of a scope
 FOREIGN = "the joints are not those of the robot: R is 1, k1 in N·m/rad, and no effort limit holds"
 
 
@@ -134,51 +130,6 @@ def _save(model: Any, posterior: Any, folder: Path) -> None:
     save_actuator(model, folder)
     if posterior is not None:
         save_posterior(posterior, model, folder)
-
-
-def both_models(fit: Any) -> dict[str, Any]:
-    """Name → model of a `FitResult`: fitted free-running, and one step ahead as in the paper."""
-    scope = fit.scope.replace("_", " ")
-    return {FREE_RUNNING.format(scope): fit.model, ONE_STEP.format(scope): fit.one_step_model}
-
-
-def paper_fits(options: dict[str, Any]) -> dict[str, Callable[[Any], Any]]:
-    """Name → fit of the paper's model, in the names of `both_models`; the two of a scope share their work."""
-    from hqpipe.sysid.fit_actuator import fit_actuator
-
-    @lru_cache(maxsize=len(SCOPES))
-    def fitted(log_set: Any, scope: str) -> dict[str, Any]:
-        return both_models(fit_actuator(log_set, scope=scope, **options))
-
-    fits = {}
-    for scope in SCOPES:
-        for pattern in (FREE_RUNNING, ONE_STEP):
-            name = pattern.format(scope.replace("_", " "))
-            fits[name] = lambda log_set, scope=scope, name=name: fitted(log_set, scope)[name]
-    return fits
-
-
-def joint_constants(robot_folder: Path, joints: tuple[str, ...]) -> dict[str, Any]:
-    """Sprocket radius and effort limit of the robot's joints; nothing for the joints of another machine.
-
-    Raises:
-        UsageError: only some of the joints are the robot's.
-    """
-    from hqpipe.robots import load_robot
-
-    robot = load_robot(robot_folder)
-    foreign = [joint for joint in joints if joint not in robot.joints]
-    if len(foreign) == len(joints):
-        return {}
-    if foreign:
-        raise UsageError(
-            f"joint '{foreign[0]}' of the logs is not one of {robot.name}{near_match(foreign[0], robot.joints)}: rename it, "
-            "or point `robot:` in pipeline.yaml to the machine that the logs are from"
-        )
-    return {
-        "sprocket_radius": dict(zip(robot.joints, robot.sprocket_radius, strict=True)),
-        "effort_limit": dict(zip(robot.joints, robot.effort_limit, strict=True)),
-    }
 
 
 def _write(output: Path, log_set: Any, fits: dict[str, Any]) -> None:

@@ -112,7 +112,7 @@ def fit_rival(name: str, log_set: Any, settings: Settings) -> Fitted:
         if name == "diagnosed":
             return Fitted(fit_diagnosed(log_set, window_s=settings.window_s, effort_limit=limit))
         if name == "two_chamber":
-            found = fit_chambers(log_set, effort_limit=limit)
+            found = fit_chambers(log_set, window_s=settings.window_s, effort_limit=limit)
             return Fitted(found.model, found.posterior, found.fits)
         strong = name.startswith("strong_")
         train = fit_strong_net if strong else fit_paper_net

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from hqpipe.errors import UsageError
 from hqpipe.report.style import BLUE, GREY, INK, VERMILION, new_figure, save_figure, styled, title_row
 
-_SHOWN = ("hydraulic stiffness", "bulk modulus", "flow gain", "leakage", "loop stiffness", "full torque")
+SHOWN = ("hydraulic stiffness", "bulk modulus", "flow gain", "leakage", "loop stiffness", "full torque")
 _COLOURS, _MARKERS = (VERMILION, BLUE), ("o", "s")
 _COLUMNS = 3
 _APART = 0.22  # of a joint's row, between the models
@@ -27,9 +27,9 @@ def constants_chart(rows: Rows, path: Path) -> Path:
         rows: of constants.csv: joint, model, quantity, unit, value, and low, high, expected that may be None.
         path: .png or .svg.
     """
-    names = [name for name in _SHOWN if any(row["quantity"] == name for row in rows)]
+    names = [name for name in SHOWN if any(row["quantity"] == name for row in rows)]
     if not names:
-        raise UsageError(f"nothing to draw: no row of {', '.join(_SHOWN)}")
+        raise UsageError(f"nothing to draw: no row of {', '.join(SHOWN)}")
     joints = list(dict.fromkeys(row["joint"] for row in rows))
     models = list(dict.fromkeys(row["model"] for row in rows))
     lines = -(-len(names) // _COLUMNS)

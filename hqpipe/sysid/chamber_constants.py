@@ -52,9 +52,15 @@ def chamber_constants(fit: ChamberJointFit) -> tuple[Quantity, ...]:
     """Physical quantities of one joint; each interval follows from the covariance by first-order propagation.
 
     Pressure, area and arm, or bulk modulus and volume, stand only in the products named in `Quantity.meaning`; a known
-    area and arm take them apart: P = T / (A R), β / V = K / (2 A² R²). What would divide by 0 is left out.
+    area and arm take them apart: P = T / (A R), β / V = K / (2 A² R²). What needs a parameter that the logs do not
+    determine, or would divide by 0, is left out.
     """
-    return tuple(_quantity(q, fit) for q in _QUANTITIES if all(fit[name].value > 0.0 for name in q.below))
+    return tuple(_quantity(q, fit) for q in _QUANTITIES if _told(q, fit))
+
+
+def _told(product: _Product, fit: ChamberJointFit) -> bool:
+    known = all(fit[name].identifiable for name in (*product.above, *product.below))
+    return known and all(fit[name].value > 0.0 for name in product.below)
 
 
 def _quantity(product: _Product, fit: ChamberJointFit) -> Quantity:

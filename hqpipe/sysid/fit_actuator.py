@@ -11,7 +11,7 @@ from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.actuators.posterior import Range
 from hqpipe.errors import IdentificationError, UsageError, near_match
 from hqpipe.logs.trajectory import LogSet, Trial
-from hqpipe.sysid.excitation import inseparable, unexcited
+from hqpipe.sysid.excitation import inseparable, single_window, unexcited
 from hqpipe.sysid.free_run import WINDOW_S
 from hqpipe.sysid.intervals import Uncertainty, uncertainty
 from hqpipe.sysid.noise import noise_floor
@@ -27,6 +27,7 @@ _SPANS = (1, 5, 20)  # samples; first guesses, of which the best in the free run
 _ON_BOUND = 1e-9
 _FEW_WINDOWS = 20  # assumption: with fewer, neither coefficients nor errors are to be trusted
 _FEWEST_WINDOWS = 5  # assumption: the scatter between fewer windows says nothing about an interval
+_LONE = "one window decides it: {:.1%} of what is known of it; the model keeps what that says"
 
 PerJoint = float | Mapping[str, float]
 
@@ -66,8 +67,10 @@ def fit_actuator(
         problem = Problem(data, windows, radius[group], limit[group])
         solution, fit, one_step[group] = _fit_group(problem, noise)
         fits.append(fit)
-        known.append(_known(problem, solution, fit))
-        k[group] = known[-1].value
+        if solution:
+            k[group] = solution.k
+        if _enough(windows):
+            known.append(_known(problem, solution, fit))
     _require_any(log_set, fits)
     fixed = {"dt": windows.dt, "scope": scope, "sprocket_radius": radius, "effort_limit": limit}
     return FitResult(
@@ -84,7 +87,7 @@ def fit_actuator(
 
 
 def _require_any(log_set: LogSet, fits: list[JointFit]) -> None:
-    if not any(c.identifiable for fit in fits for c in fit.coefficients):
+    if not any(c.value is not None for fit in fits for c in fit.coefficients):
         why = fits[0].coefficients[0].reason
         raise IdentificationError(f"{log_set.path}: none of k1 … k4 can be identified: {why}")
 
@@ -121,7 +124,10 @@ def per_joint(value: PerJoint, joints: Sequence[str], name: str) -> np.ndarray:
 
 
 def _fit_group(problem: Problem, noise: np.ndarray) -> tuple[Solution | None, JointFit, np.ndarray]:
-    """Fit the joints of a problem; returns the solution, if they move, the report, and the one-step k (4,)."""
+    """Fit the joints of a problem; returns the solution, if they move, the report, and the one-step k (4,).
+
+    What a single window decides keeps its value in the model.
+    """
     reasons = unexcited(problem.joints, problem.windows)
     free = np.array([name not in reasons for name in COEFFICIENTS])
     one_step = problem.one_step(1) if free.any() else np.zeros(4)
@@ -135,7 +141,11 @@ def _fit_group(problem: Problem, noise: np.ndarray) -> tuple[Solution | None, Jo
     k = solution.k if solution else np.zeros(4)
     rmse = np.sqrt(np.mean(np.concatenate(problem.residuals(k)) ** 2))
     bounds = problem.windows.bounds
-    spread = uncertainty(solution.at, free) if solution and _enough(problem.windows) else None
+    spread = None
+    if solution and _enough(problem.windows):
+        lone = single_window(solution.at.hessians, free)
+        reasons |= {COEFFICIENTS[i]: _LONE.format(lone[i]) for i in np.flatnonzero(lone)}
+        spread = uncertainty(solution.at, free & (lone == 0.0))
     fit = JointFit(
         joint=problem.joints[0].joint if len(problem.joints) == 1 else "all",
         coefficients=_coefficients(solution, spread, free, one_step, reasons),
@@ -151,18 +161,19 @@ def _fit_group(problem: Problem, noise: np.ndarray) -> tuple[Solution | None, Jo
 
 
 def _known(problem: Problem, solution: Solution | None, fit: JointFit) -> Known:
-    """What the fit of one group knows, for the posterior."""
+    """What the fit of one group knows, for the posterior; what a single window decides stays."""
     joints = tuple(data.joint for data in problem.joints)
     free = np.array([c.identifiable for c in fit.coefficients])
+    held = ~free & np.array([c.value is not None for c in fit.coefficients])
     if solution is None:
-        return Known(joints, np.zeros(4), free, np.zeros((4, 4)), (), LOWER, UPPER)
+        return Known(joints, np.zeros(4), free, held, np.zeros((4, 4)), (), LOWER, UPPER)
     single = [solution]
     if len(joints) > 1:
         starts = solution.starts
         single = [solve(problem.alone(j), solution.k, [starts[j]], free) for j in range(len(joints))]
     sections = sections_of([(part.k, part.at) for part in single], problem.windows, free, LOWER, UPPER)
-    scatter = uncertainty(solution.at, free).covariance
-    return Known(joints, solution.k, free, scatter, sections, LOWER, UPPER, {"k4": _assumed_k4(problem, solution.k)})
+    assumed = {"k4": _assumed_k4(problem, solution.k)}
+    return Known(joints, solution.k, free, held, fit.covariance, sections, LOWER, UPPER, assumed)
 
 
 def _assumed_k4(problem: Problem, k: np.ndarray) -> Range:
@@ -209,6 +220,9 @@ def _coefficients(
             found.append(Coefficient(name, unit, None, None, before, False, reasons[name]))
             continue
         value = float(solution.k[i])
+        if name in reasons:
+            found.append(Coefficient(name, unit, value, None, before, False, reasons[name]))
+            continue
         at_bound = bool(value <= LOWER[i] + _ON_BOUND or value >= UPPER[i] - _ON_BOUND)
         ends = (float(low[i]), float(high[i])) if spread else None
         found.append(Coefficient(name, unit, value, ends, before, at_bound=at_bound))

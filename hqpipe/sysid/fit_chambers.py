@@ -13,7 +13,7 @@ from hqpipe.logs.trajectory import LogSet
 from hqpipe.sysid.chamber_problem import PARAMETERS, ChamberProblem
 from hqpipe.sysid.chamber_solve import solve_chambers
 from hqpipe.sysid.chamber_start import first_guesses
-from hqpipe.sysid.excitation import MAX_INFLATION, inflation, unexcited
+from hqpipe.sysid.excitation import MAX_INFLATION, inflation, single_window, unexcited
 from hqpipe.sysid.fit_actuator import PerJoint, per_joint
 from hqpipe.sysid.free_run import WINDOW_S
 from hqpipe.sysid.intervals import uncertainty
@@ -37,8 +37,10 @@ class ChamberParameter:
 
     Attributes:
         name, unit: as in `TwoChamber.FIELDS`.
-        identifiable: False where the logs leave it undetermined: its value is then the first guess, or 0.
+        identifiable: False where the logs leave it undetermined: its value is then the first guess, or 0, or what the
+            single window says that decides it.
         at_bound: the estimate lies on a physical bound.
+        held: the posterior leaves it at `value`: on a bound, or where a single window decides it.
     """
 
     name: str
@@ -47,6 +49,7 @@ class ChamberParameter:
     ci95: tuple[float, float] | None
     identifiable: bool
     at_bound: bool
+    held: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +77,7 @@ class ChamberJointFit:
 class ChamberFit:
     """The model, and what is known of its numbers; `trials` are those it was fitted to.
 
-    Its posterior leaves a parameter that lies on a bound where it is.
+    Its posterior leaves a parameter where it is that lies on a bound, or that a single window decides.
     """
 
     model: TwoChamber
@@ -208,6 +211,10 @@ def _hold_outliers(group: _Group) -> None:
 def _report(group: _Group) -> ChamberJointFit:
     pressed = group.free & ((group.x <= group.lower + _BOUND) | (group.x >= group.upper - _BOUND))
     known = group.free & (inflation(group.at.hessian, group.free) < MAX_INFLATION)
+    # A bound counts as a number that is known, unless a single window pressed the parameter against it.
+    lone = single_window(group.at.hessians, known & ~pressed) > 0.0
+    lone |= pressed & (single_window(group.at.hessians, known) > 0.0)
+    known &= ~lone
     inner = known & ~pressed
     spread = uncertainty(group.at, inner)
     low, high = spread.interval(group.x, group.lower, group.upper)
@@ -219,6 +226,7 @@ def _report(group: _Group) -> ChamberJointFit:
             (float(low[i]), float(high[i])) if inner[i] else None,
             bool(known[i]),
             bool(pressed[i]),
+            bool(pressed[i] or lone[i]),
         )
         for i, name in enumerate(PARAMETERS)
     )
@@ -231,12 +239,13 @@ def _report(group: _Group) -> ChamberJointFit:
 def _known(group: _Group, report: ChamberJointFit, windows: Windows) -> Known:
     """What the fit of one group knows, for the posterior."""
     problem = group.problem
-    inner = np.array([p.identifiable and not p.at_bound for p in report.parameters])
+    determined = np.array([p.identifiable for p in report.parameters])
+    held = np.array([p.held for p in report.parameters])
+    inner = determined & ~held
     single = [(group.x, group.at)]
     if len(problem.joints) > 1:
         parts = [problem.alone(j) for j in range(len(problem.joints))]
         single = [solve_chambers(part, group.x, inner, group.lower, group.upper) for part in parts]
     sections = sections_of(single, windows, inner, group.lower, group.upper)
     joints = tuple(data.joint for data in problem.joints)
-    determined = np.array([p.identifiable for p in report.parameters])
-    return Known(joints, group.x, determined, report.covariance, sections, group.lower, group.upper)
+    return Known(joints, group.x, determined, held, report.covariance, sections, group.lower, group.upper)

@@ -19,6 +19,7 @@ class Known:
 
     Attributes:
         joints: names. value: (P,) as the model holds it. known: (P,) whether the logs determine it.
+        held: (P,) whether it stays at `value`, known or not; its rows of `scatter` are 0.
         scatter: (P, P) covariance of the estimate, 0 where not known. sections: what parts of the logs say.
         lower, upper: (P,) physical bounds.
         assumed: parameter → range to draw from where no joint of the machine determines it.
@@ -27,6 +28,7 @@ class Known:
     joints: tuple[str, ...]
     value: np.ndarray
     known: np.ndarray
+    held: np.ndarray
     scatter: np.ndarray
     sections: Sequence[Section]
     lower: np.ndarray
@@ -49,7 +51,7 @@ def posterior_of(model: str, fields: Sequence[str], fits: Sequence[Known]) -> Po
     for fit, unit in zip(fits, units, strict=True):
         ranges = {}
         for i, name in enumerate(fields):
-            if fit.known[i]:
+            if fit.known[i] or fit.held[i]:
                 continue
             others = [other.value[i] for other in fits if other.known[i]]
             if others:
@@ -58,7 +60,7 @@ def posterior_of(model: str, fields: Sequence[str], fits: Sequence[Known]) -> Po
                 ranges[name] = Range(float(min(span)), float(max(span)), text)
             elif name in fit.assumed:
                 ranges[name] = fit.assumed[name]
-        kept = unit * fit.known
+        kept = unit * (fit.known & ~fit.held)
         between = None if shares is None else shares * np.outer(kept, kept)
         scatter = fit.scatter if between is None else fit.scatter + of_mean(fit.sections, between)
         count = len(fit.sections)

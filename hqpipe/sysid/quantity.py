@@ -11,13 +11,20 @@ _UPPER = 0.975  # of Student's distribution, for 95 % intervals
 
 @dataclass(frozen=True)
 class Quantity:
-    """A physical quantity; `half_width` of its 95 % interval, None where the logs do not determine it."""
+    """A physical quantity that cannot be negative; `half_width` of its 95 % interval, None where the logs do not tell."""
 
     name: str
     unit: str
     value: float
     half_width: float | None
     meaning: str
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Ends of the 95 % interval, cut at 0."""
+        if self.half_width is None:
+            return None
+        return max(self.value - self.half_width, 0.0), self.value + self.half_width
 
 
 def half_width(slope: np.ndarray, covariance: np.ndarray, freedom: np.ndarray) -> float:

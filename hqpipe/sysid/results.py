@@ -17,7 +17,7 @@ class Coefficient:
 
     Attributes:
         name, unit: as in `Hydraulic.FIELDS`.
-        value: None if the logs do not determine it; the model then holds 0.
+        value: None if the logs do not determine it; the model then holds 0. What a single window decides has one.
         ci95: 95 % interval, or None. Robust against residuals that are correlated in time; it covers the
             estimate's scatter, not the error of the model's form.
         one_step: the paper's one-step least squares within the bounds; biased by torque noise.

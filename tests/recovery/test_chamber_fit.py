@@ -126,6 +126,27 @@ def test_torque_from_pressures_is_given_no_seal_friction():
     assert (drawn[..., 7:9] == 0.0).all(), "what is not fitted stays"
 
 
+def test_a_parameter_on_a_bound_is_left_there_by_the_posterior():
+    """The hip's volume slope differs from trial to trial; the knee's is pressed against what its long range allows."""
+    pair = [trial(machine(volume_slope=[0.5, slope]), 6.0, seed, "fit") for seed, slope in ((1, 0.2), (2, 0.5))]
+    ranges = {"position_lower": {"knee": -3.0, "hip": -1.0}, "position_upper": {"knee": 3.0, "hip": 1.0}}
+    found = fit_chambers(log_set(tuple(pair), "load_cell"), **ranges)
+    pressed, free = (fit["volume_slope"] for fit in found.fits)
+    assert pressed.at_bound and pressed.identifiable and not free.at_bound
+    knee, hip = found.posterior.draw(found.model, 50, np.random.default_rng(0))[..., 6].T
+    assert (knee == pressed.value).all() and hip.std() > 0.05
+
+
+def test_a_single_window_leaves_a_machine_and_no_measurement():
+    found = fit_chambers(log_set((trial(machine(), 0.101, 1, "fit"),), "load_cell"), **LIMITS)
+    for fit in found.fits:
+        assert not any(p.identifiable or p.ci95 for p in fit.parameters)
+        assert fit["flow_gain"].value == pytest.approx(TRUTH["flow_gain"][found.fits.index(fit)], rel=0.1)
+        assert chamber_constants(fit) == ()
+    drawn = found.posterior.draw(found.model, 5, np.random.default_rng(0))
+    assert (drawn == found.model.parameters).all()
+
+
 def test_shared_parameters_of_equal_joints():
     same = machine(**{name: values[0] for name, values in TRUTH.items()})
     found = fit_chambers(log_set((trial(same, 6.0, 4, "fit"),), "load_cell"), scope="shared", **LIMITS)

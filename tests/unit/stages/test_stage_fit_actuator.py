@@ -118,6 +118,23 @@ def test_constants_are_what_the_coefficients_mean(made):
             assert low < float(row["value"]) < high and high - low < 0.05 * known
 
 
+def test_a_joint_that_does_not_move_has_no_constants(tmp_path):
+    """Neither model may give what its fit started from; the joint that moves keeps its numbers."""
+    still = tmp_path / "still"
+    with LogSetWriter(still) as writer:
+        for name, seed, split in (("a.parquet", 1, "fit"), ("b.parquet", 2, "heldout")):
+            held = columns(2001, seed)
+            for signal in ("position", "velocity", "position_command"):
+                held[f"joint/knee/{signal}"][:] = 0.0
+            writer.add(name, held, split=split)
+    output, _ = fitted(still, tmp_path, rivals=["two_chamber"])
+    with (output / "constants.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert {row["joint"] for row in rows} == {"hip"}
+    assert {row["model"] for row in rows} == {"paper's model", "two chambers"}
+    assert all(float(row["low"]) >= 0.0 for row in rows if row["low"])
+
+
 def test_curve_ends_with_all_the_data(made):
     output, metrics = made
     points = json.loads((output / "data_curve.json").read_text(encoding="utf-8"))["points"]

@@ -9,6 +9,7 @@ import pytest
 from small_logs import log_set, trajectory
 
 from hqpipe.errors import IdentificationError, UsageError
+from hqpipe.sysid import fit_actuator as module
 from hqpipe.sysid.fit_actuator import fit_actuator
 
 
@@ -62,6 +63,47 @@ def test_proportional_velocity_and_error_give_up_k3():
     fit = fit_actuator(logs).fits[0]
     assert fit["k3"].value is None and "cannot be told from" in fit["k3"].reason
     assert fit["k2"].identifiable
+
+
+def ruled(velocity, error):
+    """One joint that obeys eq. (7) with k = (400, 0.04, 8, 0), plus noise of 1 N·m; velocity and error (T,)."""
+    samples = len(velocity)
+    position = np.concatenate(([0.0], np.cumsum(velocity)[:-1] * 1e-3))
+    torque = np.zeros(samples)
+    for k in range(samples - 1):
+        torque[k + 1] = 400.0 * error[k] + 0.96 * torque[k] - 8.0 * velocity[k]
+    torque += np.random.default_rng(0).normal(size=samples)
+    found = {"position": position, "velocity": velocity, "position_command": position + error, "effort": torque}
+    columns = {name: values[:, None] for name, values in found.items()}
+    return log_set(trajectory(samples=samples, joints=("hip",), **columns), splits=["fit"])
+
+
+@pytest.mark.parametrize(("speed_per_error", "lone"), [(0.0, {"k3"}), (40.0, {"k1", "k3"})])
+def test_what_one_of_sixty_windows_decides_is_said_and_neither_given_an_interval_nor_drawn(speed_per_error, lone):
+    """Elsewhere the joint rests, or moves in proportion to its error, which tells only how k1 and k3 add up."""
+    t = np.arange(6001) * 1e-3
+    error = 0.1 * np.sin(17.0 * t) + 0.05 * np.sin(70.0 * t)
+    velocity = speed_per_error * error
+    velocity[2010:2090] = 2.0 * np.sin(np.arange(80) / 80.0 * 2.0 * np.pi)
+    result = fit_actuator(ruled(velocity, error))
+    drawn = result.posterior.draw(result.model, 50, np.random.default_rng(0))[:, 0, :4]
+    for name, truth, column in zip(("k1", "k2", "k3"), (400.0, 0.04, 8.0), drawn.T, strict=False):
+        found = result.fits[0][name]
+        assert found.value == pytest.approx(truth, rel=0.01), "the model keeps what the window says"
+        assert found.identifiable == (name not in lone) == (found.ci95 is not None)
+        assert any(f"hip: {name} is not identifiable: one window" in text for text in result.warnings) == (name in lone)
+        assert (column == found.value).all() if name in lone else 0.0 < column.std() < 0.01 * truth
+
+
+def test_too_few_windows_for_an_interval_ask_for_none(monkeypatch):
+    def refused(*_):
+        raise AssertionError("the scatter between four windows says nothing")
+
+    monkeypatch.setattr(module, "uncertainty", refused)
+    result = fit_actuator(log_set(trajectory(samples=401), splits=["fit"]))
+    assert result.posterior is None
+    assert {c.ci95 for fit in result.fits for c in fit.coefficients} == {None}
+    assert (result.model.parameters[:, 0] > 0.0).any()
 
 
 def test_a_coefficient_on_its_bound_is_warned_about():
