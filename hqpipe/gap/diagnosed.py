@@ -51,8 +51,9 @@ class Diagnosed:
     def predict(self, trajectory: Trajectory, window: int) -> np.ndarray:
         """(T, J) N·m, replayed as the diagnosis does, but for the speed.
 
-        Where the diagnosis takes the change of position over the step that is predicted, this sees the positions up to it
-        only, as every other model does.
+        Where the diagnosis takes the change of position over the step that is predicted, the speed in the hydraulics is here
+        what the positions before it make expect. Two things still look further than other models do: friction at the output
+        that depends on speed uses the speed at the predicted sample, and an integrator starts from what the whole trial says.
 
         Raises:
             IdentificationError: a channel is missing.
