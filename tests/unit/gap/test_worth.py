@@ -81,6 +81,13 @@ def test_joints_with_one_cause_are_weighed_together():
     assert drop_outweighed(states[:1], [cause(RUB, "a")], np.array([1.0]), rest)[0].chosen.effects == ()
 
 
+@pytest.mark.parametrize(("bare", "kept"), [(68.0, ()), (70.0, (RUB,))])
+def test_a_name_for_most_of_what_is_left_stays_however_predictable_that_is(bare, kept):
+    states = [joint("a", {(): bare, (RUB,): 40.0}, (RUB,))]  # 28 or 30 over 39 above the noise
+    (state,) = drop_outweighed(states, [cause(RUB, "a")], np.array([1.0]), Rest(a=0.9))
+    assert state.chosen.effects == kept
+
+
 def test_nobody_asks_what_is_predictable_of_noise():
     states = [joint("a", {(): 1.2, (RUB,): 1.0}, (RUB,))]
     assert drop_outweighed(states, [cause(RUB, "a")], np.array([1.0]), Rest())[0].chosen.effects == (RUB,)
