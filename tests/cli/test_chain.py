@@ -129,9 +129,10 @@ def test_the_report_shows_the_whole_chain(project, first_run):
     )
     assert result.returncode == 0, result.stderr
     (stage,) = json.loads(result.stdout)["stages"]
-    assert stage["metrics"]["missing"] == stage["metrics"]["warnings"] == []
+    assert stage["metrics"]["missing"] == ["comparison"], "which runs by its own name"
+    assert stage["metrics"]["warnings"] == []
     page = (project / "artifacts/report/report.html").read_text(encoding="utf-8")
-    assert "data:image/gif;base64," in page and 'class="missing"' not in page
+    assert "data:image/gif;base64," in page and page.count('class="missing"') == 1 and "hqpipe compare" in page
 
 
 def test_a_second_run_keeps_everything(project, first_run):

@@ -21,7 +21,9 @@ def start(toy, *arguments: str) -> subprocess.Popen:
     """A slow run in another process, stopped in the middle of its second stage."""
     command = [sys.executable, str(TOY), *arguments]
     pipe = subprocess.PIPE
-    process = subprocess.Popen(command, cwd=toy.root, stdout=pipe, stderr=pipe, text=True)
+    # A shell's background jobs ignore Ctrl-C and pass that on; this process must hear it.
+    hears = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
+    process = subprocess.Popen(command, cwd=toy.root, stdout=pipe, stderr=pipe, text=True, **hears)
     deadline = time.monotonic() + 60
     while not list(toy.artifacts.glob("store/.tmp-*/half.txt")):
         assert process.poll() is None, process.communicate()
