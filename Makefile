@@ -11,7 +11,7 @@ run: $(VENV)/.installed
 	$(BIN)/hqpipe run all --profile ci
 
 test: $(VENV)/.installed lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .

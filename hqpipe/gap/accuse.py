@@ -26,6 +26,7 @@ from hqpipe.gap.noise import free_run_floor
 from hqpipe.gap.replay import Replay
 from hqpipe.gap.rest import Rest
 from hqpipe.gap.row_model import FLOW, RowModel, SpanRow, kept, replay_all
+from hqpipe.gap.second_look import look_again
 from hqpipe.gap.set_fit import ROW_OFFSET, JointFitter
 from hqpipe.gap.shapley import Shrink, shapley
 from hqpipe.gap.sharing import pool_groups, seek_consensus
@@ -123,7 +124,7 @@ def accuse(
     data, speed, late = prepare(log_set, names, steps, signed, effort_limit, earlier)
     states = search_joints(data, names, workers, progress)
     base = Rest(_machine(states, mode, speed, chosen=False), log_set, steps)
-    states = pool_groups(seek_consensus(states))
+    states = look_again(states, pool_groups(seek_consensus(states)))
     noise = _floor(_machine(states, mode, speed, chosen=True), states, log_set, steps)
     familiar = noise + familiar_error(states, base.heldout) if earlier is not None else np.zeros(len(joints))
     floor = np.maximum(noise, np.minimum(familiar, [state.chosen.error for state in states]))

@@ -81,9 +81,10 @@ def _cause(
 ) -> Cause:
     names = tuple(s.joint for s in members)
     parameters = {}
-    for parameter in CANDIDATES[effect].parameters:
-        known = [parts[name][parameter.name] for name in names if parameter.name in parts[name]]
-        if len(known) == len(names):
+    for column, parameter in zip(columns(effect), CANDIDATES[effect].parameters, strict=True):
+        own = [s.joint for s in members if column not in s.data.held]
+        known = [parts[name][parameter.name] for name in own if parameter.name in parts[name]]
+        if known and len(known) == len(own):
             one = pooled(known) if len(known) > 1 else known[0]
             parameters[parameter.name] = stated(one, parameter, members[0].data.row_dt)
     supports = [next(x for x in s.support if x.effect == effect) for s in members]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -83,6 +83,7 @@ class JointData:
         noise: standard deviation of the output's sensor noise.
         barred: effects that this joint's log could only imitate.
         then: the joint in an earlier record, where the question is what changed since.
+        held: column → number of an effect that is not this joint's to choose, because the machine has one of it.
     """
 
     joint: str
@@ -94,6 +95,7 @@ class JointData:
     noise: float
     barred: tuple[str, ...] = ()
     then: Then | None = None
+    held: Mapping[int, float] = field(default_factory=dict)
 
     @property
     def output(self) -> float:

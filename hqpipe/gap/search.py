@@ -7,7 +7,7 @@ more than chance (block bootstrap) and by a share that is worth a name.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -107,8 +107,8 @@ class JointSearch:
             first, second = singles[a], singles[b]
             self.fit((a, b), [first if first.loss <= second.loss else second], PAIR_ITERATIONS)
         best = self._grow()
-        best = self._completed(self._settled(self._exchanged(best)))
-        best = self._completed(self.eliminate(best))
+        best = self.completed(self._settled(self._exchanged(best)))
+        best = self.completed(self.eliminate(best))
         return JointResult(self.fitter.data.joint, base, best, self.with_support(best), singles, len(self._tried))
 
     def _settled(self, fit: SetFit) -> SetFit:
@@ -139,7 +139,7 @@ class JointSearch:
             fit = best
         return fit
 
-    def _completed(self, fit: SetFit) -> SetFit:
+    def completed(self, fit: SetFit) -> SetFit:
         """The set with what the fit trials show a little and the held-out ones much, as a limit that is rarely reached."""
         while len(fit.effects) < MOST_EFFECTS:
             more = [(name, self._added(fit, name)) for name in self.library if name not in fit.effects]
@@ -230,6 +230,18 @@ class JointSearch:
         if there.loss <= own.loss * (1.0 + UNTOUCHED):
             self._tried[there.effects] = there
         return self._tried[own.effects]
+
+    def like(self, fit: SetFit, numbers: Mapping[int, float]) -> SetFit:
+        """The set, fitted again from where these columns have these numbers if that leads to less.
+
+        Args:
+            numbers: column → what other joints have there.
+        """
+        there = self.fitter.fit_like(fit, numbers)
+        if there.loss >= fit.loss * (1.0 - UNTOUCHED):
+            return fit
+        self._tried[there.effects] = there
+        return there
 
     def without(self, fit: SetFit, effect: str) -> SetFit:
         """The set less one effect, fitted again."""

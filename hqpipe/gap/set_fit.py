@@ -5,14 +5,13 @@ With an earlier record of the joint nothing but the set is fitted: all else is h
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
 
 from hqpipe.effects import EFFECTS
-from hqpipe.effects.effect import Parameter
 from hqpipe.effects.layout import neutral_row, slot, slots
 from hqpipe.gap.changes import FACTORS, MOST_RATIO, base_slots, in_order, leaders, multiplied, ratios
 from hqpipe.gap.joint_data import JointData, Split
@@ -62,13 +61,6 @@ class SetFit:
     def error(self) -> float:
         """Mean squared held-out error."""
         return float(self.heldout.mean())
-
-
-def _settled(names: Names) -> list[tuple[int, Parameter]]:
-    """Columns and parameters that others of the set speak for."""
-    known = [name for name in names if name not in FACTORS]
-    pairs = [(c, p) for name in known for c, p in zip(slots(name), EFFECTS[name].parameters, strict=True)]
-    return [(c, p) for c, p in pairs if set(p.yields_to) & set(names)]
 
 
 def window_errors(row: np.ndarray, split: Split) -> np.ndarray:
@@ -127,6 +119,12 @@ class JointFitter:
             row[slots(effect)[0]] = value
         return self._result(fit.effects, *self._run(fit.effects, row, ITERATIONS))
 
+    def fit_like(self, fit: SetFit, numbers: Mapping[int, float]) -> SetFit:
+        """The same set, fitted from where these columns have these numbers; it is not remembered."""
+        row = fit.row.copy()
+        row[list(numbers)] = list(numbers.values())
+        return self._result(fit.effects, *self._run(fit.effects, row, ITERATIONS))
+
     def first_number(self, fit: SetFit, effect: str) -> float:
         """The first number of an effect of a set, in the fit's own form."""
         if effect in FACTORS:
@@ -158,15 +156,26 @@ class JointFitter:
     def _run(self, names: Names, row: np.ndarray, iterations: int) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
         free, lower, upper, scale, tied = self._columns(names)
         row = row.copy()
-        for column, parameter in _settled(names):
-            settled = parameter.starts[0] * self.data.size[parameter.scale]
-            row[column] = settled if self.data.then is None else self._ground[column]
+        for column, value in self._settled(names).items():
+            row[column] = value
         signals = self.data.fit.signals
         outlier = max(OUTLIER_SIGMAS * self.data.noise, OUTLIER_SHARE * float(np.sqrt(np.mean(signals.target**2))))
         if not len(free):
             residuals = residual_windows(row, signals)
             return row, _huber(residuals, outlier), np.empty((0, 0)), residuals
         return fit_windows(row, signals, free, lower, upper, scale, tied, CHANGES, outlier, iterations, TOLERANCE)
+
+    def _settled(self, names: Names) -> dict[int, float]:
+        """Column → number of what others speak for: effects of the set that say the same, or the machine."""
+        found = {}
+        for name in (name for name in names if name not in FACTORS):
+            for column, parameter in zip(slots(name), EFFECTS[name].parameters, strict=True):
+                if column in self.data.held:
+                    found[column] = self.data.held[column]
+                elif set(parameter.yields_to) & set(names):
+                    start = parameter.starts[0] * self.data.size[parameter.scale]
+                    found[column] = start if self.data.then is None else float(self._ground[column])
+        return found
 
     def _columns(self, names: Names) -> tuple[np.ndarray, ...]:
         """Free columns of a set with their bounds, sizes and what is tied to them."""
@@ -212,7 +221,7 @@ class JointFitter:
     def _effect_columns(self, names: Names) -> list[list]:
         """The numbers of a set's effects; one that an earlier record holds may be as it was, whatever the logs' sizes."""
         free, lower, upper, scale = [], [], [], []
-        settled, size = [column for column, _ in _settled(names)], self.data.size
+        settled, size = self._settled(names), self.data.size
         for effect in (name for name in names if name not in FACTORS or self.data.then is None):
             for column, parameter in zip(slots(effect), EFFECTS[effect].parameters, strict=True):
                 if column in settled:
