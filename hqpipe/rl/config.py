@@ -198,12 +198,14 @@ class PolicyConfig:
         initial_log_std: e^−2 is 34 mrad of a joint target, 150 N·m at the machine's stiffness; a policy that starts
             on the trot does not fall; recipe.
         output_gain: factor on the initial weights of the last layer, so that training starts at the prior.
+        symmetric: whether actor and estimator do on the left what they do on the right, see mirror.py.
     """
 
     hidden: tuple[int, ...] = (256, 128)
     action_scale: float = 0.25
     initial_log_std: float = -2.0
     output_gain: float = 0.01
+    symmetric: bool = True
 
 
 @dataclass(frozen=True)
@@ -353,6 +355,10 @@ def _convert(present: Any, value: Any, path: str) -> Any:
         if not isinstance(value, list | tuple):
             raise ConfigError(f"{path}: expected a list, got {value!r}")
         return tuple(tuple(v) if isinstance(v, list | tuple) else v for v in value)
+    if isinstance(present, bool):
+        if not isinstance(value, bool):
+            raise ConfigError(f"{path}: expected true or false, got {value!r}")
+        return value
     if isinstance(present, str):
         expected: tuple[type, ...] = (str,)
     else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
+from hqpipe.rl.mirror import Mirror, mirror_joints, mirror_layout
 from hqpipe.rl.observation import Layout
 from hqpipe.rl.policy_spec import PolicySpec
 
@@ -37,6 +38,25 @@ class Normaliser(nn.Module):
         return value / self.scale + self.offset
 
 
+class Symmetric(nn.Module):
+    """A network whose output for the mirror image of an input is the mirror image of its output: the mean of both ways.
+
+    Args:
+        network: (B, n) → (B, m). seen, given: of its input and output.
+    """
+
+    def __init__(self, network: nn.Module, seen: Mirror, given: Mirror) -> None:
+        super().__init__()
+        self.network = network
+        for name, mirror in (("seen", seen), ("given", given)):
+            self.register_buffer(f"{name}_order", torch.as_tensor(mirror.order), persistent=False)
+            self.register_buffer(f"{name}_sign", torch.as_tensor(mirror.sign), persistent=False)
+
+    def forward(self, value: Tensor) -> Tensor:
+        other = self.network(value[:, self.seen_order] * self.seen_sign)
+        return 0.5 * (self.network(value) + other[:, self.given_order] * self.given_sign)
+
+
 class LocomotionNetworks(nn.Module):
     """The paper's three networks (its figure of the concurrent training framework).
 
@@ -55,6 +75,11 @@ class LocomotionNetworks(nn.Module):
         with torch.no_grad():
             for network in (self.estimator, self.actor, self.critic):
                 network[-1].weight.mul_(output_gain)
+        if spec.symmetric:
+            image = mirror_layout(spec.observation, spec.feet)
+            believed = mirror_layout(spec.state, spec.feet)
+            self.estimator = Symmetric(self.estimator, image, believed)
+            self.actor = Symmetric(self.actor, image.beside(believed), mirror_joints(spec.feet))
 
     def estimate(self, observation: Tensor) -> Tensor:
         """(B, n) o_t in physical units → (B, m) x̃_t, normalised; carries no gradient."""

@@ -16,6 +16,7 @@ from hqpipe.errors import ConfigError
 from hqpipe.rl.config import CONTROL_PERIOD_S, GaitConfig, TrainConfig
 from hqpipe.rl.gait import Trot
 from hqpipe.rl.leg import LegGeometry, read_leg_geometry, total_mass
+from hqpipe.rl.mirror import check_alike
 from hqpipe.rl.observation import Layout, Term, observation_layout, state_layout
 from hqpipe.rl.targets import TargetRule
 from hqpipe.robots import RobotSpec
@@ -61,6 +62,7 @@ class PolicySpec:
         gait, geometry: clock and trot. observation, state: layouts of o_t and x_t. hidden: units per layer.
         period_s: between two calls of the policy.
         command_range: rows (low, high) of vx, vy (m/s) and ω (rad/s) seen in training.
+        symmetric: whether estimator and actor do the same on both sides.
     """
 
     robot: str
@@ -82,6 +84,7 @@ class PolicySpec:
     hidden: tuple[int, ...]
     period_s: float
     command_range: np.ndarray
+    symmetric: bool
 
     @classmethod
     def build(
@@ -98,7 +101,8 @@ class PolicySpec:
             stiffness: (J,) static stiffness that the trot compensates, N·m/rad; None takes the actuator's own.
 
         Raises:
-            ConfigError: unknown control mode, or an actuator that cannot hold a joint.
+            ConfigError: unknown control mode, an actuator that cannot hold a joint, or a robot whose sides differ for a policy
+                that is to be symmetric.
         """
         if control_mode not in CONTROL_MODES:
             raise ConfigError(f"control_mode: '{control_mode}', expected {' or '.join(CONTROL_MODES)}")
@@ -111,7 +115,9 @@ class PolicySpec:
             )
         gains = robot.torque_pd if control_mode == "torque" else None
         count = len(robot.joints)
-        command = config.command
+        command, geometry = config.command, read_leg_geometry(robot)
+        if config.policy.symmetric:
+            check_alike(robot.name, robot.feet, geometry, robot.nominal_position)
         return cls(
             robot=robot.name,
             joints=robot.joints,
@@ -126,12 +132,13 @@ class PolicySpec:
             upper=robot.position_upper,
             action_scale=config.policy.action_scale,
             gait=config.gait,
-            geometry=read_leg_geometry(robot),
+            geometry=geometry,
             observation=observation_layout(robot, config.gait.prior),
             state=state_layout(robot),
             hidden=config.policy.hidden,
             period_s=CONTROL_PERIOD_S,
             command_range=np.array([command.vx, command.vy, command.wz]),
+            symmetric=config.policy.symmetric,
         )
 
     @property
@@ -166,7 +173,10 @@ class PolicySpec:
             return cls(
                 **{key: np.array(raw[key], dtype=float) for key in arrays},
                 **{key: tuple(raw[key]) for key in ("joints", "feet", "hidden")},
-                **{key: raw[key] for key in ("robot", "control_mode", "weight", "action_scale", "period_s")},
+                **{
+                    key: raw[key]
+                    for key in ("robot", "control_mode", "weight", "action_scale", "period_s", "symmetric")
+                },
                 gait=GaitConfig(**raw["gait"]),
                 geometry=LegGeometry(**geometry),
                 observation=_layout(raw["observation"]),
