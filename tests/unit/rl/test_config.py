@@ -28,6 +28,7 @@ def test_mapping_survives_json():
         ({"reward": {"torqe": 1.0}}, r"unknown field 'reward\.torqe' – did you mean 'torque'"),
         ({"num_envs": 1.5}, "num_envs: expected a int"),
         ({"engine": 3}, "engine: expected a str"),
+        ({"policy": {"symmetric": 1}}, "policy.symmetric: expected true or false"),
         ({"ppo": 3}, "ppo: expected a mapping"),
         ({"gait": {"prior": "trot"}}, "gait.prior: 'trot'"),
         ({"ppo": {"batch_size": 7}}, "ppo.batch_size: 7 does not divide"),

@@ -103,8 +103,8 @@ def test_a_robot_with_two_different_sides_is_refused(spec, robot, actuator, smal
         check_alike("mine", spec.feet, replace(spec.geometry, hip=hip), spec.nominal)
     with pytest.raises(ConfigError, match="nominal joint angles"):
         check_alike("mine", spec.feet, spec.geometry, spec.nominal + np.eye(12)[0])
-    crooked = replace(small, policy=replace(small.policy, symmetric=False))
-    assert not PolicySpec.build(robot, actuator, crooked).symmetric
+    even = replace(small, policy=replace(small.policy, symmetric=True))
+    assert PolicySpec.build(robot, actuator, even).symmetric and not spec.symmetric
 
 
 def test_legs_change_sides(spec):

@@ -42,6 +42,12 @@ def test_onnx_equals_torch_without_a_trot(spec, robot, tmp_path, prior):
     assert parity(path, seen, torch_actions(spec, networks, seen)) < 1e-5
 
 
+def test_onnx_equals_torch_in_a_symmetric_policy(spec, robot, tmp_path):
+    spec, networks, path = exported(replace(spec, symmetric=True), robot, "trot_residual", tmp_path)
+    seen = sample_observations(spec, 64, np.random.default_rng(0))
+    assert parity(path, seen, torch_actions(spec, networks, seen)) < 1e-5
+
+
 def test_the_graph_tells_what_the_estimator_believes(trot):
     """x̃_t in physical units, element by element as deploy.yaml names it."""
     spec, networks, path = trot

@@ -9,6 +9,8 @@ import torch
 from hqpipe.errors import ConfigError, DivergedError
 from hqpipe.rl import train as training
 from hqpipe.rl.config import ActuatorRandomisationConfig, from_mapping
+from hqpipe.rl.mirror import mirror_joints, mirror_layout
+from hqpipe.rl.observation import observation_layout
 from hqpipe.rl.train import train
 from hqpipe.rl.worlds import training_world, unmodelled_actuator
 
@@ -44,6 +46,18 @@ def test_best_evaluation_belongs_to_the_returned_networks(result):
     scores = {row["iteration"]: row["eval/score"] for row in result.rows if "eval/score" in row}
     assert result.best_iteration == min(scores, key=scores.get)
     assert result.best.score == pytest.approx(min(scores.values()), abs=1e-12)
+
+
+def test_a_symmetric_policy_stays_so_while_it_learns(robot, actuator, small, result):
+    even = replace(small, policy=replace(small.policy, symmetric=True))
+    networks = train(robot, actuator, even, workers=1).networks
+    seen = torch.randn(5, networks.normalise_observation.offset.numel())
+    image = mirror_layout(observation_layout(robot, small.gait.prior), robot.feet)
+    with torch.no_grad():
+        own, other = (networks.action(x) for x in (seen, seen[:, image.order] * torch.as_tensor(image.sign)))
+    joints = mirror_joints(robot.feet)
+    torch.testing.assert_close(own[:, joints.order] * torch.as_tensor(joints.sign), other, atol=1e-5, rtol=1e-4)
+    assert not torch.equal(networks.actor.network[0].weight, result.networks.actor[0].weight)
 
 
 def test_same_seed_same_weights_and_another_seed_others(robot, actuator, small, result):
