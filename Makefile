@@ -4,6 +4,7 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
+NETS   := --set fit_actuator.net_iterations=1000 --set fit_actuator.strong_net_iterations=1200
 
 .PHONY: run test lint claims clean
 
@@ -18,14 +19,15 @@ lint: $(VENV)/.installed
 	$(BIN)/ruff format --check .
 
 claims: $(VENV)/.installed
-	$(BIN)/hqpipe run all --profile ci --until fit-actuator --set 'fit_actuator.data_seconds=[1,2,5,10,18]'
-	$(BIN)/python benchmarks/claim_figures.py --actuator artifacts/actuator --rollouts artifacts/rollouts
-	$(BIN)/hqpipe fit-actuator --profile ci --set net_iterations=1000 --set strong_net_iterations=1200
+	$(BIN)/hqpipe run all --profile ci --until fit-actuator $(NETS) --set collect.walk_seconds=42 \
+		--set collect.gantry_seconds=20 --set 'fit_actuator.data_seconds=[1,2,5,10,20,60]'
+	$(BIN)/python benchmarks/claim_figures.py --actuator artifacts/actuator
+	$(BIN)/hqpipe run all --profile ci --until fit-actuator $(NETS)
 	rm -f build/interval_coverage.csv
 	$(BIN)/python benchmarks/interval_coverage.py --seed 100 --csv build/interval_coverage.csv
 	$(BIN)/python benchmarks/interval_coverage.py --seed 101 --csv build/interval_coverage.csv
 	$(BIN)/python benchmarks/actuator_speed.py --csv build/actuator_speed.csv
-	$(BIN)/python benchmarks/claim_figures.py --actuator artifacts/actuator \
+	$(BIN)/python benchmarks/claim_figures.py --actuator artifacts/actuator --rollouts artifacts/rollouts \
 		--coverage build/interval_coverage.csv --speed build/actuator_speed.csv
 
 $(VENV)/.installed: pyproject.toml constraints.txt

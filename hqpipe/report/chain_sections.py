@@ -78,6 +78,7 @@ def actuator(part: Part, chain: Chain) -> str:
     drawn = figure(part, "comparison.png", "errors of every actuator model", compared)
     drawn += figure(part, "stress.png", "errors in stress trials", stressed)
     more = figure(part, "fit.png", "measured and predicted torque", "The fitted model: a typical and the worst window.")
+    more += figure(part, "fit_joints.png", "torque of every joint", "The worst window of every joint.")
     more += figure(part, "constants.png", "physical constants", "Constants read from the fit, beside the design.")
     return drawn + (hidden("The numbers", _models(part)) if part.record else "") + hidden("Fit and constants", more)
 

@@ -24,7 +24,7 @@ STAGES = {
 FIGURES = {
     "bootstrap": ["training.png"],
     "rollouts": ["distribution.png"],
-    "actuator": ["comparison.png", "stress.png", "fit.png", "constants.png"],
+    "actuator": ["comparison.png", "stress.png", "fit.png", "fit_joints.png", "constants.png"],
     "policy": ["training.png"],
     "comparison": ["reward_curves.png", "plant.png"],
 }

@@ -73,7 +73,7 @@ def made(logs, tmp_path_factory) -> tuple[Path, dict]:
 
 def test_every_claim_has_its_numbers_and_its_figure(made):
     output, metrics = made
-    for name in ("comparison.png", "stress.png", "data_curve.png", "fit.png", "constants.png"):
+    for name in ("comparison.png", "stress.png", "data_curve.png", "fit.png", "fit_joints.png", "constants.png"):
         assert (output / name).stat().st_size > 5000
     assert metrics["held_out_rmse"]["per joint, free-running"]["free_run"] < 3.0
     assert metrics["stress_rmse"]["per joint, free-running"]["free_run"] < 3.0
