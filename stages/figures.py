@@ -93,7 +93,7 @@ def draw_data_curve(folder: Path, curve: Any) -> None:
 def draw_fit(folder: Path, log_set: Any, model: Any, window_s: float) -> None:
     """fit.png: a typical and the worst window of the longest held-out trial for three joints, one step ahead and
     free-running; fit_joints.png: the worst window of every joint."""
-    from hqpipe.report.fit_figures import actuator_fit, worst_windows
+    from hqpipe.report.fit_figures import PredictedTrial, actuator_fit, worst_windows
     from hqpipe.stages.terminal import show
     from hqpipe.sysid.free_run import free_run, predict, window_samples
 
@@ -101,6 +101,7 @@ def draw_fit(folder: Path, log_set: Any, model: Any, window_s: float) -> None:
     if trial.samples <= window_samples(trial.dt, window_s):
         show("warning: no held-out trial lasts for a whole window, so there is no figure of the fit")
         return
-    torque = (trial.time, trial.effort, predict(trial, model, 1), free_run(trial, model, window_s), trial.joints)
-    actuator_fit(*torque, folder / "fit.png", window_s=window_s)
-    worst_windows(*torque, folder / "fit_joints.png", window_s=window_s)
+    one_step, free = predict(trial, model, 1), free_run(trial, model, window_s)
+    predicted = PredictedTrial(trial.time, trial.effort, one_step, free, trial.joints, window_s)
+    actuator_fit(predicted, folder / "fit.png")
+    worst_windows(predicted, folder / "fit_joints.png")

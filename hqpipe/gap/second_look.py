@@ -7,7 +7,9 @@ beside it. And what belongs to the machine by nature has one size: a joint that 
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -20,43 +22,50 @@ from hqpipe.gap.set_fit import JointFitter, SetFit
 from hqpipe.gap.sharing import MOST_OF
 
 LEAST_SHARERS = 3  # joints with a size, so that one of them can be the odd one
-ODD = (
-    0.25  # of the middle: a size that differs by less, or whose interval holds the middle, is the machine's; as `agree`
-)
+ODD = 0.25  # of the middle: a size that differs by less, or whose interval holds it, is the machine's; as `agree`
 
 
-def look_again(searched: list[JointState], shared: list[JointState]) -> list[JointState]:
+def look_again(searched: list[JointState], shared: list[JointState], workers: int = 1) -> list[JointState]:
     """The joints after the second look.
 
     Args:
-        searched: each by itself. shared: after they were asked together; without an earlier record, beside which
-            nothing but changes is fitted anyway.
+        searched: each by itself. shared: after they were asked together; returned as they are beside an earlier record, where
+            nothing but changes is fitted.
+        workers: joints looked at at a time; the result does not depend on their number.
     """
     if any(state.data.then is not None for state in shared):
         return shared
-    states = _one_size(shared)
-    states = [_needs_less(state, states) for state in states]
-    return [
-        state if state.chosen.effects == alone.chosen.effects else state.choose(state.search.completed(state.chosen))
-        for alone, state in zip(searched, states, strict=True)
-    ]
+    with ThreadPoolExecutor(max(workers, 1)) as pool:
+        sized = _one_size(shared, pool)
+        less = list(pool.map(lambda state: _needs_less(state, sized), sized))
+        return list(pool.map(_completed, searched, less))
 
 
-def _one_size(states: list[JointState]) -> list[JointState]:
+def _completed(alone: JointState, state: JointState) -> JointState:
+    """With what shows beside the names that the others gave the joint."""
+    if state.chosen.effects == alone.chosen.effects:
+        return state
+    return state.choose(state.search.completed(state.chosen))
+
+
+def _one_size(states: list[JointState], pool: ThreadPoolExecutor) -> list[JointState]:
     """Joints with another size of what belongs to the machine are searched again with the machine's, if that leaves less."""
     for effect in dict.fromkeys(name for state in states for name in state.chosen.effects):
         members = [s for s in states if effect in s.chosen.effects]
         if CANDIDATES[effect].machine and len(members) >= max(LEAST_SHARERS, MOST_OF * len(states)):
             middle = np.median([s.chosen.row[slots(effect)] for s in members], axis=0)
             held = dict(zip(slots(effect), middle.tolist(), strict=True))
-            states = [_searched_with(s, effect, held) if _odd(s, effect, middle[0]) else s for s in states]
+            odd = [i for i, s in enumerate(states) if s in members and _odd(s, effect, middle[0])]
+            again = pool.map(partial(_searched_with, effect=effect, held=held), [states[i] for i in odd])
+            found = dict(zip(odd, again, strict=True))
+            states = [found.get(i, s) for i, s in enumerate(states)]
     return states
 
 
 def _odd(state: JointState, effect: str, middle: float) -> bool:
     """Whether a joint's first number of an effect is clearly not that of the others."""
     first = CANDIDATES[effect].parameters[0]
-    part = estimates(state.data, state.chosen, effect).get(first.name) if effect in state.chosen.effects else None
+    part = estimates(state.data, state.chosen, effect).get(first.name)
     if part is None:
         return False
     usual = 1.0 / middle if first.inverse else middle

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -76,10 +77,7 @@ def mirror_layout(layout: Layout, feet: Sequence[str]) -> Mirror:
             parts.append(mirror_feet(feet))
         else:
             parts.append(Mirror(np.arange(term.size), np.array(_SIGN[term.name], dtype=np.float32)))
-    whole = parts[0]
-    for part in parts[1:]:
-        whole = whole.beside(part)
-    return whole
+    return reduce(Mirror.beside, parts)
 
 
 def check_alike(robot: str, feet: Sequence[str], geometry: LegGeometry, nominal: np.ndarray) -> None:
@@ -89,8 +87,13 @@ def check_alike(robot: str, feet: Sequence[str], geometry: LegGeometry, nominal:
         robot: name. nominal: (J,) rad.
 
     Raises:
-        ConfigError: hips, thighs or the nominal pose are not their own mirror image.
+        ConfigError: the legs are not LF, RF, LH and RH, or hips, thighs or the nominal pose are not their own mirror image.
     """
+    if set(feet) != set(_OTHER_SIDE):
+        raise ConfigError(
+            f"policy.symmetric: the feet of {robot} are {', '.join(feet)}, expected {', '.join(_OTHER_SIDE)}, "
+            "so that it is known which leg mirrors which: name them so in robot.yaml, or set policy.symmetric to false"
+        )
     legs = mirror_feet(feet).order
     sides = {
         "hips": (geometry.hip[legs] * (1.0, -1.0, 1.0), geometry.hip),

@@ -68,7 +68,7 @@ def test_what_belongs_to_the_machine_has_one_size():
     first = slots("supply_droop")[0]
     own = [state.chosen.row[first] for state in states]
     assert abs(own[4] / np.median(own) - 1.0) > 0.25
-    found = look_again(states, states)
+    found = look_again(states, states, workers=2)
     assert set(found[4].chosen.effects) == {"orifice_flow", "supply_droop"}
     assert found[4].chosen.row[first] == np.median(own)
     assert [state.chosen for state in found[:4]] == [state.chosen for state in states[:4]]

@@ -18,7 +18,7 @@ from hqpipe.report.constants_figures import constants_chart
 from hqpipe.report.controller_figures import PANELS, plant_panels, reward_curves, spread
 from hqpipe.report.data_curve_figures import data_curve_chart
 from hqpipe.report.data_figures import Cloud, data_distribution
-from hqpipe.report.fit_figures import actuator_fit, typical_and_worst, worst_windows
+from hqpipe.report.fit_figures import PredictedTrial, actuator_fit, typical_and_worst, worst_windows
 from hqpipe.report.gap_figures import gap_steps
 from hqpipe.report.training_figures import read_metrics, training_curves
 from hqpipe.report.walk_figures import forward_speed, walk_summary
@@ -102,14 +102,15 @@ def two_seeds(folder: Path) -> list[Path]:
 
 CONTROLLERS = {"torque": "ideal torque", "mine": "mine"}
 CURVES = {"mine": [(1.0, 50.0), (10.0, 20.0)], "net": [(1.0, None), (10.0, 30.0)]}
+FITTED = PredictedTrial(TIME, MEASURED, MEASURED, PREDICTED, JOINTS)
 DRAWINGS = {
     "bars": lambda path: comparison_bars(score_rows(), ["persistence"], path),
     "stress": lambda path: stress_chart(score_rows(), path),
     "distribution": lambda path: data_distribution(clouds(), path),
     "constants": lambda path: constants_chart(constant_rows(), path),
     "curve": lambda path: data_curve_chart(CURVES, 60.0, 1.0, path),
-    "fit": lambda path: actuator_fit(TIME, MEASURED, MEASURED, PREDICTED, JOINTS, path),
-    "joints": lambda path: worst_windows(TIME, MEASURED, MEASURED, PREDICTED, JOINTS, path),
+    "fit": lambda path: actuator_fit(FITTED, path),
+    "joints": lambda path: worst_windows(FITTED, path),
     "training": lambda path: training_curves({"run": metrics_csv(path.parent)}, path),
     "rewards": lambda path: reward_curves({"gone": [], "mine": two_seeds(path.parent)}, path),
     "plant": lambda path: plant_panels(walk_cells(), CONTROLLERS, path),

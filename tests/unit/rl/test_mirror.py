@@ -103,6 +103,10 @@ def test_a_robot_with_two_different_sides_is_refused(spec, robot, actuator, smal
         check_alike("mine", spec.feet, replace(spec.geometry, hip=hip), spec.nominal)
     with pytest.raises(ConfigError, match="nominal joint angles"):
         check_alike("mine", spec.feet, spec.geometry, spec.nominal + np.eye(12)[0])
+    with pytest.raises(
+        ConfigError, match=r"feet of mine are FL, FR, expected LF, RF, LH, RH.*name them so in robot.yaml"
+    ):
+        check_alike("mine", ["FL", "FR"], spec.geometry, spec.nominal)
     even = replace(small, policy=replace(small.policy, symmetric=True))
     assert PolicySpec.build(robot, actuator, even).symmetric and not spec.symmetric
 
