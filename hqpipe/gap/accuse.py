@@ -124,7 +124,7 @@ def accuse(
     data, speed, late = prepare(log_set, names, steps, signed, effort_limit, earlier)
     states = search_joints(data, names, workers, progress)
     base = Rest(_machine(states, mode, speed, chosen=False), log_set, steps)
-    states = look_again(states, pool_groups(seek_consensus(states)), workers)
+    states = look_again(states, seek_consensus(pool_groups(seek_consensus(states))), workers)
     noise = _floor(_machine(states, mode, speed, chosen=True), states, log_set, steps)
     familiar = noise + familiar_error(states, base.heldout) if earlier is not None else np.zeros(len(joints))
     floor = np.maximum(noise, np.minimum(familiar, [state.chosen.error for state in states]))

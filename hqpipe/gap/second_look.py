@@ -7,6 +7,7 @@ beside it. And what belongs to the machine by nature has one size: a joint that 
 
 from __future__ import annotations
 
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -17,7 +18,7 @@ from hqpipe.effects.layout import slots
 from hqpipe.gap.changes import CANDIDATES
 from hqpipe.gap.estimate import estimates
 from hqpipe.gap.joint_state import JointState
-from hqpipe.gap.search import JointSearch, Support
+from hqpipe.gap.search import JointSearch
 from hqpipe.gap.set_fit import JointFitter, SetFit
 from hqpipe.gap.sharing import MOST_OF
 
@@ -37,13 +38,15 @@ def look_again(searched: list[JointState], shared: list[JointState], workers: in
         return shared
     with ThreadPoolExecutor(max(workers, 1)) as pool:
         sized = _one_size(shared, pool)
-        less = list(pool.map(lambda state: _needs_less(state, sized), sized))
+        holders = Counter(name for state in sized for name in state.chosen.effects)
+        rare = {name for name, count in holders.items() if count < MOST_OF * len(sized)}
+        less = list(pool.map(lambda state: _needs_less(state, sized, rare), sized))
         return list(pool.map(_completed, searched, less))
 
 
 def _completed(alone: JointState, state: JointState) -> JointState:
-    """With what shows beside the names that the others gave the joint."""
-    if state.chosen.effects == alone.chosen.effects:
+    """With what shows beside the names that the others gave the joint; a restored sign errs as no effect does."""
+    if state.chosen.effects == alone.chosen.effects or state.data.barred:
         return state
     return state.choose(state.search.completed(state.chosen))
 
@@ -80,21 +83,21 @@ def _searched_with(state: JointState, effect: str, held: dict[int, float]) -> Jo
     return JointState(search, found.base, found.best, found.support, state.dropped)
 
 
-def _needs_less(state: JointState, states: list[JointState]) -> JointState:
-    """Without the names that are needed no more once the others are fitted from where other joints have them."""
+def _needs_less(state: JointState, states: list[JointState], rare: set[str]) -> JointState:
+    """Without the rare names that are needed no more once the others are fitted from where other joints have them."""
     others, search = [s.chosen for s in states if s is not state], state.search
-    for name in state.chosen.effects:
+    for name in (name for name in state.chosen.effects if name in rare):
         less = search.without(state.chosen, name)
         numbers = _numbers(less.effects, others)
         if numbers and _earns(search, state.chosen, less, name):
             better = search.like(less, numbers)
             if better is not less and not _earns(search, state.chosen, better, name):
-                return _needs_less(state.choose(better), states)
+                return _needs_less(state.choose(better), states, rare)
     return state
 
 
 def _earns(search: JointSearch, fit: SetFit, less: SetFit, name: str) -> bool:
-    return search.earns(fit, Support(name, *search.gain(less, fit)))
+    return search.earns(fit, search.support(name, less, fit))
 
 
 def _numbers(names: tuple[str, ...], others: list[SetFit]) -> dict[int, float]:

@@ -10,7 +10,7 @@ from collections import Counter
 
 import numpy as np
 
-from hqpipe.gap.changes import CANDIDATES
+from hqpipe.gap.changes import CANDIDATES, in_order
 from hqpipe.gap.estimate import agree, estimates
 from hqpipe.gap.groups import groups
 from hqpipe.gap.joint_state import JointState
@@ -52,26 +52,44 @@ def _shared_rivals(states: list[JointState]) -> list[JointState]:
 
 
 def _shared_sets(states: list[JointState]) -> list[JointState]:
-    popular = Counter(state.chosen.effects for state in states)
+    """Whole sets exchanged for more common ones; a joint that has more than a set has it too."""
+    sets = [frozenset(state.chosen.effects) for state in states]
+    holders = Counter(name for names in sets for name in names)
+    rare = {name for name, count in holders.items() if count < MOST_OF * len(states)}
+    sharers = {names: sum(names <= others for others in sets) for names in sets}
+    common = sorted(sharers, key=lambda names: (-sharers[names], -len(names), in_order(names)))
     found = []
-    for state in states:
-        better = state.chosen
-        for names, count in popular.most_common(MOST_SETS):
-            if count > popular[better.effects] and set(names) <= set(state.search.library):
-                fit = _as_sharers(state, state.search.fit(names, [state.chosen]), states)
-                ratio, z = state.search.gain(fit, state.chosen)
-                split = fit.loss < better.loss or bool(state.data.barred)  # a restored sign errs as no effect does
-                split = split and len(names) <= len(better.effects) and ratio <= SPLIT
-                if (ratio <= CONSENSUS or (z < RIVAL_Z and ratio <= WORTH) or split) and _all_earn(state, fit):
-                    better = fit
-                    break
-        found.append(state.choose(better))
+    for state, own in zip(states, sets, strict=True):
+        against = {names: sum(own <= others and not names <= others for others in sets) for names in common}
+        wider = [names for names in common if sharers[names] > against[names] and _other(names, state, rare)]
+        for names in wider[:MOST_SETS]:
+            fit = _as_sharers(state, state.search.fit(names, [state.chosen]), states)
+            if _as_good(state, fit):
+                state = state.choose(fit)
+                break
+        found.append(state)
     return found
+
+
+def _other(names: frozenset[str], state: JointState, rare: set[str]) -> bool:
+    """Whether a set is no part of the joint's own, which the search has weighed; a restored sign makes up rare names."""
+    own = set(state.chosen.effects)
+    made_up = own & rare if state.data.barred else set()
+    return names <= set(state.search.library) and (not names <= own or (names != own and own - names <= made_up))
+
+
+def _as_good(state: JointState, fit: SetFit) -> bool:
+    """Whether a more common set explains a joint about as well as its own."""
+    own = state.chosen
+    ratio, z = state.search.gain(fit, own)
+    split = fit.loss < own.loss or bool(state.data.barred)  # a restored sign errs as no effect does
+    split = split and len(fit.effects) <= len(own.effects) and ratio <= SPLIT
+    return (ratio <= CONSENSUS or (z < RIVAL_Z and ratio <= WORTH) or split) and _all_earn(state, fit)
 
 
 def _as_sharers(state: JointState, fit: SetFit, states: list[JointState]) -> SetFit:
     """The set with limits that this joint's fit trials do not reach where the joints that chose the set have them."""
-    sharers = [s for s in states if s.chosen.effects == fit.effects]
+    sharers = [s for s in states if set(fit.effects) <= set(s.chosen.effects)]
     for name in fit.effects:
         if CANDIDATES[name].parameters[0].inverse:
             value = float(np.median([s.first_number(name) for s in sharers]))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from planted_logs import data_of, logs_of, size
 
-from hqpipe.gap.search import MOST_EFFECTS, WORTH, JointSearch, _against_noise
+from hqpipe.gap.search import MOST_EFFECTS, WORTH, JointSearch, Support, _against_noise
 from hqpipe.gap.set_fit import JointFitter
 
 # A part of the library that holds the planted effects, their look-alikes and some that have nothing to do with them.
@@ -123,11 +123,17 @@ def test_an_effect_that_few_windows_show_is_found():
     assert JointSearch(JointFitter(data), LIBRARY, Z).run().best.effects == ("flow_saturation",)
 
 
-def test_worth_and_materiality_are_both_needed(search):
+def test_a_name_has_to_be_certain_material_worth_it_and_shown_by_the_fit_trials_too(search):
     fit = search.fit(PLANTED[4])
-    from hqpipe.gap.search import Support
 
-    assert search.earns(fit, Support("x", 30.0, 10.0))
-    assert not search.earns(fit, Support("x", 30.0, Z - 0.1))
-    assert not search.earns(fit, Support("x", 1.05, 10.0))
-    assert not search.earns(fit, Support("x", 1.11, 10.0)), "less than 1 % of the torque"
+    def earns(ratio, z, shown=30.0, effect="valve_deadband"):
+        return search.earns(fit, Support(effect, ratio, z, shown))
+
+    assert earns(30.0, 10.0)
+    assert not earns(30.0, Z - 0.1)
+    assert not earns(1.05, 10.0)
+    assert not earns(1.11, 10.0), "less than 1 % of the torque"
+    assert earns(30.0, 10.0, shown=1.5)
+    assert not earns(30.0, 10.0, shown=1.3), "what always acts is not seen in the held-out trials alone"
+    assert earns(30.0, 10.0, shown=1.0, effect="flow_saturation"), "the fit trials need not have reached a limit"
+    assert earns(np.inf, 10.0, shown=1.3), "without it the model runs away"
