@@ -7,7 +7,6 @@ beside it. And what belongs to the machine by nature has one size: a joint that 
 
 from __future__ import annotations
 
-from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -20,7 +19,7 @@ from hqpipe.gap.estimate import estimates
 from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.search import JointSearch
 from hqpipe.gap.set_fit import JointFitter, SetFit
-from hqpipe.gap.sharing import MOST_OF
+from hqpipe.gap.sharing import MOST_OF, rare_names
 
 LEAST_SHARERS = 3  # joints with a size, so that one of them can be the odd one
 ODD = 0.25  # of the middle: a size that differs by less, or whose interval holds it, is the machine's; as `agree`
@@ -38,8 +37,7 @@ def look_again(searched: list[JointState], shared: list[JointState], workers: in
         return shared
     with ThreadPoolExecutor(max(workers, 1)) as pool:
         sized = _one_size(shared, pool)
-        holders = Counter(name for state in sized for name in state.chosen.effects)
-        rare = {name for name, count in holders.items() if count < MOST_OF * len(sized)}
+        rare = rare_names(sized)
         less = list(pool.map(lambda state: _needs_less(state, sized, rare), sized))
         return list(pool.map(_completed, searched, less))
 

@@ -54,8 +54,7 @@ def _shared_rivals(states: list[JointState]) -> list[JointState]:
 def _shared_sets(states: list[JointState]) -> list[JointState]:
     """Whole sets exchanged for more common ones; a joint that has more than a set has it too."""
     sets = [frozenset(state.chosen.effects) for state in states]
-    holders = Counter(name for names in sets for name in names)
-    rare = {name for name, count in holders.items() if count < MOST_OF * len(states)}
+    rare = rare_names(states)
     sharers = {names: sum(names <= others for others in sets) for names in sets}
     common = sorted(sharers, key=lambda names: (-sharers[names], -len(names), in_order(names)))
     found = []
@@ -69,6 +68,12 @@ def _shared_sets(states: list[JointState]) -> list[JointState]:
                 break
         found.append(state)
     return found
+
+
+def rare_names(states: list[JointState]) -> set[str]:
+    """Effects that fewer than `MOST_OF` of the joints have."""
+    holders = Counter(name for state in states for name in state.chosen.effects)
+    return {name for name, count in holders.items() if count < MOST_OF * len(states)}
 
 
 def _other(names: frozenset[str], state: JointState, rare: set[str]) -> bool:

@@ -98,9 +98,9 @@ def drop_outweighed(
     """Take back names that explain hardly more than what could still be explained in their joints.
 
     Where something acts that the library lacks, names that resemble it a little are picked up beside those that are right.
-    What cannot be predicted, as sticking and slipping, is held only against names that few joints have beside others, which are
-    there to make up for what these do not quite describe. The weakest goes first and the others are
-    weighed again without it, so that of two names for one thing the better stays; what it explained is part of the rest then.
+    What cannot be predicted, as sticking and slipping, is held only against names that few joints have beside others: they
+    mostly make up for what these do not quite describe. The weakest goes first and the others are weighed again without
+    it, so that of two names for one thing the better stays; what it explained is part of the rest then.
 
     Args:
         causes: of the states. sensor: (J,) mean squared error that the noise of the output's sensor leaves.
