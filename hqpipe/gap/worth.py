@@ -14,7 +14,6 @@ from hqpipe.gap.causes import Cause
 from hqpipe.gap.changes import CANDIDATES, columns
 from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.rest import Rest
-from hqpipe.gap.sharing import MOST_OF
 
 LEAST_CLOSURE = 0.8  # of the squared error above the noise floor; assumption, between right and wrong names
 REST = 1.12  # squared error over the noise floor that is no gap worth a name, whatever share of it is left; assumption
@@ -98,9 +97,8 @@ def drop_outweighed(
     """Take back names that explain hardly more than what could still be explained in their joints.
 
     Where something acts that the library lacks, names that resemble it a little are picked up beside those that are right.
-    What cannot be predicted, as sticking and slipping, is held only against names that few joints have beside others: they
-    mostly make up for what these do not quite describe. The weakest goes first and the others are weighed again without
-    it, so that of two names for one thing the better stays; what it explained is part of the rest then.
+    What cannot be predicted, as sticking and slipping, is held against no name. The weakest goes first and the others are
+    weighed again without it, so that of two names for one thing the better stays; what it explained is part of the rest then.
 
     Args:
         causes: of the states. sensor: (J,) mean squared error that the noise of the output's sensor leaves.
@@ -119,8 +117,6 @@ def drop_outweighed(
                 continue
             given_up = sum(s.chosen.error - before[s.joint] for s in members)
             bar = OUTWEIGHED * (given_up + sum(rest.predictable(joint) * before[joint] for joint in cause.joints))
-            if len(members) < MOST_OF * len(states) and all(len(s.chosen.effects) > 1 for s in members):
-                bar = max(bar, sum(max(s.chosen.error - REST * noise[s.joint], 0.0) for s in members))
             if fall < bar:
                 outweighed.append((fall / max(bar, 1e-300), cause))
         if not outweighed:

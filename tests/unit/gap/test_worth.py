@@ -91,18 +91,3 @@ def test_a_name_for_most_of_what_is_left_stays_however_predictable_that_is(bare,
 def test_nobody_asks_what_is_predictable_of_noise():
     states = [joint("a", {(): 1.2, (RUB,): 1.0}, (RUB,))]
     assert drop_outweighed(states, [cause(RUB, "a")], np.array([1.0]), Rest())[0].chosen.effects == (RUB,)
-
-
-@pytest.mark.parametrize(("joints", "kept"), [("c", (DELAY,)), ("abc", (DELAY, RUB))])
-def test_what_nobody_predicts_is_held_against_the_second_name_of_few_joints(joints, kept):
-    errors = {(): 90.0, (DELAY,): 16.0, (RUB,): 80.0, (DELAY, RUB): 14.0}
-    states = [joint(name, errors, (DELAY, RUB) if name in joints else (DELAY,)) for name in "abc"]
-    causes = [cause(DELAY, *"abc"), cause(RUB, *joints)]
-    found = drop_outweighed(states, causes, np.full(3, 10.0), Rest(a=0.0, b=0.0, c=0.0))
-    assert found[2].chosen.effects == kept
-
-
-def test_what_nobody_predicts_is_not_held_against_the_only_name():
-    states = [joint("a", {(): 16.0, (RUB,): 14.0}, (RUB,)), *(joint(name, {(): 10.0}, ()) for name in "bc")]
-    found = drop_outweighed(states, [cause(RUB, "a")], np.full(3, 10.0), Rest(a=0.0))
-    assert found[0].chosen.effects == (RUB,)
