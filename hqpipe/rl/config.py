@@ -205,7 +205,7 @@ class PolicyConfig:
     action_scale: float = 0.25
     initial_log_std: float = -2.0
     output_gain: float = 0.01
-    symmetric: bool = False
+    symmetric: bool = True
 
 
 @dataclass(frozen=True)
