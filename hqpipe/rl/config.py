@@ -170,6 +170,8 @@ class RewardConfig:
     # Terms of ours, without which short trainings do not converge
     tracking: float = 1.0
     tracking_yaw: float = 0.5
+    mean_speed: float = -1.0
+    mean_yaw: float = -0.5
     gait_match: float = 0.3
     orientation: float = -2.0
     angular_motion: float = -0.05
@@ -197,6 +199,7 @@ class PolicyConfig:
         action_scale: joint angle for an action of 1, rad.
         initial_log_std: e^−2 is 34 mrad of a joint target, 150 N·m at the machine's stiffness; a policy that starts
             on the trot does not fall; recipe.
+        final_log_std: bound at the end, reached on a line from the initial one, see curriculum.py; recipe.
         output_gain: factor on the initial weights of the last layer, so that training starts at the prior.
         symmetric: whether actor and estimator do on the left what they do on the right, see mirror.py.
     """
@@ -204,6 +207,7 @@ class PolicyConfig:
     hidden: tuple[int, ...] = (256, 128)
     action_scale: float = 0.25
     initial_log_std: float = -2.0
+    final_log_std: float = -3.5
     output_gain: float = 0.01
     symmetric: bool = True
 

@@ -56,6 +56,11 @@ class LocomotionPolicy(ActorCriticPolicy):
         """What PPO's surrogate trains."""
         return [*self.networks.actor.parameters(), self.log_std]
 
+    def limit_exploration(self, log_std: float) -> None:
+        """Narrow the Gaussian to at most `log_std` in every action."""
+        with torch.no_grad():
+            self.log_std.clamp_(max=log_std)
+
     def split(self, obs: Tensor) -> tuple[Tensor, Tensor]:
         """o_t and x_t."""
         size = self.spec.observation.size

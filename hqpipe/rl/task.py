@@ -83,6 +83,7 @@ class LocomotionTask:
         self.foot_force = np.zeros((n, 3, feet))
         self.previous_velocity = np.zeros((n, joints))
         self.previous_clearance = np.zeros((n, feet))
+        self.mean_error = np.zeros((n, 3))
         self.timer = ContactTimer(n, feet)
 
     @property
@@ -110,6 +111,9 @@ class LocomotionTask:
         self.timer.advance(state.foot_contact, CONTROL_PERIOD_S)
         force = np.linalg.norm(state.foot_force, axis=-1)
         self.foot_force = np.stack((force, self.foot_force[:, 0], self.foot_force[:, 1]), axis=1)
+        # A running mean over about a cycle of the gait, in which its swaying cancels.
+        share = CONTROL_PERIOD_S * self.config.gait.frequency_hz
+        self.mean_error += share * (self.command - self.base_velocity() - self.mean_error)
         step = self._reward_step(wanted - targets)
         reward, terms = rewards.total(step, self.config.reward, self.curriculum)
         self.previous_velocity = step.velocity
@@ -146,6 +150,7 @@ class LocomotionTask:
             command=self.command,
             linear_velocity=linear,
             angular_velocity=s.base_angular_velocity,
+            mean_error=self.mean_error,
             gravity=gravity,
             height=s.base_position[:, 2],
             nominal_height=robot.nominal_height,
@@ -232,6 +237,7 @@ class LocomotionTask:
         self.foot_force[indices] = 0.0
         self.previous_velocity[indices] = start.joint_velocity
         self.previous_clearance[indices] = 0.0
+        self.mean_error[indices] = 0.0
         self.timer.reset(indices)
 
     def _draw_commands(self) -> None:

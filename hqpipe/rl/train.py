@@ -21,7 +21,7 @@ from hqpipe.errors import DivergedError
 from hqpipe.rl.actuator_draws import draws_report
 from hqpipe.rl.checkpoint import Progress, load_checkpoint, save_checkpoint
 from hqpipe.rl.config import TrainConfig, to_mapping
-from hqpipe.rl.curriculum import curriculum_factor
+from hqpipe.rl.curriculum import curriculum_factor, widest_log_std
 from hqpipe.rl.env import LocomotionVecEnv
 from hqpipe.rl.evaluate import Evaluation, evaluate, network_actor, zero_actor
 from hqpipe.rl.networks import LocomotionNetworks
@@ -208,6 +208,7 @@ class Trainer:
     def _iterate(self, progress: Progress) -> None:
         model, config = self.model, self.config
         self.task.curriculum = curriculum_factor(config.curriculum, progress.iteration)
+        model.policy.limit_exploration(widest_log_std(config.policy, progress.iteration, config.iterations))
         model.collect_rollouts(self.env, self.meter, model.rollout_buffer, config.ppo.n_steps)
         model.train()
         if not math.isfinite(self.meter.reward):

@@ -107,8 +107,8 @@ def test_a_robot_with_two_different_sides_is_refused(spec, robot, actuator, smal
         ConfigError, match=r"feet of mine are FL, FR, expected LF, RF, LH, RH.*name them so in robot.yaml"
     ):
         check_alike("mine", ["FL", "FR"], spec.geometry, spec.nominal)
-    even = replace(small, policy=replace(small.policy, symmetric=True))
-    assert PolicySpec.build(robot, actuator, even).symmetric and not spec.symmetric
+    free = replace(small, policy=replace(small.policy, symmetric=False))
+    assert spec.symmetric and not PolicySpec.build(robot, actuator, free).symmetric
 
 
 def test_legs_change_sides(spec):

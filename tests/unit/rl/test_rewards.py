@@ -18,6 +18,7 @@ def step(**changes) -> rewards.Step:
         "command": np.zeros((1, 3)),
         "linear_velocity": np.zeros((1, 3)),
         "angular_velocity": np.zeros((1, 3)),
+        "mean_error": np.zeros((1, 3)),
         "gravity": np.array([[0.0, 0.0, -1.0]]),
         "height": np.array([0.8]),
         "nominal_height": 0.8,
@@ -118,6 +119,8 @@ CASES = [
     ("joint_limit", {"position": [[1.1, -1.1]]}, 2.0),
     ("tracking", {"command": WALK, "linear_velocity": [[0.8, 0.1, 0.0]]}, exp(-0.5)),
     ("tracking_yaw", {"angular_velocity": [[0.0, 0.0, 0.1]]}, exp(-0.1)),
+    ("mean_speed", {"mean_error": [[-0.3, 0.4, 7.0]]}, 0.5),
+    ("mean_yaw", {"mean_error": [[7.0, 7.0, -0.2]]}, 0.2),
     (
         "gait_match",
         {"command": WALK, "contact": [[True, False]], "scheduled_stance": np.array([[False, False]])},

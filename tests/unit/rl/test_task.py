@@ -38,6 +38,18 @@ def test_targets_are_clipped_and_remembered(robot, spec, still_world, small):
     np.testing.assert_allclose(seen, sent, rtol=1e-6)
 
 
+def test_error_of_the_mean_motion_forgets_a_sway_and_keeps_what_lasts(robot, spec, still_world, small):
+    task = make_task(robot, spec, still_world, small, training=False)
+    task.set_commands(np.tile([0.7, 0.0, 0.2], (3, 1)))
+    cycle = round(100.0 / small.gait.frequency_hz)
+    for i in range(10 * cycle):
+        still_world.state.base_linear_velocity[:, 0] = 0.6 + 0.2 * np.sin(2.0 * np.pi * i / cycle)
+        task.step(ACTIONS)
+    np.testing.assert_allclose(task.mean_error, np.tile([0.1, 0.0, 0.2], (3, 1)), atol=0.04)
+    task.reset()
+    assert not task.mean_error.any()
+
+
 def test_fall_ends_the_episode_once_with_its_penalty(robot, spec, still_world, small):
     quiet = from_mapping(small, {"randomisation": {"push_interval_s": 0.0}, "reward": {"fall": -5.0}})
     task = make_task(robot, spec, still_world, quiet)

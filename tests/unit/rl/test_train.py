@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -48,16 +50,32 @@ def test_best_evaluation_belongs_to_the_returned_networks(result):
     assert result.best.score == pytest.approx(min(scores.values()), abs=1e-12)
 
 
-def test_a_symmetric_policy_stays_so_while_it_learns(robot, actuator, small, result):
-    even = replace(small, policy=replace(small.policy, symmetric=True))
-    networks = train(robot, actuator, even, workers=1).networks
-    seen = torch.randn(5, networks.normalise_observation.offset.numel())
+def both_ways(networks, robot, small) -> tuple[torch.Tensor, torch.Tensor]:
+    """The mirror image of the actions, and the actions for the mirror image of what was seen."""
+    seen = torch.randn(5, networks.normalise_observation.offset.numel(), generator=torch.Generator().manual_seed(0))
     image = mirror_layout(observation_layout(robot, small.gait.prior), robot.feet)
+    joints = mirror_joints(robot.feet)
     with torch.no_grad():
         own, other = (networks.action(x) for x in (seen, seen[:, image.order] * torch.as_tensor(image.sign)))
-    joints = mirror_joints(robot.feet)
-    torch.testing.assert_close(own[:, joints.order] * torch.as_tensor(joints.sign), other, atol=1e-5, rtol=1e-4)
-    assert not torch.equal(networks.actor.network[0].weight, result.networks.actor[0].weight)
+    return own[:, joints.order] * torch.as_tensor(joints.sign), other
+
+
+def test_a_policy_stays_symmetric_while_it_learns(robot, small, result):
+    mirrored, other = both_ways(result.networks, robot, small)
+    torch.testing.assert_close(mirrored, other, atol=1e-5, rtol=1e-4)
+
+
+def test_a_policy_that_need_not_be_symmetric_is_not(robot, actuator, small):
+    free = replace(small, policy=replace(small.policy, symmetric=False))
+    networks = train(robot, actuator, free, workers=1).networks
+    mirrored, other = both_ways(networks, robot, small)
+    assert not torch.allclose(mirrored, other, atol=1e-3)
+
+
+def test_exploration_narrows_to_its_bound(result, small):
+    stds = [row["train/std"] for row in result.rows]
+    assert stds[-1] == pytest.approx(math.exp(small.policy.final_log_std), rel=0.02)  # of the last update, too
+    assert all(wide > narrow for wide, narrow in pairwise(stds))
 
 
 def test_same_seed_same_weights_and_another_seed_others(robot, actuator, small, result):
