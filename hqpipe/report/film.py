@@ -64,7 +64,7 @@ def captioned(picture: np.ndarray, caption: Caption) -> Image.Image:
 
 def _texts(caption: Caption) -> list[tuple[str, str, str]]:
     """(text, what it may grow to, colour); the room is that of the second, so that nothing jitters."""
-    texts = [(f"{caption.time:.1f} s", "00.0 s", INK)]
+    texts = [(f"{caption.time:.2f} s", "00.00 s", INK)]
     if caption.commanded is not None:
         texts.append((f"commanded {caption.commanded:.2f} m/s", "commanded 0.00 m/s", INK))
     texts.append((f"actual {caption.actual:.2f} m/s", "actual 0.00 m/s", BLUE))
