@@ -18,10 +18,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from training import reference_actuator
 
 from hqpipe.actuators.base import ActuatorModel
 from hqpipe.actuators.files import load_actuator
-from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.rl.config import CONTROL_PERIOD_S, PRIORS, CommandConfig, TrainConfig, from_mapping
 from hqpipe.rl.evaluate import Actor, network_actor, zero_actor
 from hqpipe.rl.task import LocomotionTask
@@ -30,8 +30,6 @@ from hqpipe.rl.walk_measures import SETTLING_S
 from hqpipe.rl.worlds import training_world
 from hqpipe.robots import RobotSpec, load_robot
 
-# As in training.py, which says where they come from.
-COEFFICIENTS = {"k1": 362.0 / 0.06**2, "k2": 0.0825, "k3": 14.4 / 0.06**2, "k4": 1.69 / 0.06}
 ROBOTS, SECONDS, SPEED, TOLERANCE = 32, 30.0, 1.0, 0.05
 # Without a trot to start from, exploration has to be wide and the penalties have to come late.
 _FROM_NOTHING = {"policy": {"initial_log_std": -1.0, "final_log_std": -1.0}, "curriculum": {"iterations": 150}}
@@ -84,7 +82,7 @@ class Exam:
 def main() -> None:
     arguments = _arguments()
     robot = load_robot("hydraulic_quadruped")
-    actuator = load_actuator(arguments.actuator) if arguments.actuator else _reference(robot)
+    actuator = load_actuator(arguments.actuator) if arguments.actuator else reference_actuator(robot)
     print(
         f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}, {arguments.engine}, seed {arguments.seed}", flush=True
     )
@@ -134,16 +132,6 @@ def learn(robot: RobotSpec, actuator: ActuatorModel, prior: str, arguments: argp
         trainer.close()
         exam.task.world.close()
     return rows
-
-
-def _reference(robot: RobotSpec) -> ActuatorModel:
-    return Hydraulic.build(
-        robot.joints,
-        dt=1e-3,
-        sprocket_radius=robot.sprocket_radius,
-        effort_limit=robot.effort_limit,
-        **COEFFICIENTS,
-    )
 
 
 def _arguments() -> argparse.Namespace:

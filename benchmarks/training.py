@@ -38,13 +38,7 @@ WALK_SECONDS = 4.0
 def main() -> None:
     arguments = _arguments()
     robot = load_robot("hydraulic_quadruped")
-    actuator = Hydraulic.build(
-        robot.joints,
-        dt=1e-3,
-        sprocket_radius=robot.sprocket_radius,
-        effort_limit=robot.effort_limit,
-        **COEFFICIENTS,
-    )
+    actuator = reference_actuator(robot)
     chosen = {"total_steps": arguments.steps, "engine": arguments.engine, "gait": {"prior": arguments.prior}}
     config = replace(from_mapping(TrainConfig(), chosen), seed=arguments.seed)
     print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
@@ -67,6 +61,17 @@ def main() -> None:
         print(f"  disturbed: {_disturbed(actor, robot, actuator, result.spec, config, arguments.workers)}")
     if arguments.figure:
         _draw_walk(actors["policy"], robot, actuator, result.spec, config, arguments.figure)
+
+
+def reference_actuator(robot: RobotSpec) -> ActuatorModel:
+    """The paper's model with the coefficients of the packaged robot's plant."""
+    return Hydraulic.build(
+        robot.joints,
+        dt=1e-3,
+        sprocket_radius=robot.sprocket_radius,
+        effort_limit=robot.effort_limit,
+        **COEFFICIENTS,
+    )
 
 
 def _arguments() -> argparse.Namespace:
