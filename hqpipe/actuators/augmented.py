@@ -24,6 +24,7 @@ _SETTINGS = {
     "flow_per_speed": "1",
     "flow_per_opening": "1/s",
     "speed_late": "samples",
+    "held": "s",
 }
 _ANY = 1e12  # bound of numbers that may have either sign
 SENSING = tuple(name for name, effect in EFFECTS.items() if effect.layer == "sensing" and name != "position_bias")
@@ -38,7 +39,7 @@ def _field(owner: str, name: str) -> ParameterField:
     if owner == "base":
         return ParameterField(_UNITS[name], lower=-_ANY if name == "neutral" else 0.0)
     if owner == "setting":
-        lower = -_ANY if name in ("middle", "speed_late") else 0.0
+        lower = -_ANY if name in ("middle", "speed_late", "held") else 0.0
         return ParameterField(_SETTINGS[name], lower, may_be_infinite=name == "effort_limit", certain=True)
     effect = EFFECTS[owner]
     parameter = next(p for p in effect.parameters if p.name == name)

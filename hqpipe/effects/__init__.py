@@ -32,8 +32,8 @@ EFFECTS: dict[str, Effect] = {
     module.EFFECT.name: module.EFFECT
     for module in (
         command_delay,
-        position_bias,
         integral_action,
+        position_bias,
         valve_lag,
         valve_deadband,
         flow_saturation,

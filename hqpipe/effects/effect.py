@@ -57,6 +57,7 @@ class Parameter:
             (FRICTION), what travel leaves of that too (SLIDING), the command side (COMMAND_SIDE), the supply too
             (SUPPLY), or everything (ALL_INPUTS). None: by the effect's stage, COMMAND_SIDE up to "command", then CORE.
         yields_to: effects that say the same of most logs; beside one of them this number stays at its start.
+        beside: the effect without which this number does nothing; it is fitted only in a set that has both.
         least: of an inverse torque, times the largest torque logged: below it in every joint the effect is no fault,
             because every machine has that much of it.
     """
@@ -72,6 +73,7 @@ class Parameter:
     least: float = 0.0
     simplified: float = SIMPLIFIED
     yields_to: tuple[str, ...] = ()
+    beside: str | None = None
     neutral: float = 0.0
     anew: str | None = None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from hqpipe.effects.effect import COMMAND, NONE, POSITION, TORQUE, Effect, Parameter
@@ -20,9 +21,21 @@ EFFECT = Effect(
     modes=(POSITION, TORQUE),
 )
 
+LONGEST = 30.0  # time constants of the integrator: e has long vanished
+
 
 @njit(cache=True, nogil=True, inline="always")
 def integrate(integral: float, error: float, ki: float, inverse_limit: float, dt: float) -> float:
     """ki ∫ e dt after one more sample, clamped against wind-up; 0 means no limit."""
     limit = 1.0 / max(inverse_limit, 1e-300)
     return min(max(integral + ki * dt * error, -limit), limit)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def wound_up_for(error: float, ki: float, inverse_limit: float, time: float) -> float:
+    """What the integrator holds if it was switched on `time` s ago, empty, while the joint was held against its load.
+
+    The opening that the load asks for stays, u = e + I, so that e falls by exp(−ki t) and I is what it has lost.
+    """
+    limit = 1.0 / max(inverse_limit, 1e-300)
+    return min(max(error * np.expm1(min(ki * time, LONGEST)), -limit), limit)

@@ -11,7 +11,8 @@ import numpy as np
 from hqpipe.effects import EFFECTS
 
 BASE = ("k1", "k2", "k3", "k4", "neutral")  # joint-space gains; neutral point of a valve command
-SETTING = ("sample_time", "middle", "clear", "effort_limit", "flow_per_speed", "flow_per_opening", "speed_late")
+SETTING = ("sample_time", "middle", "clear", "effort_limit", "flow_per_speed", "flow_per_opening", "speed_late", "held")
+NOT_KNOWN = -1.0  # s: when the integrator was switched on before a trial began
 NOT_IN_THE_LOOP = ("torque_scale", "unsigned_sensor")  # read off other channels, see hqpipe.gap
 
 FIELDS: tuple[tuple[str, str], ...] = (
@@ -43,4 +44,5 @@ def neutral_row() -> np.ndarray:
     row[slot("setting", "clear")] = 1.0
     row[slot("setting", "effort_limit")] = np.inf
     row[slot("setting", "flow_per_speed")] = 1.0
+    row[slot("setting", "held")] = NOT_KNOWN
     return row

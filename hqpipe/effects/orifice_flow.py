@@ -22,7 +22,7 @@ EFFECT = Effect(
 
 
 @njit(cache=True, nogil=True, inline="always")
-def orifice(opening: float, effort: float, inverse_limit: float, loss: float) -> float:
+def orifice(opening: float, effort: float, inverse_limit: float, loss: float, mean: float, lean: float) -> float:
     """Flow per opening, 1 for an unloaded valve at full supply.
 
     Args:
@@ -30,7 +30,14 @@ def orifice(opening: float, effort: float, inverse_limit: float, loss: float) ->
         effort: load torque.
         inverse_limit: 1/τ_max.
         loss: relative loss of supply pressure.
+        mean: what the chambers' mean pressure is off by from half the supply, relative to that; only read beside `lean`.
+        lean: share by which the chamber is stiffer that an opening above 0 feeds, 0 for equal chambers, whose mean pressure
+            is half of the supply at any time.
     """
     load = effort * inverse_limit
     signed = load if opening > 0.0 else -load
-    return np.sqrt(max(1.0 - loss - signed, 0.0))
+    if lean == 0.0:
+        return np.sqrt(max(1.0 - loss - signed, 0.0))
+    fed = 0.5 + (0.5 * lean if opening > 0.0 else -0.5 * lean)
+    drained = np.sqrt(max(1.0 + mean - signed, 0.0))
+    return fed * np.sqrt(max(1.0 - 2.0 * loss - mean - signed, 0.0)) + (1.0 - fed) * drained

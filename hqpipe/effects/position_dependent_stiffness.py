@@ -1,14 +1,17 @@
 """The oil column changes with the position, and with it the stiffness of the joint.
 
 Chambers of unequal volume are not driven alike: where their mean pressure is not half the supply, for leakage or because
-the supply sags, one direction passes more oil than the other. That unevenness belongs to the effect, within limits.
+the supply sags, one direction passes more oil than the other. That unevenness belongs to the effect, within limits. The
+mean pressure follows a sagging supply only as fast as the valve exchanges the oil. Soft oil that is less compressed is
+displaced with less pressure: in a chamber ṗ = β/V (Q − (1 + p/β) V̇) with the flow Q counted in oil without pressure.
 """
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
-from hqpipe.effects.effect import COMMAND_SIDE, NONE, POSITION, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import COMMAND, COMMAND_SIDE, NONE, POSITION, SUPPLY, TORQUE, Effect, Parameter
 
 EFFECT = Effect(
     name="position_dependent_stiffness",
@@ -27,6 +30,19 @@ EFFECT = Effect(
             yields_to=("direction_asymmetry",),
             anew=COMMAND_SIDE,
         ),
+        Parameter(
+            "exchange",
+            "command·s",
+            COMMAND,
+            0.0,
+            100.0,
+            (1.0,),
+            inverse=True,
+            counts=False,
+            beside="supply_droop",
+            anew=SUPPLY,
+        ),
+        Parameter("compression", "1", NONE, 0.0, 0.6, (0.0,), counts=False, beside="supply_droop"),
     ),
     meaning="chamber volume changes with q: change of torque × (1 + slope · (q − mean q)); |unevenness| ≤ |slope| · 0.02 rad",
     source="eqs. (4), (5) of the paper: bulk modulus over chamber volume",
@@ -36,7 +52,8 @@ EFFECT = Effect(
 
 LEAST = 0.05  # of the stiffness at mid position, so that no position makes it vanish; assumption
 LEVER = 0.02  # rad: a quarter of a chamber's length times how far leakage moves the mean pressure, a few %; assumption
-FED = 0.4  # rad: a quarter of a chamber's length as an angle, for chambers of about 1.6 rad; assumption
+LENGTH = 0.8  # rad: half of a chamber's length as an angle, for chambers of about 1.6 rad; assumption
+MOST_LEAN = 0.9  # the other chamber is there, too; assumption
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -53,8 +70,31 @@ def uneven(slope: float, unevenness: float) -> float:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def fed(opening: float, slope: float, loss: float) -> float:
-    """What passes relative to equal chambers while the supply has lost a share of its pressure: only the port that is fed
-    feels that, and it is the stiffer chamber's in one direction."""
-    lean = FED * slope * loss
-    return 1.0 + lean if opening > 0.0 else 1.0 - lean
+def displaced(velocity: float, mean: float, compression: float) -> float:
+    """The speed as the oil feels it, relative to half the supply as mean pressure.
+
+    Args:
+        mean: what the chambers' mean pressure is off by from half the supply, relative to that. compression: share that the
+            volume is less by at half the supply.
+    """
+    return velocity * (1.0 + compression * mean)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def lean(slope: float) -> float:
+    """By what share of both the chamber whose pressure raises the torque is the stiffer one."""
+    return min(max(-LENGTH * slope, -MOST_LEAN), MOST_LEAN)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def exchanged(mean: float, loss: float, opening: float, exchange: float, dt: float) -> float:
+    """Mean pressure of the chambers after one sample, as what it is off by from half the supply, relative to that.
+
+    Args:
+        mean: a sample ago. loss: relative loss of supply pressure. opening: of the valve. exchange: one over the opening times
+            the time in which their oil is exchanged; 0 for a mean pressure that stays.
+    """
+    if exchange == 0.0:
+        return mean
+    gained = np.sqrt(max(1.0 - 2.0 * loss - mean, 0.0)) - np.sqrt(max(1.0 + mean, 0.0))
+    return mean + min(abs(opening) * exchange * dt, 1.0) * gained

@@ -9,6 +9,7 @@ import numpy as np
 
 from hqpipe.effects.layout import slot
 from hqpipe.gap.causes import Cause, assemble
+from hqpipe.gap.integrator_start import tell_offsets
 from hqpipe.gap.joint_data import (
     BY_SPEED,
     LOGGED,
@@ -125,6 +126,7 @@ def accuse(
     states = search_joints(data, names, workers, progress)
     base = Rest(_machine(states, mode, speed, chosen=False), log_set, steps)
     states = look_again(states, seek_consensus(pool_groups(seek_consensus(states))), workers)
+    states = tell_offsets(states, workers)
     noise = _floor(_machine(states, mode, speed, chosen=True), states, log_set, steps)
     familiar = noise + familiar_error(states, base.heldout) if earlier is not None else np.zeros(len(joints))
     floor = np.maximum(noise, np.minimum(familiar, [state.chosen.error for state in states]))

@@ -172,6 +172,8 @@ class JointFitter:
             for column, parameter in zip(slots(name), EFFECTS[name].parameters, strict=True):
                 if column in self.data.held:
                     found[column] = self.data.held[column]
+                elif parameter.beside is not None and parameter.beside not in names:
+                    found[column] = parameter.neutral
                 elif set(parameter.yields_to) & set(names):
                     start = parameter.starts[0] * self.data.size[parameter.scale]
                     found[column] = start if self.data.then is None else float(self._ground[column])
@@ -315,7 +317,8 @@ class JointFitter:
         """Numbers that only shape an effect start afresh: alone, it may have bent them to imitate what it lacked."""
         for column, parameter in zip(slots(name), EFFECTS[name].parameters, strict=True):
             if not parameter.counts and len(parameter.starts) == 1 and not self._ground[slots(name)[0]]:
-                row[column] = parameter.starts[0] * self.data.size[parameter.scale]
+                size = self.data.size[parameter.scale]
+                row[column] = parameter.starts[0] / size if parameter.inverse else parameter.starts[0] * size
 
     def _first_guess(self) -> np.ndarray:
         """Base gains from differences over a few samples, the better of several spans in the free run."""

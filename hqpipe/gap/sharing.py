@@ -109,13 +109,25 @@ def _all_earn(state: JointState, fit: SetFit) -> bool:
 
 
 def pool_groups(states: list[JointState]) -> list[JointState]:
-    """Ask the machine, then its groups, for effects that single joints show too weakly."""
-    joints = tuple(state.joint for state in states)
+    """Ask the machine, then its groups, for effects that single joints show too weakly; and all once more for those that
+    were added, because a group that was asked late may have made one common in another."""
+    pooled = _asked_together(states, None)
+    added = {
+        name for old, new in zip(states, pooled, strict=True) for name in {*new.chosen.effects} - {*old.chosen.effects}
+    }
+    return _asked_together(pooled, added) if added else pooled
+
+
+def _asked_together(states: list[JointState], names: set[str] | None) -> list[JointState]:
+    """The joints after their groups were asked, for some effects or for all."""
+    joints, states = tuple(state.joint for state in states), list(states)
     if len(joints) < 2:
         return states
     for members in (joints, *groups(joints)):
         inside = [i for i, name in enumerate(joints) if name in members]
         for effect in dict.fromkeys(name for i in inside for name in states[i].search.library):
+            if names is not None and effect not in names:
+                continue
             asked = [i for i in inside if effect in states[i].search.library]
             for i, state in zip(asked, _shared(effect, [states[i] for i in asked]) or [], strict=False):
                 states[i] = state

@@ -12,7 +12,7 @@ from hqpipe.actuators.augmented import Augmented
 from hqpipe.actuators.base import DT_TOLERANCE
 from hqpipe.actuators.files import FILE, load_actuator
 from hqpipe.actuators.hydraulic import Hydraulic
-from hqpipe.effects.layout import slot
+from hqpipe.effects.layout import NOT_KNOWN, slot
 from hqpipe.errors import UsageError
 from hqpipe.gap.joint_data import LOGGED, JointData, Then
 from hqpipe.gap.model_files import COEFFICIENTS, POWERS, Left, digest, left_of, variances
@@ -142,6 +142,7 @@ def earlier_actuator(folder: Path, shown: str | None = None) -> Earlier:
     then = {}
     for j, joint in enumerate(model.joints):
         row = model.parameters[j].copy() if isinstance(model, Augmented) else _joint_space(model, j)
+        row[slot("setting", "held")] = NOT_KNOWN  # other logs begin in their own way
         variance = fitted.get(joint, {})
         names = tuple(name for name, joints in effects.items() if joint in joints)
         columns = np.array(list(variance), dtype=np.int64)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hqpipe.effects.layout import NOT_KNOWN, slot
 from hqpipe.errors import IdentificationError
 from hqpipe.gap.accuse import accuse
 from hqpipe.gap.intake import take_in
@@ -78,4 +79,6 @@ def _then(state: JointState, row: np.ndarray, noise: float, swing: float) -> The
     """
     columns, covariance = two_fits(state.data, state.chosen.effects, state.chosen)
     beyond = max(state.chosen.error - noise, 0.0)
+    row = row.copy()
+    row[slot("setting", "held")] = NOT_KNOWN  # other logs begin in their own way
     return Then(row, columns, covariance, beyond, swing, state.data.heldout, effects=state.chosen.effects)

@@ -15,7 +15,7 @@ from hqpipe.effects.coulomb_friction import coulomb, direction, kept_after, stuc
 from hqpipe.effects.integral_action import integrate
 from hqpipe.effects.load_dependent_friction import load_friction
 from hqpipe.effects.orifice_flow import orifice
-from hqpipe.effects.position_dependent_stiffness import fed, stiffness
+from hqpipe.effects.position_dependent_stiffness import displaced, exchanged, stiffness
 from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.valve_deadband import deadband
@@ -24,10 +24,12 @@ from hqpipe.effects.viscous_friction import viscous
 from hqpipe.kernels.augmented_columns import (
     BAND,
     BIAS,
+    COMPRESSION,
     COULOMB,
     COULOMB_ASYMMETRY,
     DROOP,
     DT,
+    EXCHANGE,
     EXPONENT,
     K1,
     K2,
@@ -59,8 +61,9 @@ from hqpipe.kernels.augmented_links import (
     INTEGRATED,
     LAGGED,
     LEAN,
-    MEAN,
+    MEAN_SHARE,
     ONE_SIDED,
+    ONE_WAY,
     PART,
     PER_S,
     RECOVERED,
@@ -77,6 +80,7 @@ from hqpipe.kernels.augmented_links import (
 from hqpipe.kernels.augmented_step import (
     INTEGRAL,
     LOSS,
+    MEAN,
     RING,
     RING_LENGTH,
     SAMPLES,
@@ -133,18 +137,18 @@ def _command(
     else:
         for i in range(size):
             u[i] = q_des[start + i] - q[start + i]
-    if links[BIASED]:
-        for i in range(size):
-            u[i] += p[BIAS, i]
     if links[INTEGRATED]:
         for i in range(size):
             error, held = u[i], m[INTEGRAL, start + i]
             u[i] = error + held
             m[INTEGRAL, start + i] = integrate(held, error, p[KI, i], p[WINDUP, i], p[DT, i])
+    if links[BIASED]:
+        for i in range(size):
+            u[i] += p[BIAS, i]
     if links[LAGGED]:
         for i in range(size):
             driven, spool = u[i], m[SPOOL, start + i]
-            u[i] = follow(spool, driven, d[MEAN, i])
+            u[i] = follow(spool, driven, d[MEAN_SHARE, i])
             m[SPOOL, start + i] = follow(spool, driven, d[SHARE, i])
     if links[DEAD]:
         for i in range(size):
@@ -154,7 +158,7 @@ def _command(
             u[i] = clip(u[i], d[TOP, i])
     if links[ONE_SIDED]:
         for i in range(size):
-            u[i] += d[LEAN, i] * abs(u[i])
+            u[i] += d[ONE_WAY, i] * abs(u[i])
     if links[DRIFTING]:
         for i in range(size):
             u[i] *= max(1.0 + d[PER_S, i] * m[SAMPLES, start + i], 0.0)
@@ -164,6 +168,7 @@ def _command(
 def _supply(
     p: np.ndarray,
     d: np.ndarray,
+    links: np.ndarray,
     m: np.ndarray,
     q_des: np.ndarray,
     q: np.ndarray,
@@ -189,6 +194,11 @@ def _supply(
             flow[i] = demand
     for i in range(size):
         m[LOSS, start + i] = sag(m[LOSS, start + i], flow[i], p[DROOP, i], d[RECOVERED, i])
+    if links[STIFFENED]:
+        for i in range(size):
+            k = start + i
+            opened = q_des[k] - q[k]
+            m[MEAN, k] = exchanged(m[MEAN, k], m[LOSS, k], opened, p[EXCHANGE, i], p[DT, i])
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -240,20 +250,22 @@ def _core(
     if links[FLOWING]:
         for i in range(size):
             effort, opening = change[i], u[i]
-            u[i] = opening * orifice(opening, effort, p[ORIFICE, i], m[LOSS, start + i])
+            loss, mean = m[LOSS, start + i], m[MEAN, start + i]
+            u[i] = opening * orifice(opening, effort, p[ORIFICE, i], loss, mean, d[LEAN, i])
             change[i] = p[K4, i] * impact(effort, opening) - p[K2, i] * effort
-        if links[STIFFENED]:
-            for i in range(size):
-                u[i] *= fed(u[i], p[SLOPE, i], m[LOSS, start + i])
     else:
         for i in range(size):
             effort = change[i]
             change[i] = p[K4, i] * impact(effort, u[i]) - p[K2, i] * effort
-    for i in range(size):
-        change[i] = d[SOFT, i] * (change[i] + p[K1, i] * u[i] - p[K3, i] * qd[start + i])
     if links[STIFFENED]:
         for i in range(size):
-            change[i] *= stiffness(p[SLOPE, i], q[start + i] - p[MIDDLE, i])
+            k = start + i
+            stiff = d[SOFT, i] * stiffness(p[SLOPE, i], q[k] - p[MIDDLE, i])
+            speed = displaced(qd[k], m[MEAN, k], p[COMPRESSION, i])
+            change[i] = stiff * (change[i] + p[K1, i] * u[i] - p[K3, i] * speed)
+    else:
+        for i in range(size):
+            change[i] = d[SOFT, i] * (change[i] + p[K1, i] * u[i] - p[K3, i] * qd[start + i])
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -314,7 +326,7 @@ def augmented_batch(
             _wake_block(p, m, tau, q_des, q, qd, joints, start, size)
         _command(p, d, links, m, q_des, q, u, start, size, in_step)
         if links[SAGGING]:
-            _supply(p, d, m, q_des, q, qd, joints, change, start, size)
+            _supply(p, d, links, m, q_des, q, qd, joints, change, start, size)
         if links[RUBBING]:
             _rubbed(p, d, m, qd, lost, slow, start, size)
         _core(p, d, links, m, q, qd, u, lost, change, start, size)

@@ -22,7 +22,7 @@ LEAST_PASSED: Final = 0.05  # of the inner torque that friction lets pass, howev
 MODES: Final = {"position": POSITION, "torque": TORQUE, "valve": VALVE}
 
 K1, K2, K3, K4, NEUTRAL = (slot("base", name) for name in BASE)
-DT, MIDDLE, CLEAR, LIMIT, PER_SPEED, PER_OPENING, SPEED_LATE = (slot("setting", name) for name in SETTING)
+DT, MIDDLE, CLEAR, LIMIT, PER_SPEED, PER_OPENING, SPEED_LATE, HELD = (slot("setting", name) for name in SETTING)
 DELAY, SKEW, BIAS = slot("command_delay", "delay_s"), slot("channel_skew", "skew_s"), slot("position_bias", "rad")
 KI, WINDUP = slot("integral_action", "ki"), slot("integral_action", "limit")
 LAG = slot("valve_lag", "time_constant_s")
@@ -31,7 +31,7 @@ SATURATION = slot("flow_saturation", "limit")
 ASYMMETRY, DRIFT = slot("direction_asymmetry", "ratio"), slot("gain_drift", "rate_per_s")
 DROOP, RECOVERY = slot("supply_droop", "droop"), slot("supply_droop", "recovery_s")
 ORIFICE = slot("orifice_flow", "effort_max_nm")
-SLOPE, UNEVEN = slots("position_dependent_stiffness")
+SLOPE, UNEVEN, EXCHANGE, COMPRESSION = slots("position_dependent_stiffness")
 COMPLIANCE, GAP = slot("transmission_compliance", "stiffness_nm_per_rad"), slot("backlash", "gap")
 COULOMB, COULOMB_ASYMMETRY = slot("coulomb_friction", "friction_nm"), slot("coulomb_friction", "asymmetry_nm")
 PRESLIDING = slot("coulomb_friction", "presliding_rad")

@@ -9,9 +9,9 @@ from hqpipe.effects.command_delay import delayed
 from hqpipe.effects.direction_asymmetry import asymmetric
 from hqpipe.effects.flow_saturation import saturate
 from hqpipe.effects.gain_drift import drifted
-from hqpipe.effects.integral_action import integrate
+from hqpipe.effects.integral_action import integrate, wound_up_for
 from hqpipe.effects.orifice_flow import orifice
-from hqpipe.effects.position_dependent_stiffness import fed, stiffness, uneven
+from hqpipe.effects.position_dependent_stiffness import displaced, lean, stiffness, uneven
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_deadband import deadband
 from hqpipe.effects.valve_lag import follow, lag_share, mean_share
@@ -20,10 +20,12 @@ from hqpipe.kernels.augmented_columns import (
     BAND,
     BIAS,
     COMPLIANCE,
+    COMPRESSION,
     DELAY,
     DRIFT,
     DROOP,
     DT,
+    HELD,
     HELD_CLOSE,
     HELD_PASSES,
     K1,
@@ -64,23 +66,23 @@ def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
     dt, sequence = p[DT], work.command
     share, mean = lag_share(p[LAG], dt), mean_share(p[LAG], dt)
     prompt = p[SKEW] == 0.0 and p[DELAY] == 0.0
-    bent = shaped(p)
+    bent, shift = shaped(p), p[BIAS] if s.mode == POSITION else 0.0
     for trial in range(s.bounds.shape[0] - 1):
         first, last = s.bounds[trial], s.bounds[trial + 1] - 1
         integral, spool = 0.0, 0.0
         if p[KI] != 0.0 and s.mode != VALVE:
-            integral = _held(p, s, work, first, last)
+            integral = held(p, s, work, first, last)
         for k in range(first, last + 1):
             at = k - p[SKEW] / dt
             wanted = s.command[k] if prompt else delayed(s.command, first, last, at, p[DELAY] / dt)
             if s.mode == POSITION:
                 here = s.position[k] if p[SKEW] == 0.0 else delayed(s.position, first, last, at, 0.0)
-                error = wanted - here + p[BIAS]
+                error = wanted - here
             elif s.mode == TORQUE:
                 error = wanted - s.effort[k] + p[OFFSET]
             else:
                 error = wanted - p[NEUTRAL]
-            driven = error + integral
+            driven = error + integral + shift
             spool = driven if k == first else spool
             if s.mode == TORQUE:
                 sequence[k], work.driven[k], work.summed[k] = wanted, spool, integral
@@ -97,13 +99,16 @@ def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _held(p: np.ndarray, s: Signals, work: Work, first: int, last: int) -> float:
+def held(p: np.ndarray, s: Signals, work: Work, first: int, last: int) -> float:
     """What the integrator holds when a trial starts: what makes the openings add up to the change of torque.
 
     Logs begin in the middle of operation, so it is not zero, and a wrong start would last: until the integrator first
-    stands at its limit, else through the whole trial.
+    stands at its limit, else through the whole trial. Where it is known for how long the joint had been held before, it is
+    what has wound up since.
     """
-    soft, offset = softened(p[K3], p[COMPLIANCE], p[DT]), p[BIAS] if s.mode == POSITION else p[OFFSET]
+    if p[HELD] >= 0.0 and s.mode == POSITION and s.time[first] == 0.0:
+        return wound_up_for(s.command[first] - s.position[first], p[KI], p[WINDUP], p[HELD])
+    soft, offset = softened(p[K3], p[COMPLIANCE], p[DT]), 0.0 if s.mode == POSITION else p[OFFSET]
     prompt = p[SKEW] == 0.0 and p[DELAY] == 0.0
     for k in range(first, last):
         wanted, here = s.command[k], s.position[k] if s.mode == POSITION else s.effort[k]
@@ -113,7 +118,8 @@ def _held(p: np.ndarray, s: Signals, work: Work, first: int, last: int) -> float
             wanted = delayed(s.command, first, last, at, p[DELAY] / p[DT])
         work.sequence[k] = wanted - here + offset
         work.stiff[k] = soft * stiffness(p[SLOPE], s.position[k] - p[MIDDLE])
-        work.other[k] = work.stiff[k] * (p[K2] * (s.effort[k] - p[OFFSET]) + p[K3] * s.velocity[k])
+        velocity = displaced(s.velocity[k], work.middling[k], p[COMPRESSION])
+        work.other[k] = work.stiff[k] * (p[K2] * (s.effort[k] - p[OFFSET]) + p[K3] * velocity)
     limit = 1.0 / max(p[WINDUP], 1e-300)
     low, high, start = -limit, limit, 0.0
     for _ in range(HELD_PASSES):
@@ -137,19 +143,18 @@ def _missing(p: np.ndarray, s: Signals, work: Work, first: int, last: int, start
 
     The spool's lag cancels in the sum.
     """
-    integral, bent, change, end = start, shaped(p), 0.0, last
+    integral, bent, change, end, leaning = start, shaped(p), 0.0, last, lean(p[SLOPE])
     bent_flow = p[ORIFICE] != 0.0 or p[DROOP] != 0.0 or p[K4] != 0.0
-    limit = 1.0 / max(p[WINDUP], 1e-300)
+    limit, shift = 1.0 / max(p[WINDUP], 1e-300), p[BIAS] if s.mode == POSITION else 0.0
     for k in range(first, last):
         error = work.sequence[k]
-        opening = error + integral
+        opening = error + integral + shift
         if bent:
             opening = shape_opening(p, opening, s.time[k])
         change -= work.other[k]
         if bent_flow:
             effort = s.effort[k] - p[OFFSET]
-            flow = p[K1] * opening * orifice(opening, effort, p[ORIFICE], work.sagged[k])
-            flow *= fed(opening, p[SLOPE], work.sagged[k])
+            flow = p[K1] * opening * orifice(opening, effort, p[ORIFICE], work.sagged[k], work.middling[k], leaning)
             change += work.stiff[k] * (flow + p[K4] * impact(effort, opening))
         else:
             change += work.stiff[k] * p[K1] * opening

@@ -15,6 +15,7 @@ from hqpipe.kernels.augmented_columns import (
     ALL,
     COMMAND,
     COMPLIANCE,
+    COMPRESSION,
     CORE,
     COULOMB,
     COULOMB_ASYMMETRY,
@@ -58,7 +59,16 @@ def _inputs(owner: str, name: str) -> int:
 CHANGES = np.array([_inputs(*field) for field in FIELDS])
 """(WIDTH,) what a change of each column makes necessary, see `simulate`."""
 GRIPS = (COULOMB, COULOMB_ASYMMETRY, STATIC, LOAD)  # slopes leave out what they change before a window starts
-HOLDS = (K1, K2, K3, K4, ORIFICE, SLOPE, COMPLIANCE)  # columns of the core that tell what an integrator holds
+HOLDS = (
+    K1,
+    K2,
+    K3,
+    K4,
+    ORIFICE,
+    SLOPE,
+    COMPRESSION,
+    COMPLIANCE,
+)  # columns of the core that tell what an integrator holds
 
 
 @njit(cache=True, nogil=True)

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from hqpipe.effects.position_dependent_stiffness import uneven
+from hqpipe.effects.position_dependent_stiffness import lean, uneven
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import lag_share, mean_share
 from hqpipe.kernels.augmented_columns import (
@@ -55,8 +55,8 @@ BLOCK: Final = 384  # joints (32 quadrupeds): measured; the columns in use of a 
 ) = range(14)
 LINKS: Final = 14
 # columns that follow from a row of parameters
-(WHOLE, PART, SHARE, MEAN, TOP, LEAN, PER_S, RECOVERED, HALF, SOFT) = range(10)
-DERIVED: Final = 10
+(WHOLE, PART, SHARE, MEAN_SHARE, TOP, ONE_WAY, PER_S, RECOVERED, HALF, SOFT, LEAN) = range(11)
+DERIVED: Final = 11
 
 
 def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -73,9 +73,10 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     derived = np.empty((DERIVED, len(parameters)))
     derived[WHOLE], derived[PART] = np.floor(lag), lag - np.floor(lag)
     for j, row in enumerate(parameters):
-        derived[SHARE, j], derived[MEAN, j] = lag_share(row[LAG], row[DT]), mean_share(row[LAG], row[DT])
+        derived[SHARE, j], derived[MEAN_SHARE, j] = lag_share(row[LAG], row[DT]), mean_share(row[LAG], row[DT])
         derived[RECOVERED, j] = lag_share(row[RECOVERY], row[DT])
-        derived[LEAN, j] = row[ASYMMETRY] + uneven(row[SLOPE], row[UNEVEN])
+        derived[ONE_WAY, j] = row[ASYMMETRY] + uneven(row[SLOPE], row[UNEVEN])
+        derived[LEAN, j] = lean(row[SLOPE])
         derived[SOFT, j] = softened(row[K3], row[COMPLIANCE], row[DT])
     derived[TOP] = 1.0 / np.maximum(p[SATURATION], 1e-300)
     derived[PER_S] = p[DRIFT] * p[DT]

@@ -10,7 +10,7 @@ from hqpipe.effects.command_delay import delayed
 from hqpipe.effects.coulomb_friction import coulomb, direction, kept_after, stuck
 from hqpipe.effects.load_dependent_friction import load_friction
 from hqpipe.effects.orifice_flow import orifice
-from hqpipe.effects.position_dependent_stiffness import fed, stiffness
+from hqpipe.effects.position_dependent_stiffness import displaced, lean, stiffness
 from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import follow, mean_share
@@ -18,6 +18,7 @@ from hqpipe.effects.viscous_friction import viscous
 from hqpipe.kernels.augmented_columns import (
     CLEAR,
     COMPLIANCE,
+    COMPRESSION,
     COULOMB,
     COULOMB_ASYMMETRY,
     DROOP,
@@ -139,8 +140,9 @@ def _turn(p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, first: int,
         inner = unloaded(p, s.effort[k] - offset, work.moving[k], turned, work.slow[k])
         passed = 1.0
         if bent:
-            passed = orifice(u, inner, p[ORIFICE], work.sagged[k]) * fed(u, slope, work.sagged[k])
-        change = k1 * u * passed - k2 * inner - k3 * velocity + k4 * impact(inner, u)
+            passed = orifice(u, inner, p[ORIFICE], work.sagged[k], work.middling[k], lean(slope))
+        change = k1 * u * passed - k2 * inner + k4 * impact(inner, u)
+        change -= k3 * displaced(velocity, work.middling[k], p[COMPRESSION])
         change *= soft * stiffness(slope, s.position[k] - middle)
         turned = slid(p, turned, change, inner + change, velocity, work.slid[k])
     work.sequence[last] = turned
@@ -162,8 +164,9 @@ def _take_up(p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, half: fl
             effort = transmitted(wound - lost, half) + lost
         passed = 1.0
         if bent:
-            passed = orifice(u, effort, p[ORIFICE], work.sagged[k]) * fed(u, slope, work.sagged[k])
-        change = k1 * u * passed - k2 * effort - k3 * velocity + k4 * impact(effort, u)
+            passed = orifice(u, effort, p[ORIFICE], work.sagged[k], work.middling[k], lean(slope))
+        change = k1 * u * passed - k2 * effort + k4 * impact(effort, u)
+        change -= k3 * displaced(velocity, work.middling[k], p[COMPRESSION])
         wound += soft * stiffness(slope, s.position[k] - middle) * change
         if rubbed:
             following = transmitted(wound, half)

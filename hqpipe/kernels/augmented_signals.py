@@ -42,13 +42,13 @@ class Work(NamedTuple):
     """Scratch of one simulation.
 
     Attributes:
-        opening, velocity, offset, loss: (steps + 1, W) inputs of the core.
+        opening, velocity, offset, loss, mean: (steps + 1, W) inputs of the core.
         kept, sticking, sliding: (steps + 1, W) what travel leaves of the direction of friction, share of static friction, and
             speed at the sample.
         turned, state: (W,) direction of friction and inner torque at the start of each window.
         command, sequence, other, stiff: (T,) opening; scratch.
         spool, integral: (W,), driven, summed: (T,) spool and integrator of torque mode as the logged effort drives them.
-        sagged, slid, slow, moving, speed: (T,) of loss, kept, sticking, sliding and velocity.
+        sagged, middling, slid, slow, moving, speed: (T,) of loss, mean, kept, sticking, sliding and velocity.
     """
 
     opening: np.ndarray
@@ -59,6 +59,7 @@ class Work(NamedTuple):
     sticking: np.ndarray
     sliding: np.ndarray
     loss: np.ndarray
+    mean: np.ndarray
     command: np.ndarray
     sequence: np.ndarray
     other: np.ndarray
@@ -68,6 +69,7 @@ class Work(NamedTuple):
     driven: np.ndarray
     summed: np.ndarray
     sagged: np.ndarray
+    middling: np.ndarray
     stiff: np.ndarray
     slid: np.ndarray
     slow: np.ndarray
@@ -88,6 +90,7 @@ def make_work(signals: Signals) -> Work:
         np.zeros((rows, windows)),
         np.zeros((rows, windows)),
         np.zeros((rows, windows)),
+        np.zeros((rows, windows)),
         np.empty(samples),
         np.empty(samples),
         np.empty(samples),
@@ -96,6 +99,7 @@ def make_work(signals: Signals) -> Work:
         np.empty(windows),
         np.empty(samples),
         np.empty(samples),
+        np.zeros(samples),
         np.zeros(samples),
         np.empty(samples),
         np.zeros(samples),

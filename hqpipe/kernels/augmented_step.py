@@ -16,7 +16,7 @@ from hqpipe.effects.backlash import transmitted, wound_up
 from hqpipe.effects.coulomb_friction import kept_after
 from hqpipe.effects.integral_action import integrate
 from hqpipe.effects.orifice_flow import orifice
-from hqpipe.effects.position_dependent_stiffness import fed, stiffness
+from hqpipe.effects.position_dependent_stiffness import displaced, exchanged, lean, stiffness
 from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
@@ -25,9 +25,11 @@ from hqpipe.kernels.augmented_columns import (
     BIAS,
     CLEAR,
     COMPLIANCE,
+    COMPRESSION,
     DELAY,
     DROOP,
     DT,
+    EXCHANGE,
     EXPONENT,
     GAP,
     K1,
@@ -52,8 +54,8 @@ from hqpipe.kernels.augmented_command import shape_opening
 from hqpipe.kernels.augmented_output import friction, slid
 from hqpipe.kernels.laws import clip, impact
 
-SAMPLES, SPOOL, INTEGRAL, WOUND, LOSS, TURNED, RING = range(
-    7
+SAMPLES, SPOOL, INTEGRAL, WOUND, LOSS, MEAN, TURNED, RING = range(
+    8
 )  # columns of the memory; the ring of past commands is last
 RING_LENGTH: Final = 96  # samples: the longest delay of the library at 1 kHz, and some
 MEMORY: Final = RING + RING_LENGTH
@@ -79,15 +81,17 @@ def wake(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: floa
     memory[WOUND] = inner
     if half > 0.0:
         memory[WOUND] = wound_up(torque + half * np.sign(torque), torque, half, p[CLEAR]) + lost
-    error = q_des - q + p[BIAS]
+    opened = q_des - q + p[BIAS]
     memory[LOSS] = p[DROOP] * demand
+    memory[MEAN] = -memory[LOSS]
     memory[INTEGRAL] = 0.0
     if p[KI] != 0.0:
         limit = 1.0 / max(p[WINDUP], 1e-300)
-        needed = p[K2] * inner + p[K3] * qd
-        held = needed / max(p[K1] * orifice(needed, inner, p[ORIFICE], memory[LOSS]), 1e-300) - error
+        needed = p[K2] * inner + p[K3] * displaced(qd, memory[MEAN], p[COMPRESSION])
+        passed = orifice(needed, inner, p[ORIFICE], memory[LOSS], memory[MEAN], lean(p[SLOPE]))
+        held = needed / max(p[K1] * passed, 1e-300) - opened
         memory[INTEGRAL] = min(max(held, -limit), limit)
-    memory[SPOOL] = error + memory[INTEGRAL]
+    memory[SPOOL] = opened + memory[INTEGRAL]
 
 
 @njit(cache=True, nogil=True)
@@ -98,19 +102,20 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     if now == 0:
         wake(p, memory, torque, q_des, q, qd, demand)
     dt = p[DT]
-    error = _past(memory, now, p[DELAY] / dt) - q + p[BIAS]
-    driven = error + memory[INTEGRAL]
+    error = _past(memory, now, p[DELAY] / dt) - q
+    driven = error + memory[INTEGRAL] + p[BIAS]
     memory[INTEGRAL] = integrate(memory[INTEGRAL], error, p[KI], p[WINDUP], dt)
     u = shape_opening(p, follow(memory[SPOOL], driven, mean_share(p[LAG], dt)), now * dt)
     memory[SPOOL] = follow(memory[SPOOL], driven, lag_share(p[LAG], dt))
     memory[LOSS] = sag(memory[LOSS], demand, p[DROOP], lag_share(p[RECOVERY], dt))
+    memory[MEAN] = exchanged(memory[MEAN], memory[LOSS], q_des - q, p[EXCHANGE], dt)
     half = 0.5 * p[GAP] * p[K3] / dt
     inner = transmitted(memory[WOUND], half)
     slow = sticking(qd, p[STRIBECK], p[EXPONENT]) if p[STATIC] != 0.0 else 0.0
     lost = friction(p, inner, qd, memory[TURNED], slow)
     effort = transmitted(memory[WOUND] - lost, half) + lost
-    passed = orifice(u, effort, p[ORIFICE], memory[LOSS]) * fed(u, p[SLOPE], memory[LOSS])
-    change = p[K1] * u * passed - p[K2] * effort - p[K3] * qd
+    passed = orifice(u, effort, p[ORIFICE], memory[LOSS], memory[MEAN], lean(p[SLOPE]))
+    change = p[K1] * u * passed - p[K2] * effort - p[K3] * displaced(qd, memory[MEAN], p[COMPRESSION])
     change += p[K4] * impact(effort, u)
     change *= softened(p[K3], p[COMPLIANCE], dt) * stiffness(p[SLOPE], q - p[MIDDLE])
     memory[WOUND] = clip(memory[WOUND] + change, p[LIMIT])

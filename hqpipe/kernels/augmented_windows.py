@@ -2,9 +2,9 @@
 
 The chain, in this order (names as in hqpipe.effects):
 
-    clock     channel_skew (all inputs), command_delay (command), position_bias → position error e
-    command   integral_action → valve_lag → valve_deadband → flow_saturation → direction_asymmetry (with what unequal
-              chambers add to it) → gain_drift → u
+    clock     channel_skew (all inputs), command_delay (command) → position error e
+    command   integral_action → position_bias → valve_lag → valve_deadband → flow_saturation → direction_asymmetry (with
+              what unequal chambers add to it) → gain_drift → u
     core      τ' = τ + S · (k1 φ u − k2 τ − k3 q̇ + k4 h(τ, u)),  φ = orifice_flow with supply_droop,
               S = position_dependent_stiffness · transmission_compliance
     output    friction in front of the load cell, backlash, torque_bias: a seal rubs on the piston's side of the slack
@@ -23,16 +23,19 @@ from hqpipe.effects.backlash import transmitted, wound_up
 from hqpipe.effects.command_delay import delayed
 from hqpipe.effects.integral_action import integrate
 from hqpipe.effects.orifice_flow import orifice
-from hqpipe.effects.position_dependent_stiffness import fed, stiffness
+from hqpipe.effects.position_dependent_stiffness import displaced, exchanged, lean, stiffness
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import follow, lag_share, mean_share
 from hqpipe.kernels.augmented_columns import (
+    ALL,
     CLEAR,
     COMMAND,
     COMPLIANCE,
+    COMPRESSION,
     DROOP,
     DT,
+    EXCHANGE,
     FOLLOW,
     GAP,
     K1,
@@ -55,9 +58,9 @@ from hqpipe.kernels.augmented_columns import (
     VALVE,
     WINDUP,
 )
-from hqpipe.kernels.augmented_command import command_side, shape_opening
+from hqpipe.kernels.augmented_command import command_side, held, shape_opening
 from hqpipe.kernels.augmented_output import follow_along, friction, grips, move, rub, rubs, slid, slide, unloaded
-from hqpipe.kernels.augmented_signals import Signals, Work, lay_out
+from hqpipe.kernels.augmented_signals import Signals, Work, lay_out, make_work
 from hqpipe.kernels.laws import clip, impact
 
 
@@ -82,18 +85,27 @@ def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
 
 @njit(cache=True, nogil=True)
 def _supply(p: np.ndarray, s: Signals, work: Work) -> None:
-    """Fill the loss of supply pressure."""
+    """Fill the loss of supply pressure, and what the chambers' mean pressure is off by."""
     if p[DROOP] == 0.0:
-        work.loss[:] = 0.0
-        work.sagged[:] = 0.0
+        work.loss[:], work.mean[:] = 0.0, 0.0
+        work.sagged[:], work.middling[:] = 0.0, 0.0
         return
     share = lag_share(p[RECOVERY], p[DT])
     for trial in range(s.bounds.shape[0] - 1):
         loss = p[DROOP] * s.demand[s.bounds[trial]]  # as if that had been drawn for long
+        mean = -loss
         for k in range(s.bounds[trial], s.bounds[trial + 1]):
             loss = sag(loss, s.demand[k], p[DROOP], share)
-            work.sagged[k] = loss
+            mean = exchanged(mean, loss, _opened(s, k), p[EXCHANGE], p[DT])
+            work.sagged[k], work.middling[k] = loss, mean
     lay_out(work.sagged, s.first, work.loss)
+    lay_out(work.middling, s.first, work.mean)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _opened(s: Signals, k: int) -> float:
+    """How far the controller's error opens the valve, in the unit of the command, whatever bends that on the way."""
+    return s.command[k] - (s.effort[k] if s.mode == TORQUE else s.position[k])
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -138,16 +150,17 @@ def _plain(p: np.ndarray, s: Signals, work: Work, out: np.ndarray, bias: float) 
 def _full(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
     """Core with every effect, backlash without friction; the friction of the output side follows in `rub`."""
     k1, k2, k3, k4, limit = p[K1], p[K2], p[K3], p[K4], p[LIMIT]
-    inverse, slope, half = p[ORIFICE], p[SLOPE], 0.5 * p[GAP] * p[K3] / p[DT]
-    soft, middle = softened(k3, p[COMPLIANCE], p[DT]), p[MIDDLE]
+    inverse, slope, leaning, half = p[ORIFICE], p[SLOPE], lean(p[SLOPE]), 0.5 * p[GAP] * p[K3] / p[DT]
+    soft, middle, compression = softened(k3, p[COMPLIANCE], p[DT]), p[MIDDLE], p[COMPRESSION]
     state = work.state
     for k in range(s.steps):
-        opening, velocity, offset, loss, row = work.opening[k], work.velocity[k], work.offset[k], work.loss[k], out[k]
+        opening, velocity, offset, row = work.opening[k], work.velocity[k], work.offset[k], out[k]
+        loss, mean = work.loss[k], work.mean[k]
         for w in range(state.shape[0]):
             u = opening[w]
             effort = transmitted(state[w], half)
-            passed = orifice(u, effort, inverse, loss[w]) * fed(u, slope, loss[w])
-            change = k1 * u * passed - k2 * effort - k3 * velocity[w]
+            passed = orifice(u, effort, inverse, loss[w], mean[w], leaning)
+            change = k1 * u * passed - k2 * effort - k3 * displaced(velocity[w], mean[w], compression)
             change += k4 * impact(effort, u)
             following = clip(state[w] + soft * stiffness(slope, offset[w] - middle) * change, limit)
             state[w] = following
@@ -157,7 +170,7 @@ def _full(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
 @njit(cache=True, nogil=True)
 def _slack(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
     """Core and output where friction acts on the piston's side of a slack chain."""
-    half, soft = 0.5 * p[GAP] * p[K3] / p[DT], softened(p[K3], p[COMPLIANCE], p[DT])
+    half, soft, leaning = 0.5 * p[GAP] * p[K3] / p[DT], softened(p[K3], p[COMPLIANCE], p[DT]), lean(p[SLOPE])
     for w in range(work.state.shape[0]):
         state, turned = work.state[w], work.turned[w]
         inner = transmitted(state, half)
@@ -165,8 +178,9 @@ def _slack(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
         for k in range(s.steps):
             u, velocity = work.opening[k, w], work.velocity[k, w]
             effort = transmitted(state - lost, half) + lost
-            passed = orifice(u, effort, p[ORIFICE], work.loss[k, w]) * fed(u, p[SLOPE], work.loss[k, w])
-            change = p[K1] * u * passed - p[K2] * effort - p[K3] * velocity
+            passed = orifice(u, effort, p[ORIFICE], work.loss[k, w], work.mean[k, w], leaning)
+            change = p[K1] * u * passed - p[K2] * effort
+            change -= p[K3] * displaced(velocity, work.mean[k, w], p[COMPRESSION])
             change += p[K4] * impact(effort, u)
             state = clip(state + soft * stiffness(p[SLOPE], work.offset[k, w] - p[MIDDLE]) * change, p[LIMIT])
             following = transmitted(state, half)
@@ -180,7 +194,7 @@ def _slack(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
 def _torque_loop(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
     """Core and output of torque mode: the force loop closes over the model's own torque, as the load cell feels it."""
     k1, k2, k3, limit, dt = p[K1], p[K2], p[K3], p[LIMIT], p[DT]
-    half, soft = 0.5 * p[GAP] * k3 / dt, softened(k3, p[COMPLIANCE], dt)
+    half, soft, leaning = 0.5 * p[GAP] * k3 / dt, softened(k3, p[COMPLIANCE], dt), lean(p[SLOPE])
     share, mean = lag_share(p[LAG], dt), mean_share(p[LAG], dt)
     for w in range(work.state.shape[0]):
         state, spool, integral = work.state[w], work.spool[w], work.integral[w]
@@ -196,8 +210,9 @@ def _torque_loop(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None
             integral = integrate(integral, error, p[KI], p[WINDUP], dt)
             u = shape_opening(p, follow(spool, driven, mean), start + k * dt)
             spool = follow(spool, driven, share)
-            passed = orifice(u, effort, p[ORIFICE], work.loss[k, w]) * fed(u, p[SLOPE], work.loss[k, w])
-            change = k1 * u * passed - k2 * effort - k3 * work.velocity[k, w]
+            passed = orifice(u, effort, p[ORIFICE], work.loss[k, w], work.mean[k, w], leaning)
+            change = k1 * u * passed - k2 * effort
+            change -= k3 * displaced(work.velocity[k, w], work.mean[k, w], p[COMPRESSION])
             state = clip(state + soft * stiffness(p[SLOPE], work.offset[k, w] - p[MIDDLE]) * change, limit)
             if rubbed:
                 following = transmitted(state, half)
@@ -214,7 +229,7 @@ def _speed(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
         for k in range(s.steps):
             at = s.first[w] + k
             u = work.opening[k, w]
-            flow = p[K1] * u * orifice(u, s.effort[at], p[ORIFICE], work.loss[k, w])
+            flow = p[K1] * u * orifice(u, s.effort[at], p[ORIFICE], work.loss[k, w], 0.0, 0.0)
             out[k, w] = flow - p[K2] * s.effort[at] - p[COMPLIANCE] * s.rate[at]
 
 
@@ -252,3 +267,13 @@ def simulate(p: np.ndarray, s: Signals, work: Work, out: np.ndarray, inputs: int
         rub(p, s, work, out)
     else:
         _plain(p, s, work, out, p[OFFSET])
+
+
+@njit(cache=True, nogil=True)
+def integrator_starts(p: np.ndarray, s: Signals) -> np.ndarray:
+    """(trials,) what the integrator of a row holds at the start of each trial, in the unit of the command."""
+    work, found = make_work(s), np.empty(s.bounds.shape[0] - 1)
+    simulate(p, s, work, np.empty((s.steps, s.first.shape[0])), ALL)
+    for trial in range(found.shape[0]):
+        found[trial] = held(p, s, work, s.bounds[trial], s.bounds[trial + 1] - 1)
+    return found

@@ -190,6 +190,18 @@ def supply_droop(value: float, source: str, rng: np.random.Generator) -> tuple[O
     return fields, {"droop": None, "recovery_s": None}
 
 
+def sized_supply(supply: Overrides, pistons: Overrides, share: float) -> Overrides:
+    """The supply of a machine of which some pistons draw less oil: pump and accumulator are smaller by as much, or its sag
+    would be a faint one.
+
+    Args:
+        supply: of `supply_droop`. pistons: of `orifice_flow`, in one joint. share: of the joints that have these.
+    """
+    drawn = 1.0 - share * (1.0 - pistons["cylinder"]["area_a"] / BASE["cylinder"]["area_a"])
+    sizes = {name: supply["supply"][name] * drawn for name in ("pump_flow", "accumulator_volume")}
+    return {**supply, "supply": {**supply["supply"], **sizes}}
+
+
 def direction_asymmetry(value: float, source: str, rng: np.random.Generator) -> tuple[Overrides, Values]:
     return _set(valve__asymmetry=value), {"ratio": value}
 

@@ -7,13 +7,13 @@ effects in `hqpipe.plant.case_effects`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from hqpipe.errors import UsageError, near_match
-from hqpipe.plant.case_effects import RECIPES, SIZES, Recipe
+from hqpipe.plant.case_effects import RECIPES, SIZES, Recipe, sized_supply
 from hqpipe.plant.case_machine import BASE, sound_machine
 from hqpipe.plant.config import PlantConfig
 
@@ -178,7 +178,7 @@ def _case(index: int, kind: str, motion: str, plan: Iterator[Any], rng: np.rando
     source = "load_cell" if needs_cell or rng.random() < LOAD_CELLS else "pressure"
     pressures = any(recipe.pressures for recipe in recipes) or bool(rng.random() < PRESSURES)
     pressures = pressures and not any(recipe.other_area for recipe in recipes)
-    planted = tuple(_plant(entry, motion, source, rng) for entry in entries)
+    planted = _sized(tuple(_plant(entry, motion, source, rng) for entry in entries))
     seed = int(rng.integers(1, 2**31 - 10))
     return Case(f"case_{index:03d}", kind, motion, source, pressures, seed, planted)
 
@@ -192,6 +192,16 @@ def _plant(entry: tuple[Any, ...], motion: str, source: str, rng: np.random.Gene
         overrides = dict(PlantConfig(overrides).merged(PlantConfig(recipe.faint)).overrides)
     scope = "machine" if joints == JOINTS else "joint" if len(joints) == 1 else "group"
     return Planted(name, recipe.layer, recipe.outside, joints, scope, size, span, parameters, overrides, factor)
+
+
+def _sized(planted: tuple[Planted, ...]) -> tuple[Planted, ...]:
+    """With a supply that is as large as the pistons that it feeds."""
+    by_name = {one.effect: one for one in planted}
+    if not {"supply_droop", "orifice_flow"} <= set(by_name):
+        return planted
+    supply, pistons = by_name["supply_droop"], by_name["orifice_flow"]
+    overrides = sized_supply(supply.overrides, pistons.overrides, len(pistons.joints) / len(JOINTS))
+    return tuple(replace(one, overrides=overrides) if one is supply else one for one in planted)
 
 
 def _apportion(shares: dict[str, float], n: int, rng: np.random.Generator) -> list[str]:

@@ -148,6 +148,8 @@ def simulate(
         number("position_dependent_stiffness", "slope_per_rad", 0),
     )
     ratio = ratio + number("position_dependent_stiffness", "unevenness", 0.0)
+    compression = number("position_dependent_stiffness", "compression", 0.0)
+    exchange = number("position_dependent_stiffness", "exchange", np.inf)
     slack = 0.5 * number("backlash", "gap", 0.0) * k3 / DT
     dry, uneven = number("coulomb_friction", "friction_nm", 0.0), number("coulomb_friction", "asymmetry_nm", 0.0)
     creep = number("coulomb_friction", "presliding_rad", 1e-3)
@@ -163,7 +165,8 @@ def simulate(
         "drift": lambda x, t: (1.0 + rate * t) * x,
     }
     q, qd, wound = smooth[0].copy(), np.zeros(joints), np.zeros(joints)
-    integral, spool, loss, bristle = np.zeros(joints), None, np.zeros(joints), np.zeros(joints)
+    integral, spool, bristle = np.zeros(joints), None, np.zeros(joints)
+    loss, chambers = np.zeros(joints), np.zeros(joints)  # shares of the supply
     commands: list[np.ndarray] = []
     torques: list[np.ndarray] = []
     log = np.empty((3, samples, joints))
@@ -181,8 +184,8 @@ def simulate(
         commands.append(target[k])
         torques.append(passed + offset)
         log[:, k] = q, qd, ago(torques, late)
-        error = ago(commands, delay) - q + bias
-        x = error + integral
+        error = ago(commands, delay) - q
+        x = error + integral + bias
         integral = np.clip(integral + ki * DT * error, -windup, windup)
         for name in order:
             if name == "lag":
@@ -192,11 +195,18 @@ def simulate(
                 x = actions[name](x, time[k])
         drawn = flow[0] * np.abs(qd).sum() + flow[1] * np.abs(target[k] - q).sum()
         loss = loss - np.expm1(-DT / recovery) * (droop * drawn - loss)
-        fed = x * np.sqrt(np.maximum(1.0 - loss - np.sign(x) * inner / most, 0.0))
-        fed = fed * (1.0 + 0.4 * slope * loss * np.sign(x))  # unequal chambers: the fed port feels the supply alone
+        against = np.sign(x) * inner / most
+        stiffer = np.clip(-0.8 * slope, -0.9, 0.9)  # unequal chambers: the fed port feels the supply alone
+        feeds = 0.5 * (1.0 + stiffer * np.sign(x))
+        gained = np.sqrt(np.maximum(1.0 - 2.0 * loss - chambers, 0.0)) - np.sqrt(1.0 + chambers)
+        chambers = chambers + np.minimum(np.abs(target[k] - q) * DT / exchange, 1.0) * gained
+        unequal = feeds * np.sqrt(np.maximum(1.0 - 2.0 * loss - chambers - against, 0.0))
+        unequal = unequal + (1.0 - feeds) * np.sqrt(np.maximum(1.0 + chambers - against, 0.0))
+        fed = x * np.where(slope == 0.0, np.sqrt(np.maximum(1.0 - loss - against, 0.0)), unequal)
         braked = k4 * np.where(inner * x < 0.0, np.abs(inner), 0.0) * x
+        oiled = qd * (1.0 + compression * chambers)
         pulling = beyond(wound, slack)
-        wound = wound + np.maximum(1.0 + slope * (q - middle), 0.05) * (k1 * fed - k2 * inner - k3 * qd + braked)
+        wound = wound + np.maximum(1.0 + slope * (q - middle), 0.05) * (k1 * fed - k2 * inner - k3 * oiled + braked)
         grip = (
             dry + static + load * np.abs(beyond(wound, slack))
         )  # while a joint rests, friction holds against the change

@@ -13,11 +13,11 @@ from hqpipe.effects.coulomb_friction import coulomb, direction, kept_after, stuc
 from hqpipe.effects.direction_asymmetry import asymmetric
 from hqpipe.effects.flow_saturation import saturate
 from hqpipe.effects.gain_drift import drifted
-from hqpipe.effects.integral_action import integrate
+from hqpipe.effects.integral_action import integrate, wound_up_for
 from hqpipe.effects.layout import FIELDS, NOT_IN_THE_LOOP, WIDTH, neutral_row, slot, slots
 from hqpipe.effects.load_dependent_friction import load_friction
 from hqpipe.effects.orifice_flow import orifice
-from hqpipe.effects.position_dependent_stiffness import LEAST, stiffness
+from hqpipe.effects.position_dependent_stiffness import LEAST, exchanged, lean, stiffness
 from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
@@ -174,13 +174,42 @@ def test_delay_interpolates_and_holds_the_ends():
 
 
 def test_orifice_without_load_passes_all_and_brakes_only_the_loaded_side():
-    assert orifice(0.1, 0.0, 1e-3, 0.0) == orifice(-0.1, 0.0, 1e-3, 0.0) == 1.0
-    assert orifice(0.1, 300.0, 0.0, 0.0) == 1.0
-    assert orifice(0.1, 360.0, 1e-3, 0.0) == pytest.approx(np.sqrt(0.64))
-    assert orifice(-0.1, -360.0, 1e-3, 0.0) == pytest.approx(np.sqrt(0.64))
-    assert orifice(-0.1, 360.0, 1e-3, 0.0) == pytest.approx(np.sqrt(1.36))
-    assert orifice(0.1, 2000.0, 1e-3, 0.0) == 0.0, "no flow backwards"
-    assert orifice(0.1, 0.0, 0.0, 0.36) == pytest.approx(0.8), "a sagging supply"
+    assert orifice(0.1, 0.0, 1e-3, 0.0, 0.0, 0.0) == orifice(-0.1, 0.0, 1e-3, 0.0, 0.0, 0.0) == 1.0
+    assert orifice(0.1, 300.0, 0.0, 0.0, 0.0, 0.0) == 1.0
+    assert orifice(0.1, 360.0, 1e-3, 0.0, 0.0, 0.0) == pytest.approx(np.sqrt(0.64))
+    assert orifice(-0.1, -360.0, 1e-3, 0.0, 0.0, 0.0) == pytest.approx(np.sqrt(0.64))
+    assert orifice(-0.1, 360.0, 1e-3, 0.0, 0.0, 0.0) == pytest.approx(np.sqrt(1.36))
+    assert orifice(0.1, 2000.0, 1e-3, 0.0, 0.0, 0.0) == 0.0, "no flow backwards"
+    assert orifice(0.1, 0.0, 0.0, 0.36, 0.0, 0.0) == pytest.approx(0.8), "a sagging supply"
+
+
+def test_unequal_chambers_feel_the_supply_only_where_they_are_fed():
+    loss, half = 0.2, 0.5
+    for leaning, stiffer, softer in ((1.0, 0.1, -0.1), (-1.0, -0.1, 0.1)):
+        assert orifice(stiffer, 0.0, 0.0, loss, 0.0, leaning) == pytest.approx(np.sqrt(1.0 - 2.0 * loss)), "fed"
+        assert orifice(softer, 0.0, 0.0, loss, 0.0, leaning) == pytest.approx(1.0), "drained"
+    settled = orifice(0.1, 0.0, 0.0, loss, -loss, half), orifice(-0.1, 0.0, 0.0, loss, -loss, half)
+    assert settled == pytest.approx((np.sqrt(1.0 - loss),) * 2), "once the mean pressure has followed"
+    assert orifice(0.1, 300.0, 1e-3, 0.0, 0.0, half) == pytest.approx(orifice(0.1, 300.0, 1e-3, 0.0, 0.0, 0.0))
+
+
+def test_mean_pressure_follows_the_supply_as_the_oil_is_exchanged():
+    mean, loss, opening, exchange = 0.0, 0.01, 0.1, 20.0
+    for _ in range(500):  # one time constant, 1/(opening · exchange)
+        mean = exchanged(mean, loss, opening, exchange, 1e-3)
+    assert mean == pytest.approx(-loss * (1.0 - np.exp(-1.0)), rel=0.01)
+    assert exchanged(0.0, loss, opening, 0.0, 1e-3) == exchanged(0.0, loss, 0.0, exchange, 1e-3) == 0.0
+    assert lean(0.5) == -lean(-0.5) < 0.0 and -1.0 < lean(1e6) < lean(1.0)
+
+
+def test_integrator_that_winds_up_while_the_joint_is_held():
+    ki, error, integral, opened = 0.8, 0.03, 0.0, 0.03
+    for _ in range(2000):
+        integral = integrate(integral, opened - integral, ki, 0.0, 1e-3)
+    error = opened - integral
+    assert wound_up_for(error, ki, 0.0, 2.0) == pytest.approx(integral, rel=1e-3)
+    assert wound_up_for(error, ki, 1.0 / 0.01, 2.0) == pytest.approx(0.01), "its limit"
+    assert wound_up_for(error, ki, 0.0, 0.0) == wound_up_for(0.0, ki, 0.0, 1e9) == 0.0
 
 
 def test_sag_settles_at_droop_times_speed_and_recovers():

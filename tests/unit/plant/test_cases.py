@@ -53,6 +53,21 @@ def test_the_usual_mixture_is_drawn_as_ever():
     assert all(planted.factor is None for case in MANY for planted in case.planted)
 
 
+def test_a_supply_is_as_large_as_the_pistons_that_it_feeds():
+    """Smaller cylinders draw less oil, so that a large pump would hardly sag."""
+    seen = Counter()
+    for case in cases(300, 5, ("mixture",)):
+        planted = {one.effect: one for one in case.planted}
+        if "supply_droop" in planted:
+            pump = planted["supply_droop"].overrides["supply"]["pump_flow"] / effects.DROOPING_PUMP
+            pistons = planted.get("orifice_flow")
+            seen[pistons and len(pistons.joints)] += 1
+            share = len(pistons.joints) / len(JOINTS) if pistons else 0.0
+            small = pistons.overrides["cylinder"]["area_a"] / effects.BASE["cylinder"]["area_a"] if pistons else 1.0
+            assert pump == pytest.approx(1.0 - share + share * small)
+    assert {None, len(JOINTS)} <= set(seen)
+
+
 @pytest.mark.parametrize("count", [1, 7, 41])
 def test_any_number_of_cases(count):
     found = cases(count, 0)
