@@ -111,12 +111,12 @@ def drop_outweighed(
     while causes:
         outweighed = []
         for cause in causes:
-            members = [found[joint] for joint in cause.joints]
+            members = _judges([found[joint] for joint in cause.joints])
             fall = sum(s.search.without(s.chosen, cause.effect).error - s.chosen.error for s in members)
             if fall >= MOST_OF_IT * sum(max(s.chosen.error - noise[s.joint], 0.0) for s in members):
                 continue
             given_up = sum(s.chosen.error - before[s.joint] for s in members)
-            bar = OUTWEIGHED * (given_up + sum(rest.predictable(joint) * before[joint] for joint in cause.joints))
+            bar = OUTWEIGHED * (given_up + sum(rest.predictable(s.joint) * before[s.joint] for s in members))
             if fall < bar:
                 outweighed.append((fall / max(bar, 1e-300), cause))
         if not outweighed:
@@ -125,6 +125,12 @@ def drop_outweighed(
         take_back(weakest, found, "explains hardly more than what could still be explained in its joints")
         causes.remove(weakest)
     return list(found.values())
+
+
+def _judges(members: list[JointState]) -> list[JointState]:
+    """The joints in which a rest speaks against a name: not those whose torque's sign was restored, if there are others, since
+    wrong signs leave a rest of their own."""
+    return [state for state in members if not state.data.barred] or members
 
 
 def take_back(cause: Cause, states: dict[str, JointState], reason: str) -> None:

@@ -24,11 +24,11 @@ class Search:
         return ()
 
 
-def joint(name, errors, chosen):
+def joint(name, errors, chosen, barred=()):
     from hqpipe.gap.joint_state import JointState
 
     search = Search(errors)
-    search.fitter = SimpleNamespace(data=SimpleNamespace(joint=name))
+    search.fitter = SimpleNamespace(data=SimpleNamespace(joint=name, barred=barred))
     base = SimpleNamespace(effects=(), error=errors[()])
     return JointState(search, base, SimpleNamespace(effects=chosen, error=errors[chosen]), ())
 
@@ -79,6 +79,17 @@ def test_joints_with_one_cause_are_weighed_together():
     found = drop_outweighed(states, [cause(RUB, "a", "b")], np.array([1.0, 1.0]), rest)
     assert [state.chosen.effects for state in found] == [(RUB,), (RUB,)]
     assert drop_outweighed(states[:1], [cause(RUB, "a")], np.array([1.0]), rest)[0].chosen.effects == ()
+
+
+def test_what_restored_signs_leave_is_held_against_no_name_of_other_joints():
+    clear, bad = {(): 60.0, (RUB,): 10.0}, {(): 410.0, (RUB,): 400.0}
+    rest, causes = Rest(a=0.5, b=0.5), [cause(RUB, "a", "b")]
+    restored = [joint("a", clear, (RUB,)), joint("b", bad, (RUB,), barred=("backlash",))]
+    assert [s.chosen.effects for s in drop_outweighed(restored, causes, np.ones(2), rest)] == [(RUB,), (RUB,)]
+    as_logged = [joint("a", clear, (RUB,)), joint("b", bad, (RUB,))]
+    assert [s.chosen.effects for s in drop_outweighed(as_logged, causes, np.ones(2), rest)] == [(), ()]
+    alone = drop_outweighed(restored[1:], [cause(RUB, "b")], np.ones(1), rest)
+    assert alone[0].chosen.effects == (), "nobody else can judge"
 
 
 @pytest.mark.parametrize(("bare", "kept"), [(72.0, ()), (74.0, (RUB,))])
