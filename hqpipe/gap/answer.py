@@ -20,7 +20,7 @@ from hqpipe.gap.search import MATERIAL
 from hqpipe.gap.signs import NAME as UNSIGNED
 from hqpipe.gap.signs import SignedLogs
 from hqpipe.gap.since import Earlier
-from hqpipe.gap.verdict import Evidence
+from hqpipe.gap.verdict import FLOOR_MARGIN, Evidence
 from hqpipe.logs.trajectory import LogSet, recording_of
 
 LAYER = "actuator"
@@ -124,10 +124,10 @@ def _before_signs(found: Accusation, evidence: Evidence) -> float:
 
 
 def _room(found: Accusation, evidence: tuple[Evidence, Evidence]) -> float:
-    """Share of the RMSE before that is left above the sensors' noise: a cause could be worth so much more than its model
-    shows, for what it stirs up beyond prediction, as chatter, would go with it."""
+    """Share of the RMSE before that is left above the sensors' noise, as far as that is known: a cause could be worth so much
+    more than its model shows, for what it stirs up beyond prediction, as chatter, would go with it."""
     before = max(_rms(evidence[0].error), 1e-300)
-    return max(_rms(evidence[1].error) - _rms(found.sensor), 0.0) / before if found.causes else 0.0
+    return max(_rms(evidence[1].error) - _rms(found.sensor / FLOOR_MARGIN), 0.0) / before if found.causes else 0.0
 
 
 def _gap(log_set: LogSet, window_s: float, found: Accusation, evidence: tuple[Evidence, Evidence]) -> dict[str, Any]:

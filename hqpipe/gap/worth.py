@@ -29,6 +29,7 @@ and below 1.2 for 12 of 13 names of effects that were not there, beside one that
 MOST_OF_IT = 0.85
 """The same over all of the rest above the noise, from which on nothing is asked: a small right effect beside a large one whose
 formula is coarse does not reach the former. In cases looked into 0.92 to 1.2 for such, at most 0.81 for wrong names."""
+SLIGHT = "too small to be a fault"  # why a name is not there
 
 
 def close_gap(states: list[JointState], floor: np.ndarray) -> list[JointState]:
@@ -69,7 +70,7 @@ def drop_slight(states: list[JointState], causes: Sequence[Cause]) -> list[Joint
     found = {state.joint: state for state in states}
     for cause in causes:
         if all(_slight(cause.effect, found[joint]) for joint in cause.joints):
-            take_back(cause, found, "too small to be a fault")
+            take_back(cause, found, SLIGHT)
     return list(found.values())
 
 
@@ -116,7 +117,9 @@ def drop_outweighed(
             if fall >= MOST_OF_IT * sum(max(s.chosen.error - noise[s.joint], 0.0) for s in members):
                 continue
             given_up = sum(s.chosen.error - before[s.joint] for s in members)
-            bar = OUTWEIGHED * (given_up + sum(rest.predictable(s.joint) * before[s.joint] for s in members))
+            bar = OUTWEIGHED * (
+                given_up + sum(_open_to_others(s, rest.predictable(s.joint) * before[s.joint]) for s in members)
+            )
             if fall < bar:
                 outweighed.append((fall / max(bar, 1e-300), cause))
         if not outweighed:
@@ -131,6 +134,17 @@ def _judges(members: list[JointState]) -> list[JointState]:
     """The joints in which a rest speaks against a name: not those whose torque's sign was restored, if there are others, since
     wrong signs leave a rest of their own."""
     return [state for state in members if not state.data.barred] or members
+
+
+def _open_to_others(state: JointState, predictable: float) -> float:
+    """What is left of a predictable rest beside what slight faults of the joint explain, which no unknown one has to."""
+    slight = [name for name, reason in state.dropped.items() if reason == SLIGHT]
+    if not slight:
+        return predictable
+    return max(
+        predictable - (state.chosen.error - state.search.fit((*state.chosen.effects, *slight), [state.chosen]).error),
+        0.0,
+    )
 
 
 def take_back(cause: Cause, states: dict[str, JointState], reason: str) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from hqpipe.gap.worth import drop_outweighed
+from hqpipe.gap.worth import SLIGHT, drop_outweighed
 
 
 class Search:
@@ -18,6 +19,9 @@ class Search:
 
     def without(self, fit, effect):
         names = tuple(name for name in fit.effects if name != effect)
+        return SimpleNamespace(effects=names, error=self.errors[names])
+
+    def fit(self, names, warm):
         return SimpleNamespace(effects=names, error=self.errors[names])
 
     def with_support(self, fit):
@@ -47,7 +51,7 @@ def cause(effect, *joints):
     return SimpleNamespace(effect=effect, joints=joints)
 
 
-DELAY, RUB = "command_delay", "coulomb_friction"
+DELAY, RUB, ORIFICE = "command_delay", "coulomb_friction", "orifice_flow"
 
 
 @pytest.mark.parametrize(("share", "kept"), [(0.4, (DELAY, RUB)), (0.45, (DELAY,))])
@@ -90,6 +94,15 @@ def test_what_restored_signs_leave_is_held_against_no_name_of_other_joints():
     assert [s.chosen.effects for s in drop_outweighed(as_logged, causes, np.ones(2), rest)] == [(), ()]
     alone = drop_outweighed(restored[1:], [cause(RUB, "b")], np.ones(1), rest)
     assert alone[0].chosen.effects == (), "nobody else can judge"
+
+
+def test_what_a_slight_fault_explains_is_held_against_no_name():
+    errors = {(): 60.0, (RUB,): 45.0, (RUB, ORIFICE): 30.0}
+    unknown = joint("a", errors, (RUB,))
+    slight = replace(unknown, dropped={ORIFICE: SLIGHT})
+    rest = Rest(a=0.5)  # 22.5 of which the slight one explains 15
+    assert drop_outweighed([unknown], [cause(RUB, "a")], np.ones(1), rest)[0].chosen.effects == ()
+    assert drop_outweighed([slight], [cause(RUB, "a")], np.ones(1), rest)[0].chosen.effects == (RUB,)
 
 
 @pytest.mark.parametrize(("bare", "kept"), [(72.0, ()), (74.0, (RUB,))])
