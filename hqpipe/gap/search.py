@@ -7,7 +7,7 @@ more than chance (block bootstrap) and by a share that is worth a name.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -144,14 +144,18 @@ class JointSearch:
             fit = best
         return fit
 
-    def completed(self, fit: SetFit) -> SetFit:
-        """The set with what the fit trials show a little and the held-out ones much, as a limit that is rarely reached."""
+    def completed(self, fit: SetFit, kept: Collection[str] = ()) -> SetFit:
+        """The set with what the fit trials show a little and the held-out ones much, as a limit that is rarely reached.
+
+        Args:
+            kept: effects that others speak for, so that the joint alone need not.
+        """
         while len(fit.effects) < MOST_EFFECTS:
             more = [(name, self._added(fit, name)) for name in self.library if name not in fit.effects]
             worthy = [g for name, g in more if g.loss < fit.loss and self.earns(g, self.support(name, fit, g))]
             if not worthy:
                 break
-            grown = self.eliminate(self._settled(min(worthy, key=lambda g: g.error)))
+            grown = self.eliminate(self._settled(min(worthy, key=lambda g: g.error)), kept)
             if grown.error >= fit.error:
                 break
             fit = grown
@@ -252,10 +256,10 @@ class JointSearch:
         """The set less one effect, fitted again."""
         return self.fit([name for name in fit.effects if name != effect], [fit])
 
-    def eliminate(self, fit: SetFit) -> SetFit:
-        """Drop the weakest effect until every one that is left earns its place on the held-out trials."""
+    def eliminate(self, fit: SetFit, kept: Collection[str] = ()) -> SetFit:
+        """Drop the weakest effect until every one that is left earns its place on the held-out trials, or is `kept`."""
         while fit.effects:
-            support = [self.support(name, self.without(fit, name), fit) for name in fit.effects]
+            support = [self.support(name, self.without(fit, name), fit) for name in fit.effects if name not in kept]
             weak = [s for s in support if not self.earns(fit, s)]
             if not weak:
                 break

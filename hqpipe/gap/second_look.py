@@ -46,7 +46,7 @@ def _completed(alone: JointState, state: JointState) -> JointState:
     """With what shows beside the names that the others gave the joint; a restored sign errs as no effect does."""
     if state.chosen.effects == alone.chosen.effects or state.data.barred:
         return state
-    return state.choose(state.search.completed(state.chosen))
+    return state.choose(state.search.completed(state.chosen, kept=state.chosen.effects))
 
 
 def _one_size(states: list[JointState], pool: ThreadPoolExecutor) -> list[JointState]:
