@@ -114,7 +114,10 @@ class ActuatorModel:
             if name not in cls.FIELDS:
                 raise UsageError(f"{cls.NAME}: unknown parameter '{name}'{near_match(name, cls.FIELDS)}")
         if missing := [name for name in cls.FIELDS if name not in columns]:
-            raise UsageError(f"{cls.NAME}: missing parameter '{missing[0]}' (needs {', '.join(cls.FIELDS)})")
+            raise UsageError(
+                f"{cls.NAME}: missing parameter{'s' * (len(missing) > 1)} {', '.join(repr(name) for name in missing)}; if an "
+                "older version wrote the file, run the same command again"
+            )
         table = np.empty((len(joints), len(cls.FIELDS)))
         for column, name in enumerate(cls.FIELDS):
             table[:, column] = columns[name]
