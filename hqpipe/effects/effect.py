@@ -58,6 +58,7 @@ class Parameter:
             (SUPPLY), or everything (ALL_INPUTS). None: by the effect's stage, COMMAND_SIDE up to "command", then CORE.
         yields_to: effects that say the same of most logs; beside one of them this number stays at its start.
         beside: the effect without which this number does nothing; it is fitted only in a set that has both.
+        modes: control modes in which it is fitted; in others it stays neutral.
         least: of an inverse torque, times the largest torque logged: below it in every joint the effect is no fault,
             because every machine has that much of it.
     """
@@ -74,6 +75,7 @@ class Parameter:
     simplified: float = SIMPLIFIED
     yields_to: tuple[str, ...] = ()
     beside: str | None = None
+    modes: tuple[str, ...] = MODES
     neutral: float = 0.0
     anew: str | None = None
 

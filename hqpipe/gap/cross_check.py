@@ -26,6 +26,7 @@ LEAST_DROP = 0.2  # share of the squared error that a shift must remove; assumpt
 LEAST_SHARE = 0.02  # of a sample: a parabola through three errors is no better; assumption
 ALIKE = 0.9  # squared correlation from which the pressures are the torque's; assumption
 SIGN_SHARE = 0.05  # of the speed's standard deviation: width of the step from −1 to 1
+MOVING = 0.95  # of that step from which on a joint moves one way all the while that is averaged over; assumption
 MIN_BLOCKS = 6
 RIDGE = 1e-13  # of the trace: the sum of the pressures is nearly constant, and must not be pulled towards zero
 
@@ -80,7 +81,8 @@ def cross_check(
     if any(getattr(trials[0], name) is None for name in ("effort", "pressure_a", "pressure_b")):
         return []
     late = {joint: _late(trials, j, joint) for j, joint in enumerate(log_set.joints)}
-    lines = {joint: _line(trials, j, late[joint].value) for j, joint in enumerate(log_set.joints)}
+    rubbed = log_set.effort_source == "load_cell"
+    lines = {joint: _line(trials, j, late[joint].value, rubbed) for j, joint in enumerate(log_set.joints)}
     known = {joint: line for joint, line in lines.items() if line is not None}
     kinds = kinds or infer_kinds(log_set.joints)
     found = []
@@ -99,8 +101,12 @@ def infer_kinds(joints: Sequence[str]) -> dict[str, str]:
     return {joint: letter if grouped else "joint" for joint, letter in zip(joints, last, strict=True)}
 
 
-def _line(trials: list[Trajectory], j: int, late: float) -> _Line | None:
-    """Gain and offset of one joint whose effort is `late` s; None if the pressures say nothing about it."""
+def _line(trials: list[Trajectory], j: int, late: float, rubbed: bool) -> _Line | None:
+    """Gain and offset of one joint whose effort is `late` s; None if the pressures say nothing about it.
+
+    Where friction lies between pressures and effort (`rubbed`), a joint says nothing while it rests: friction holds then
+    whatever the load asks for.
+    """
     rows, block, seen = [], [], 0
     for t in trials:
         every = max(1, round(MEAN_S / t.dt))
@@ -115,13 +121,18 @@ def _line(trials: list[Trajectory], j: int, late: float) -> _Line | None:
         block.append(np.arange(count) // size + seen)
         seen += count // size + 1
     table, member = np.concatenate(rows), np.concatenate(block)
+    if rubbed:
+        moving = np.abs(table[:, 3]) > MOVING
+        table, member = table[moving], member[moving]
+    if len(np.unique(member)) < MIN_BLOCKS:
+        return None
     table = table[:, [0, 1, 3, 4, 5]] if _same_area(table) else table
     scale = table.std(axis=0) + np.abs(table.mean(axis=0))
     scale = np.where(scale > 0, scale, 1.0)
     scaled = table / scale
     present = np.unique(member)
     grams = np.array([scaled[member == b].T @ scaled[member == b] for b in present])
-    if len(present) < MIN_BLOCKS or scaled[:, -1].std() == 0 or scaled[:, 1].std() == 0:
+    if scaled[:, -1].std() == 0 or scaled[:, 1].std() == 0:
         return None
     draws = np.concatenate([np.ones((1, len(present))), block_weights(len(present))])
     total = np.tensordot(draws, grams, axes=1)

@@ -87,8 +87,8 @@ def tell_offsets(states: list[JointState], workers: int = 1) -> list[JointState]
 
 
 def time_held(starts: Sequence[Start]) -> float | None:
-    """For how long the joints were held before the trials began, s, by the least sum of absolute differences between joints;
-    None where they do not agree, or have settled."""
+    """For how long the joints were held before the trials began, s, by the least sum of absolute offsets, or of their
+    differences where most joints have one; None where they do not agree, or have settled."""
     if len(starts) < LEAST_JOINTS:
         return None
     held, errors = (
@@ -97,15 +97,18 @@ def time_held(starts: Sequence[Start]) -> float | None:
     if errors < STILL_WINDING * held:
         return None
 
+    def none(_: float) -> float:
+        return 0.0
+
     def common(time: float) -> float:
         return float(np.median(np.concatenate([start.offset(time) for start in starts])))
 
-    def scatter(time: float) -> float:
-        return sum(float(np.abs(start.offset(time) - common(time)).sum()) for start in starts)
-
-    time = min(TIMES, key=scatter)
-    agreed = sum(start.agrees(start.offset(time), common(time)) for start in starts)
-    return float(time) if agreed >= max(LEAST_JOINTS, AGREED * len(starts)) else None
+    for centre in (none, common):  # where errors are alike, a longer time would pass for an offset that all have
+        time = min(TIMES, key=lambda t: sum(float(np.abs(start.offset(t) - centre(t)).sum()) for start in starts))
+        agreed = sum(start.agrees(start.offset(time), centre(time)) for start in starts)
+        if agreed >= max(LEAST_JOINTS, AGREED * len(starts)):
+            return float(time)
+    return None
 
 
 def _start(state: JointState) -> Start:

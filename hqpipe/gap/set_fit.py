@@ -172,7 +172,7 @@ class JointFitter:
             for column, parameter in zip(slots(name), EFFECTS[name].parameters, strict=True):
                 if column in self.data.held:
                     found[column] = self.data.held[column]
-                elif parameter.beside is not None and parameter.beside not in names:
+                elif self.data.mode not in parameter.modes or (parameter.beside or name) not in names:
                     found[column] = parameter.neutral
                 elif set(parameter.yields_to) & set(names):
                     start = parameter.starts[0] * self.data.size[parameter.scale]

@@ -85,9 +85,7 @@ def drop_trifles(
     found = {state.joint: state for state in states}
     for cause, share, least in zip(causes, shrink, low, strict=True):
         members = [found[joint] for joint in cause.joints]
-        if least > 0.0 and share >= TRIFLE:
-            continue
-        if share < -TRIFLE or not _needed(cause, members):
+        if (least <= 0.0 or share < TRIFLE) and not _needed(cause, members):
             take_back(cause, found, f"shrinks the gap by {share:.1%} only")
     return list(found.values())
 

@@ -61,12 +61,15 @@ from hqpipe.kernels.augmented_links import (
     INTEGRATED,
     LAGGED,
     LEAN,
+    MEAN_RELAXED,
     MEAN_SHARE,
     ONE_SIDED,
     ONE_WAY,
     PART,
     PER_S,
     RECOVERED,
+    RELAXED,
+    RELAXING,
     RUBBING,
     SAGGING,
     SATURATED,
@@ -78,9 +81,11 @@ from hqpipe.kernels.augmented_links import (
     WHOLE,
 )
 from hqpipe.kernels.augmented_step import (
+    FED,
     INTEGRAL,
     LOSS,
     MEAN,
+    PISTON,
     RING,
     RING_LENGTH,
     SAMPLES,
@@ -162,6 +167,18 @@ def _command(
     if links[DRIFTING]:
         for i in range(size):
             u[i] *= max(1.0 + d[PER_S, i] * m[SAMPLES, start + i], 0.0)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _relaxed(
+    d: np.ndarray, m: np.ndarray, qd: np.ndarray, u: np.ndarray, speed: np.ndarray, start: int, size: int
+) -> None:
+    """The opening `u` (B,) and the `speed` (n,) as they drive a joint whose piston lags behind."""
+    for i in range(size):
+        k = start + i
+        piston, fed, opened = m[PISTON, k], m[FED, k], u[i]
+        speed[k], u[i] = follow(piston, qd[k], d[MEAN_RELAXED, i]), follow(fed, opened, d[MEAN_RELAXED, i])
+        m[PISTON, k], m[FED, k] = follow(piston, qd[k], d[RELAXED, i]), follow(fed, opened, d[RELAXED, i])
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -319,17 +336,20 @@ def augmented_batch(
     """
     block = p.shape[1]
     u, lost, slow, change, before = np.empty(block), np.zeros(block), np.zeros(block), np.empty(block), np.empty(block)
+    speed = np.empty_like(qd) if links[RELAXING] else qd
     for start in range(0, tau.shape[0], block):
         size = min(block, tau.shape[0] - start)
         asleep, in_step = _counts(m, start, size)
         if asleep:
             _wake_block(p, m, tau, q_des, q, qd, joints, start, size)
         _command(p, d, links, m, q_des, q, u, start, size, in_step)
+        if links[RELAXING]:
+            _relaxed(d, m, qd, u, speed, start, size)
         if links[SAGGING]:
             _supply(p, d, links, m, q_des, q, qd, joints, change, start, size)
         if links[RUBBING]:
-            _rubbed(p, d, m, qd, lost, slow, start, size)
-        _core(p, d, links, m, q, qd, u, lost, change, start, size)
+            _rubbed(p, d, m, speed, lost, slow, start, size)
+        _core(p, d, links, m, q, speed, u, lost, change, start, size)
         if links[RUBBING]:
             for i in range(size):
                 before[i] = m[WOUND, start + i]
@@ -341,7 +361,7 @@ def augmented_batch(
             for i in range(size):
                 m[SAMPLES, start + i] += 1.0
         if links[RUBBING]:
-            _turned(p, d, m, qd, lost, slow, before, start, size)
+            _turned(p, d, m, speed, lost, slow, before, start, size)
         if links[RUBBING] or links[SLACK]:
             for i in range(size):
                 tau[start + i] = clip(transmitted(m[WOUND, start + i] - lost[i], d[HALF, i]), p[LIMIT, i])

@@ -37,5 +37,5 @@ COULOMB, COULOMB_ASYMMETRY = slot("coulomb_friction", "friction_nm"), slot("coul
 PRESLIDING = slot("coulomb_friction", "presliding_rad")
 STATIC, STRIBECK = slot("stribeck_friction", "static_nm"), slot("stribeck_friction", "velocity_rad_s")
 EXPONENT = slot("stribeck_friction", "exponent")
-VISCOUS, LOAD = slot("viscous_friction", "nm_s_per_rad"), slot("load_dependent_friction", "coefficient")
+(VISCOUS, BEHIND), LOAD = slots("viscous_friction"), slot("load_dependent_friction", "coefficient")
 OFFSET = slot("torque_bias", "nm")

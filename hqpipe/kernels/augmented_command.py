@@ -15,9 +15,11 @@ from hqpipe.effects.position_dependent_stiffness import displaced, lean, stiffne
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_deadband import deadband
 from hqpipe.effects.valve_lag import follow, lag_share, mean_share
+from hqpipe.effects.viscous_friction import relaxation
 from hqpipe.kernels.augmented_columns import (
     ASYMMETRY,
     BAND,
+    BEHIND,
     BIAS,
     COMPLIANCE,
     COMPRESSION,
@@ -46,9 +48,10 @@ from hqpipe.kernels.augmented_columns import (
     TORQUE,
     UNEVEN,
     VALVE,
+    VISCOUS,
     WINDUP,
 )
-from hqpipe.kernels.augmented_signals import Signals, Work, lay_out
+from hqpipe.kernels.augmented_signals import Signals, Work, lag_behind, lay_out
 from hqpipe.kernels.laws import impact
 
 
@@ -91,6 +94,8 @@ def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
                 sequence[k] = shape_opening(p, opening, s.time[k]) if bent else opening
             integral = integrate(integral, error, p[KI], p[WINDUP], dt)
             spool = follow(spool, driven, share)
+    if s.mode == POSITION:
+        lag_behind(work.command, s.bounds, relaxation(p[VISCOUS], p[BEHIND], p[K3] / dt), dt)
     lay_out(work.command, s.first, work.opening)
     if s.mode == TORQUE:
         for w in range(s.first.shape[0]):

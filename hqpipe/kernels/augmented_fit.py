@@ -13,6 +13,7 @@ from hqpipe.effects import EFFECTS, effect
 from hqpipe.effects.layout import FIELDS
 from hqpipe.kernels.augmented_columns import (
     ALL,
+    BEHIND,
     COMMAND,
     COMPLIANCE,
     COMPRESSION,
@@ -31,6 +32,7 @@ from hqpipe.kernels.augmented_columns import (
     SLOPE,
     STATIC,
     SUPPLY,
+    VISCOUS,
 )
 from hqpipe.kernels.augmented_signals import Signals, Work, make_work
 from hqpipe.kernels.augmented_windows import simulate
@@ -69,6 +71,7 @@ HOLDS = (
     COMPRESSION,
     COMPLIANCE,
 )  # columns of the core that tell what an integrator holds
+RELAXES = (VISCOUS, K3)  # columns that tell by how much a piston lags behind
 
 
 @njit(cache=True, nogil=True)
@@ -151,6 +154,8 @@ def _jacobian(
         inputs = changes[at] if at not in GRIPS else CORE
         if p[KI] != 0.0 and at in HOLDS:
             inputs |= _DRIVEN  # what the integrator holds at the start hangs on the core
+        if p[BEHIND] != 0.0 and at in RELAXES:
+            inputs = ALL
         simulate(moved, s, work, trial, inputs | stale)
         stale = inputs
         moved[:] = p

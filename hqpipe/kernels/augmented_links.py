@@ -9,9 +9,11 @@ import numpy as np
 from hqpipe.effects.position_dependent_stiffness import lean, uneven
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import lag_share, mean_share
+from hqpipe.effects.viscous_friction import relaxation
 from hqpipe.kernels.augmented_columns import (
     ASYMMETRY,
     BAND,
+    BEHIND,
     BIAS,
     COMPLIANCE,
     COULOMB,
@@ -52,11 +54,12 @@ BLOCK: Final = 384  # joints (32 quadrupeds): measured; the columns in use of a 
     STIFFENED,
     SLACK,
     RUBBING,
-) = range(14)
-LINKS: Final = 14
+    RELAXING,
+) = range(15)
+LINKS: Final = 15
 # columns that follow from a row of parameters
-(WHOLE, PART, SHARE, MEAN_SHARE, TOP, ONE_WAY, PER_S, RECOVERED, HALF, SOFT, LEAN) = range(11)
-DERIVED: Final = 11
+(WHOLE, PART, SHARE, MEAN_SHARE, TOP, ONE_WAY, PER_S, RECOVERED, HALF, SOFT, LEAN, RELAXED, MEAN_RELAXED) = range(13)
+DERIVED: Final = 13
 
 
 def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -74,6 +77,8 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     derived[WHOLE], derived[PART] = np.floor(lag), lag - np.floor(lag)
     for j, row in enumerate(parameters):
         derived[SHARE, j], derived[MEAN_SHARE, j] = lag_share(row[LAG], row[DT]), mean_share(row[LAG], row[DT])
+        behind = relaxation(row[VISCOUS], row[BEHIND], row[K3] / row[DT])
+        derived[RELAXED, j], derived[MEAN_RELAXED, j] = lag_share(behind, row[DT]), mean_share(behind, row[DT])
         derived[RECOVERED, j] = lag_share(row[RECOVERY], row[DT])
         derived[ONE_WAY, j] = row[ASYMMETRY] + uneven(row[SLOPE], row[UNEVEN])
         derived[LEAN, j] = lean(row[SLOPE])
@@ -96,6 +101,7 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         STIFFENED: (SLOPE,),
         SLACK: (GAP,),
         RUBBING: (COULOMB, STATIC, LOAD, VISCOUS),
+        RELAXING: (BEHIND,),
     }
     for link, columns in signs.items():
         links[link] = np.any(p[list(columns)] != 0.0)

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from hqpipe.effects.valve_lag import follow, lag_share, mean_share
+
 
 class Signals(NamedTuple):
     """One joint over several trials, end to end; SI units, (T,) each unless stated.
@@ -116,3 +118,17 @@ def lay_out(sequence: np.ndarray, first: np.ndarray, out: np.ndarray) -> None:
         at = first[w]
         for k in range(out.shape[0]):
             out[k, w] = sequence[at + k]
+
+
+@njit(cache=True, nogil=True)
+def lag_behind(sequence: np.ndarray, bounds: np.ndarray, time_constant: float, dt: float) -> None:
+    """A sequence of several trials behind a first-order lag, in place; each value is the mean over its sample."""
+    if time_constant == 0.0:
+        return
+    share, mean = lag_share(time_constant, dt), mean_share(time_constant, dt)
+    for trial in range(bounds.shape[0] - 1):
+        behind = sequence[bounds[trial]]
+        for k in range(bounds[trial], bounds[trial + 1]):
+            ahead = sequence[k]
+            sequence[k] = follow(behind, ahead, mean)
+            behind = follow(behind, ahead, share)

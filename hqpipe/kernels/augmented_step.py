@@ -1,8 +1,8 @@
 """One sample of an actuator with effects, for a robot: what the training simulator steps.
 
 The chain and its scalar functions are those of `hqpipe.kernels.augmented_windows`; here the states that a log
-provides (past commands, spool, integrator, wound-up chain, sagging supply) live in a row of memory per joint.
-Position mode.
+provides (past commands, spool, integrator, wound-up chain, sagging supply, speed of the piston) live in a row of memory per
+joint. Position mode.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import follow, lag_share, mean_share
+from hqpipe.effects.viscous_friction import relaxation
 from hqpipe.kernels.augmented_columns import (
+    BEHIND,
     BIAS,
     CLEAR,
     COMPLIANCE,
@@ -48,15 +50,15 @@ from hqpipe.kernels.augmented_columns import (
     SLOPE,
     STATIC,
     STRIBECK,
+    VISCOUS,
     WINDUP,
 )
 from hqpipe.kernels.augmented_command import shape_opening
 from hqpipe.kernels.augmented_output import friction, slid
 from hqpipe.kernels.laws import clip, impact
 
-SAMPLES, SPOOL, INTEGRAL, WOUND, LOSS, MEAN, TURNED, RING = range(
-    8
-)  # columns of the memory; the ring of past commands is last
+# columns of the memory; the ring of past commands is last
+SAMPLES, SPOOL, INTEGRAL, WOUND, LOSS, MEAN, TURNED, PISTON, FED, RING = range(10)
 RING_LENGTH: Final = 96  # samples: the longest delay of the library at 1 kHz, and some
 MEMORY: Final = RING + RING_LENGTH
 
@@ -92,6 +94,7 @@ def wake(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: floa
         held = needed / max(p[K1] * passed, 1e-300) - opened
         memory[INTEGRAL] = min(max(held, -limit), limit)
     memory[SPOOL] = opened + memory[INTEGRAL]
+    memory[PISTON], memory[FED] = qd, shape_opening(p, memory[SPOOL], 0.0)
 
 
 @njit(cache=True, nogil=True)
@@ -107,6 +110,11 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     memory[INTEGRAL] = integrate(memory[INTEGRAL], error, p[KI], p[WINDUP], dt)
     u = shape_opening(p, follow(memory[SPOOL], driven, mean_share(p[LAG], dt)), now * dt)
     memory[SPOOL] = follow(memory[SPOOL], driven, lag_share(p[LAG], dt))
+    behind = relaxation(p[VISCOUS], p[BEHIND], p[K3] / dt)
+    share, mean = lag_share(behind, dt), mean_share(behind, dt)
+    opened, moved = u, qd
+    u, qd = follow(memory[FED], opened, mean), follow(memory[PISTON], moved, mean)
+    memory[FED], memory[PISTON] = follow(memory[FED], opened, share), follow(memory[PISTON], moved, share)
     memory[LOSS] = sag(memory[LOSS], demand, p[DROOP], lag_share(p[RECOVERY], dt))
     memory[MEAN] = exchanged(memory[MEAN], memory[LOSS], q_des - q, p[EXCHANGE], dt)
     half = 0.5 * p[GAP] * p[K3] / dt

@@ -7,7 +7,8 @@ The chain, in this order (names as in hqpipe.effects):
               what unequal chambers add to it) → gain_drift → u
     core      τ' = τ + S · (k1 φ u − k2 τ − k3 q̇ + k4 h(τ, u)),  φ = orifice_flow with supply_droop,
               S = position_dependent_stiffness · transmission_compliance
-    output    friction in front of the load cell, backlash, torque_bias: a seal rubs on the piston's side of the slack
+    output    friction in front of the load cell, backlash, torque_bias: a seal rubs on the piston's side of the slack;
+              where viscous friction holds the piston back, opening and speed come through its lag
 
 In position mode the command side hangs on logged signals only and is computed once for all windows; windows
 lie side by side in memory, so that the core runs over all of them at once. In torque mode e = τ_des − τ closes
@@ -27,8 +28,10 @@ from hqpipe.effects.position_dependent_stiffness import displaced, exchanged, le
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import follow, lag_share, mean_share
+from hqpipe.effects.viscous_friction import relaxation
 from hqpipe.kernels.augmented_columns import (
     ALL,
+    BEHIND,
     CLEAR,
     COMMAND,
     COMPLIANCE,
@@ -56,17 +59,18 @@ from hqpipe.kernels.augmented_columns import (
     SUPPLY,
     TORQUE,
     VALVE,
+    VISCOUS,
     WINDUP,
 )
 from hqpipe.kernels.augmented_command import command_side, held, shape_opening
 from hqpipe.kernels.augmented_output import follow_along, friction, grips, move, rub, rubs, slid, slide, unloaded
-from hqpipe.kernels.augmented_signals import Signals, Work, lay_out, make_work
+from hqpipe.kernels.augmented_signals import Signals, Work, lag_behind, lay_out, make_work
 from hqpipe.kernels.laws import clip, impact
 
 
 @njit(cache=True, nogil=True)
 def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
-    """Fill velocity and position as late as the torque is logged."""
+    """Fill velocity, of the piston, and position as late as the torque is logged."""
     dt = p[DT]
     late = p[SKEW] / dt
     if late == 0.0:
@@ -79,6 +83,7 @@ def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
                 work.speed[k] = delayed(s.velocity, first, last, float(k), late)
                 work.other[k] = delayed(s.position, first, last, float(k), late)
         lay_out(work.other, s.first, work.offset)
+    lag_behind(work.speed, s.bounds, relaxation(p[VISCOUS], p[BEHIND], p[K3] / dt), dt)
     lay_out(work.speed, s.first, work.velocity)
     move(p, s, work)
 

@@ -34,6 +34,13 @@ def test_time_is_what_joints_with_different_loads_agree_on():
     assert time_held([start(e) for e in errors]) == 0.0
 
 
+def test_a_longer_time_is_preferred_to_an_offset_that_all_joints_have():
+    """Joints that bear alike: errors of 26 and 30 mrad, as far off in what they hold as noise makes them."""
+    alike = [start(e, time=0.9, offset=o) for e, o in ((0.026, 2e-4), (0.026, -1e-4), (0.03, -1e-4), (0.03, 0.0))]
+    time = time_held(alike)
+    assert all(s.agrees(s.offset(time), 0.0) for s in alike)
+
+
 def test_starts_that_do_not_agree_tell_nothing():
     errors, held = (0.03, -0.02, 0.01, 0.002), (0.01, -0.02, 0.004, 0.015)
     assert time_held([start(e, offset=h) for e, h in zip(errors, held, strict=True)]) is None

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hqpipe.gap.worth import SLIGHT, drop_outweighed
+from hqpipe.gap.worth import SLIGHT, drop_outweighed, drop_trifles
 
 
 class Search:
@@ -115,3 +115,24 @@ def test_a_name_for_most_of_what_is_left_stays_however_predictable_that_is(bare,
 def test_nobody_asks_what_is_predictable_of_noise():
     states = [joint("a", {(): 1.2, (RUB,): 1.0}, (RUB,))]
     assert drop_outweighed(states, [cause(RUB, "a")], np.array([1.0]), Rest())[0].chosen.effects == (RUB,)
+
+
+@pytest.mark.parametrize(
+    ("share", "low", "ratio", "kept"),
+    [
+        (0.30, 0.25, 1.01, True),
+        (0.01, 0.005, 1.01, False),
+        (0.30, -0.1, 1.01, False),
+        (0.01, 0.005, 1.5, True),
+        (-0.04, -0.06, 16.0, True),  # alone it widens the gap, beside the others it closes most of it
+        (-0.04, -0.06, 1.01, False),
+    ],
+)
+def test_a_trifle_is_what_neither_the_machine_nor_a_joint_needs(share, low, ratio, kept):
+    errors = {(): 500.0, (DELAY,): 60.0, (RUB,): 480.0, (DELAY, RUB): 40.0}
+    state = joint("a", errors, (DELAY, RUB))
+    support = (SimpleNamespace(effect=DELAY, ratio=2.0, z=9.0), SimpleNamespace(effect=RUB, ratio=ratio, z=9.0))
+    state = replace(state, support=support)
+    causes = [cause(DELAY, "a"), cause(RUB, "a")]
+    (found,) = drop_trifles([state], causes, np.array([0.5, share]), np.array([0.4, low]))
+    assert (RUB in found.chosen.effects) is kept

@@ -69,6 +69,17 @@ def test_friction_of_speed_is_one_sample_older_than_in_windows(effect, gain):
     assert 0.0 < np.abs(ahead - expected).max() < 3.0 * change
 
 
+def test_a_piston_behind_its_joint_steps_as_in_windows():
+    """But for the friction itself, whose speed is one sample older: damping and stiffness so small that it hardly counts."""
+    p = row({"viscous_friction": {"nm_s_per_rad": 1e-4, "behind_piston": 0.3}})
+    p[slot("base", "k3")] = 0.3 * 1e-4  # a lag of one sample
+    t = recorded({})
+    expected = np.stack([windowed(p, t, j) for j in range(3)], axis=1)
+    np.testing.assert_allclose(stepped([p] * 3, t)[1:], expected, atol=0.01)
+    p[slot("viscous_friction", "behind_piston")] = 0.0
+    assert np.abs(stepped([p] * 3, t)[1:] - expected).max() > 1.0
+
+
 def test_integrator_starts_with_what_holds_the_load_and_winds_to_its_limit():
     t = recorded({})
     sizes = {"integral_action": {"ki": 2.0, "limit": 0.03}}

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from augmented_rows import EXACT, STEPS, planted, row, signals_of, trial
+from scipy.signal import lfilter
 
 from hqpipe.effects import EFFECTS
 from hqpipe.effects.layout import NOT_IN_THE_LOOP, slot
@@ -230,3 +231,43 @@ def test_valve_mode_is_a_gain_on_the_opening(other_modes):
     expected = 3.0 * (signals.command[at] - 0.1)
     np.testing.assert_allclose(predicted(row({}, **BASE["valve"]), signals), expected, atol=1e-2 * EXACT)
     np.testing.assert_array_equal(signals.target[1:], signals.velocity[at])
+
+
+def between_springs(oil, transmission, damping):
+    """A log of a damped piston between two springs whose joint is hit at any time, and the row of that joint."""
+    rng, fine = np.random.default_rng(4), 100
+    speed = np.repeat(rng.normal(0.0, 0.3, 50), rng.multinomial(2000 * fine, np.full(50, 0.02)))
+    moved = np.cumsum(speed) * planted.DT / fine
+    q = moved[::fine]
+    e = 0.01 * np.sin(40.0 * np.arange(2000) * planted.DT)
+    flow = np.repeat(5e4 * e, fine) * planted.DT / fine
+    pushed = np.concatenate([[0.0], np.cumsum(flow)[:-1]])
+    drive = pushed + transmission * moved
+    share = np.exp(-planted.DT / fine * (oil + transmission) / damping)
+    p = lfilter([1.0 - share], [1.0, -share], drive / (oil + transmission))
+    x = transmission * (p[::fine] - q)
+    time = np.arange(2000) * planted.DT
+    t = planted.trajectory(
+        planted.Planted(time, (q + e)[:, None], q[:, None], np.gradient(q, time)[:, None], x[:, None])
+    )
+    left = transmission / (oil + transmission)
+    model = row(
+        {"viscous_friction": {"nm_s_per_rad": damping * left, "behind_piston": 1.0 - left}},
+        k1=left * 5e4 * planted.DT,
+        k2=0.0,
+        k3=left * oil * planted.DT,
+        k4=0.0,
+    )
+    model[slot("setting", "speed_late")] = 0.5
+    return cut([t], 0, "position", STEPS, speed=MOVED).signals, model
+
+
+def test_a_damped_piston_lags_behind_its_joint():
+    signals, model = between_springs(40e3, 120e3, 100.0)
+    assert model[slot("viscous_friction", "behind_piston")] == 0.25
+    left = {}
+    for behind in (0.0, 0.15, 0.25, 0.35):
+        model[slot("viscous_friction", "behind_piston")] = behind
+        left[behind] = rms(residual_windows(model, signals))
+    assert min(left, key=left.get) == 0.25
+    assert left[0.25] < 0.4 * left[0.0], "what remains: the speed between two samples in an impact"

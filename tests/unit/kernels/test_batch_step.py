@@ -57,6 +57,19 @@ def test_effects_step_alike(effects):
     np.testing.assert_allclose(at_once(rows, *inputs), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
 
 
+def test_pistons_behind_their_joints_step_alike():
+    sizes = {
+        "viscous_friction": {"nm_s_per_rad": 60.0, "behind_piston": 0.3},
+        "coulomb_friction": {"friction_nm": 20.0},
+    }
+    rows = np.array([row(sizes), row({}), row({"valve_lag": {"time_constant_s": 0.005}})])
+    inputs = motion(7)
+    expected = one_by_one(rows, *inputs)
+    np.testing.assert_allclose(at_once(rows, *inputs), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+    sizes["viscous_friction"]["behind_piston"] = 0.0
+    assert np.abs(one_by_one(np.array([row(sizes), row({}), row({})]), *inputs) - expected)[:, 0].max() > 1.0
+
+
 def test_every_effect_changes_the_torque():
     """Or the comparison above would compare nothing."""
     inputs = motion(0)
