@@ -15,7 +15,7 @@ import numpy as np
 
 from hqpipe.gap.bootstrap import BLOCK_S
 from hqpipe.gap.changes import CANDIDATES, in_order
-from hqpipe.gap.set_fit import JointFitter, Names, SetFit
+from hqpipe.gap.set_fit import JointFitter, Names, SetFit, is_poor
 
 MOST_EFFECTS = 5  # per joint; more have never been told apart on logs of a minute; assumption
 BEAM = 4  # sets that are grown side by side
@@ -91,9 +91,10 @@ class JointSearch:
         self._fine: set[Names] = set()
 
     def fit(self, names: Sequence[str], warm: Sequence[SetFit] = (), iterations: int = GROW_ITERATIONS) -> SetFit:
-        """A set's fit, remembered."""
+        """A set's fit, remembered; one that a part of it in `warm` shows to be poor is fitted again."""
         key = in_order(names)
-        if key not in self._tried:
+        known = self._tried.get(key)
+        if known is None or any(is_poor(known, part) for part in warm):
             self._tried[key] = self.fitter.fit(key, warm, iterations)
         return self._tried[key]
 

@@ -26,6 +26,8 @@ OUTLIER_SIGMAS = 6.0  # assumption: only gross errors (sensor glitches) lie beyo
 OUTLIER_SHARE = 0.5  # of the output's RMS; keeps impacts from counting as outliers
 SPANS = (1, 5, 20)  # samples of the differences that first guesses come from
 FIRST_LOOK = 3  # iterations before a start is compared with its rivals
+POORER = 1.01  # loss over that of a part of the set, from which it is fitted again; less is haste
+SHY = 0.1  # of the size that an effect has by itself, where that made matters worse; assumption
 ITERATIONS, TOLERANCE = 25, 1e-4
 RATIO_SCALE = 0.1  # of a coefficient: the size of a step of its change
 ALONE = np.full(1, -1)  # a column that nothing is tied to
@@ -63,6 +65,11 @@ class SetFit:
         return float(self.heldout.mean())
 
 
+def is_poor(fit: SetFit, part: SetFit) -> bool:
+    """Whether a set is worse than a part of it: its fit ended in the wrong place."""
+    return fit.loss > POORER * part.loss and set(part.effects) < set(fit.effects)
+
+
 def window_errors(row: np.ndarray, split: Split) -> np.ndarray:
     """(W,) mean squared error of each window; infinite where the free run runs away."""
     return _squared(residual_windows(row, split.signals))
@@ -94,13 +101,24 @@ class JointFitter:
         self.data = data
         self._ground = neutral_row() if data.then is None else data.then.row
         self._known: dict[Names, SetFit] = {}
+        self._again: set[tuple[Names, Names]] = set()
 
     def fit(self, effects: Iterable[str] = (), warm: Sequence[SetFit] = (), iterations: int = ITERATIONS) -> SetFit:
-        """Fit a set, from the best of `warm` rows joined together and the effects' own start values."""
+        """Fit a set, from the best of `warm` rows joined together and the effects' own start values.
+
+        No set is worse than a part of it, but for where the fit began: where `warm` shows that, it is fitted again.
+        """
         names = in_order(effects)
         if names not in self._known:
             start = self._best_start(names, self._starts(names, warm))
             self._known[names] = self._result(names, *self._run(names, start, iterations))
+        for part in warm:
+            known = self._known[names]
+            if is_poor(known, part) and (names, part.effects) not in self._again:
+                self._again.add((names, part.effects))
+                found = self._run(names, self._shy(part, names), iterations)
+                if found[1] < known.loss:
+                    self._known[names] = self._result(names, *found)
         return self._known[names]
 
     def refine(self, fit: SetFit, larger: SetFit | None = None) -> SetFit:
@@ -311,6 +329,15 @@ class JointFitter:
                     row = multiplied(row, name, 1.0 / gone.get(name, 1.0))
                 else:
                     row[slots(name)] = self._ground[slots(name)]
+        return row
+
+    def _shy(self, fit: SetFit, names: Names) -> np.ndarray:
+        """The row of a fit, with a tenth of what the effects that it lacks are by themselves."""
+        row = self._joined(names, fit, [fit])
+        for name in set(names) - set(fit.effects) - set(FACTORS):
+            row[slots(name)[0]] = self._ground[slots(name)[0]] + SHY * (
+                row[slots(name)[0]] - self._ground[slots(name)[0]]
+            )
         return row
 
     def _reset_shape(self, row: np.ndarray, name: str) -> None:
