@@ -72,6 +72,26 @@ def test_skew_of_load_cells_is_found_to_a_millisecond():
     assert found == pytest.approx([0.006] * len(found), abs=1.5e-3)
 
 
+def test_a_joint_at_rest_tells_no_gain():
+    """Friction holds whatever the load asks for: pressures that the effort does not follow then must not pass for a scale."""
+    logs = plant_logs(source="load_cell")
+    j, resting = logs.joints.index("LFK"), []
+    for trial in logs.trials:
+        t = trial.trajectory
+        still = np.abs(t.velocity[:, j]) < 0.04 * t.velocity[:, j].std()
+        assert 0.01 < still.mean() < 0.3
+        pressure = t.pressure_a.copy()
+        pressure[still, j] *= 1.5
+        resting.append(replace(trial, trajectory=replace(t, pressure_a=pressure)))
+    moved = replace(logs, trials=tuple(resting))
+
+    def scale(log_set):
+        return next(c.value for c in cross_check(log_set) if (c.effect, c.joint) == ("torque_scale", "LFK"))
+
+    assert scale(moved) == pytest.approx(1.0, abs=0.005)
+    assert abs(scale(replace(moved, effort_source="pressure")) - 1.0) > 0.02, "where nothing rubs, all rows count"
+
+
 def test_pistons_of_two_sizes():
     """With unequal pistons the sum of the pressures counts too, and the offset is still that of the sensor."""
 

@@ -7,7 +7,7 @@ import pytest
 from planted_logs import data_of, logs_of, size
 
 from hqpipe.effects.layout import BASE, neutral_row, slot, slots
-from hqpipe.gap.set_fit import JointFitter, in_order, window_errors
+from hqpipe.gap.set_fit import JointFitter, in_order, is_poor, window_errors
 
 LIMIT = 0.12  # rad: a fit that begins with the tightest limit ends in a false minimum
 
@@ -77,6 +77,20 @@ def test_warm_start_drops_what_is_not_in_the_set_and_adds_what_is(logs):
     more = fitter.fit(("command_delay", "valve_deadband", "valve_lag"), [pair])
     assert more.loss <= pair.loss * 1.0001
     assert fewer.loss > 2.0 * pair.loss
+
+
+def test_a_set_that_is_worse_than_a_part_of_it_is_fitted_again(logs):
+    fitter, both = JointFitter(data_of(logs, 3)), ("command_delay", "valve_deadband")
+    part = fitter.fit(("valve_deadband",))
+    astray = fitter.fit().row.copy()
+    astray[slots("command_delay")[0]], astray[slots("valve_deadband")[0]] = 0.08, 0.15
+    fitter._known[both] = fitter._result(both, *fitter._run(both, astray, 1))
+    assert is_poor(fitter.fit(both), part)
+    assert not is_poor(part, fitter.fit(both)), "not a part of it"
+    found = fitter.fit(both, [part])
+    assert found is fitter.fit(both)
+    assert found.row[slots("command_delay")[0]] == pytest.approx(0.0064, rel=0.05)
+    assert found.error < 2.2 * 3.0**2
 
 
 def test_uneven_friction_gives_way_to_an_offset():
