@@ -62,7 +62,8 @@ def _shared_sets(states: list[JointState]) -> list[JointState]:
     found = []
     for state, own in zip(states, sets, strict=True):
         against = {names: sum(own <= others and not names <= others for others in sets) for names in common}
-        wider = [names for names in common if sharers[names] > against[names] and _other(names, state, rare)]
+        made_up = _made_up(state, states, rare)
+        wider = [names for names in common if sharers[names] > against[names] and _other(names, state, made_up)]
         for names in wider[:MOST_SETS]:
             fit = _as_sharers(state, state.search.fit(names, [state.chosen]), states)
             if state.data.then is None and not _as_good(state, fit):  # where a fit begins decides where it ends
@@ -91,11 +92,23 @@ def rare_names(states: list[JointState]) -> set[str]:
     return {name for name, count in holders.items() if count < MOST_OF * len(states)}
 
 
-def _other(names: frozenset[str], state: JointState, rare: set[str]) -> bool:
-    """Whether a set is no part of the joint's own, which the search has weighed; a restored sign makes up rare names."""
+def _other(names: frozenset[str], state: JointState, made_up: set[str]) -> bool:
+    """Whether a set is no part of the joint's own, which the search has weighed, or lacks only what may be made up."""
     own = set(state.chosen.effects)
-    made_up = own & rare if state.data.barred else set()
     return names <= set(state.search.library) and (not names <= own or (names != own and own - names <= made_up))
+
+
+def _made_up(state: JointState, states: list[JointState], rare: set[str]) -> set[str]:
+    """Rare names that a restored sign may have made up: those that its groups do not share."""
+    if not state.data.barred:
+        return set()
+    found = set(state.chosen.effects) & rare
+    for members in groups(tuple(other.joint for other in states)):
+        if state.joint in members:
+            inside = [other for other in states if other.joint in members]
+            holders = Counter(name for other in inside for name in other.chosen.effects)
+            found -= {name for name, count in holders.items() if count >= POOLED_SHARE * len(inside)}
+    return found
 
 
 def _as_good(state: JointState, fit: SetFit) -> bool:

@@ -16,12 +16,13 @@ LIBRARY = ("valve_lag", "valve_deadband", "direction_asymmetry", "coulomb_fricti
 Z = 3.0
 
 
-def states_of(planted, chosen, barred=()):
+def states_of(planted, chosen, barred=(), joints=()):
     """One joint per row: what is planted in it, and the names that its search is said to have ended with."""
     logs = logs_of([size(*names) if isinstance(names, tuple) else names for names in planted], seconds=6.0)
     states = []
     for j, names in enumerate(chosen):
         data = replace(data_of(logs, j), barred=("backlash",) if j in barred else ())
+        data = replace(data, joint=joints[j]) if joints else data
         search = JointSearch(JointFitter(data), LIBRARY, Z)
         fit = search.fit(names)
         states.append(JointState(search, search.fit(()), fit, search.with_support(fit)))
@@ -57,4 +58,12 @@ def test_a_name_that_most_joints_have_stays_where_the_sign_was_restored():
     states = states_of(
         [("direction_asymmetry",), both, both, both], [("direction_asymmetry",), both, both, both], {1, 2, 3}
     )
+    assert names_of(seek_consensus(states)) == names_of(states)
+
+
+def test_a_name_that_a_kind_of_joints_has_stays_where_its_sign_was_restored():
+    slight = size("direction_asymmetry") | {"coulomb_friction": {"friction_nm": 3.5, "asymmetry_nm": 0.0}}
+    one, both = ("direction_asymmetry",), ("direction_asymmetry", "coulomb_friction")
+    joints = ("LFK", "RFK", "LHK", "LFP", "RFP", "LHP", "RHP")
+    states = states_of([slight] * 3 + [one] * 4, [both] * 3 + [one] * 4, {0, 1, 2}, joints)
     assert names_of(seek_consensus(states)) == names_of(states)
