@@ -19,7 +19,7 @@ from hqpipe.gap.estimate import estimates
 from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.search import JointSearch
 from hqpipe.gap.set_fit import JointFitter, SetFit
-from hqpipe.gap.sharing import MOST_OF, middle_numbers, rare_names
+from hqpipe.gap.sharing import MOST_OF, rare_names
 
 LEAST_SHARERS = 3  # joints with a size, so that one of them can be the odd one
 ODD = 0.25  # of the middle: a size that differs by less, or whose interval holds it, is the machine's; as `agree`
@@ -86,7 +86,7 @@ def _needs_less(state: JointState, states: list[JointState], rare: set[str]) -> 
     others, search = [s.chosen for s in states if s is not state], state.search
     for name in (name for name in state.chosen.effects if name in rare):
         less = search.without(state.chosen, name)
-        numbers = middle_numbers(less.effects, others)
+        numbers = _numbers(less.effects, others)
         if numbers and _earns(search, state.chosen, less, name):
             better = search.like(less, numbers)
             if better is not less and not _earns(search, state.chosen, better, name):
@@ -96,3 +96,14 @@ def _needs_less(state: JointState, states: list[JointState], rare: set[str]) -> 
 
 def _earns(search: JointSearch, fit: SetFit, less: SetFit, name: str) -> bool:
     return search.earns(fit, search.support(name, less, fit))
+
+
+def _numbers(names: tuple[str, ...], others: list[SetFit]) -> dict[int, float]:
+    """Column → median of other joints' numbers; empty where one of the effects is in no other joint."""
+    found: dict[int, float] = {}
+    for name in names:
+        rows = [fit.row[slots(name)] for fit in others if name in fit.effects]
+        if not rows:
+            return {}
+        found |= zip(slots(name), np.median(rows, axis=0).tolist(), strict=True)
+    return found

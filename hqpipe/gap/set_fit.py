@@ -335,9 +335,8 @@ class JointFitter:
         """The row of a fit, with a tenth of what the effects that it lacks are by themselves."""
         row = self._joined(names, fit, [fit])
         for name in set(names) - set(fit.effects) - set(FACTORS):
-            row[slots(name)[0]] = self._ground[slots(name)[0]] + SHY * (
-                row[slots(name)[0]] - self._ground[slots(name)[0]]
-            )
+            first = slots(name)[0]
+            row[first] = self._ground[first] + SHY * (row[first] - self._ground[first])
         return row
 
     def _reset_shape(self, row: np.ndarray, name: str) -> None:

@@ -7,11 +7,9 @@ may be clear in their sum, and an effect that most joints show is looked for in 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 
 import numpy as np
 
-from hqpipe.effects.layout import slots
 from hqpipe.gap.changes import CANDIDATES, in_order
 from hqpipe.gap.estimate import agree, estimates
 from hqpipe.gap.groups import groups
@@ -66,23 +64,10 @@ def _shared_sets(states: list[JointState]) -> list[JointState]:
         wider = [names for names in common if sharers[names] > against[names] and _other(names, state, made_up)]
         for names in wider[:MOST_SETS]:
             fit = _as_sharers(state, state.search.fit(names, [state.chosen]), states)
-            if state.data.then is None and not _as_good(state, fit):  # where a fit begins decides where it ends
-                fit = state.search.like(fit, middle_numbers(fit.effects, [s.chosen for s in states if s is not state]))
             if _as_good(state, fit):
                 state = state.choose(fit)
                 break
         found.append(state)
-    return found
-
-
-def middle_numbers(names: Sequence[str], fits: Sequence[SetFit]) -> dict[int, float]:
-    """Column → median of the numbers of the fits that have an effect; empty where one of the effects is in none."""
-    found: dict[int, float] = {}
-    for name in names:
-        rows = [fit.row[slots(name)] for fit in fits if name in fit.effects]
-        if not rows:
-            return {}
-        found |= zip(slots(name), np.median(rows, axis=0).tolist(), strict=True)
     return found
 
 

@@ -62,6 +62,12 @@ def shape_opening(p: np.ndarray, opening: float, time: float) -> float:
     return drifted(asymmetric(opening, p[ASYMMETRY] + uneven(p[SLOPE], p[UNEVEN])), p[DRIFT], time)
 
 
+@njit(cache=True, nogil=True, inline="always")
+def piston_lag(p: np.ndarray) -> float:
+    """Time constant, s, with which opening and speed reach a joint whose piston rubs."""
+    return relaxation(p[VISCOUS], p[BEHIND], p[K3] / p[DT])
+
+
 @njit(cache=True, nogil=True)
 def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
     """Fill `opening`: u in position and valve mode; in torque mode the delayed command, and the states at the
@@ -95,7 +101,7 @@ def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
             integral = integrate(integral, error, p[KI], p[WINDUP], dt)
             spool = follow(spool, driven, share)
     if s.mode == POSITION:
-        lag_behind(work.command, s.bounds, relaxation(p[VISCOUS], p[BEHIND], p[K3] / dt), dt)
+        lag_behind(work.command, s.bounds, piston_lag(p), dt)
     lay_out(work.command, s.first, work.opening)
     if s.mode == TORQUE:
         for w in range(s.first.shape[0]):

@@ -9,7 +9,6 @@ import numpy as np
 from hqpipe.effects.position_dependent_stiffness import lean, uneven
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import lag_share, mean_share
-from hqpipe.effects.viscous_friction import relaxation
 from hqpipe.kernels.augmented_columns import (
     ASYMMETRY,
     BAND,
@@ -34,6 +33,7 @@ from hqpipe.kernels.augmented_columns import (
     UNEVEN,
     VISCOUS,
 )
+from hqpipe.kernels.augmented_command import piston_lag
 from hqpipe.kernels.augmented_step import RING_LENGTH
 
 BLOCK: Final = 384  # joints (32 quadrupeds): measured; the columns in use of a block stay in the cache
@@ -77,7 +77,7 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     derived[WHOLE], derived[PART] = np.floor(lag), lag - np.floor(lag)
     for j, row in enumerate(parameters):
         derived[SHARE, j], derived[MEAN_SHARE, j] = lag_share(row[LAG], row[DT]), mean_share(row[LAG], row[DT])
-        behind = relaxation(row[VISCOUS], row[BEHIND], row[K3] / row[DT])
+        behind = piston_lag(row)
         derived[RELAXED, j], derived[MEAN_RELAXED, j] = lag_share(behind, row[DT]), mean_share(behind, row[DT])
         derived[RECOVERED, j] = lag_share(row[RECOVERY], row[DT])
         derived[ONE_WAY, j] = row[ASYMMETRY] + uneven(row[SLOPE], row[UNEVEN])

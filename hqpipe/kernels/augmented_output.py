@@ -14,9 +14,8 @@ from hqpipe.effects.position_dependent_stiffness import displaced, lean, stiffne
 from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import follow, mean_share
-from hqpipe.effects.viscous_friction import relaxation, viscous
+from hqpipe.effects.viscous_friction import viscous
 from hqpipe.kernels.augmented_columns import (
-    BEHIND,
     CLEAR,
     COMPLIANCE,
     COMPRESSION,
@@ -44,7 +43,7 @@ from hqpipe.kernels.augmented_columns import (
     TORQUE,
     VISCOUS,
 )
-from hqpipe.kernels.augmented_command import shape_opening
+from hqpipe.kernels.augmented_command import piston_lag, shape_opening
 from hqpipe.kernels.augmented_signals import Signals, Work, lag_behind, lay_out
 from hqpipe.kernels.laws import impact
 
@@ -69,7 +68,7 @@ def move(p: np.ndarray, s: Signals, work: Work) -> None:
         first, last = s.bounds[trial], s.bounds[trial + 1] - 1
         for k in range(first, last + 1):
             work.moving[k] = s.velocity[k] if late == 0.0 else delayed(s.velocity, first, last, float(k), late)
-    lag_behind(work.moving, s.bounds, relaxation(p[VISCOUS], p[BEHIND], p[K3] / p[DT]), p[DT])
+    lag_behind(work.moving, s.bounds, piston_lag(p), p[DT])
     lay_out(work.moving, s.first, work.sliding)
 
 

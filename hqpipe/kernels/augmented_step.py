@@ -21,9 +21,7 @@ from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import follow, lag_share, mean_share
-from hqpipe.effects.viscous_friction import relaxation
 from hqpipe.kernels.augmented_columns import (
-    BEHIND,
     BIAS,
     CLEAR,
     COMPLIANCE,
@@ -50,10 +48,9 @@ from hqpipe.kernels.augmented_columns import (
     SLOPE,
     STATIC,
     STRIBECK,
-    VISCOUS,
     WINDUP,
 )
-from hqpipe.kernels.augmented_command import shape_opening
+from hqpipe.kernels.augmented_command import piston_lag, shape_opening
 from hqpipe.kernels.augmented_output import friction, slid
 from hqpipe.kernels.laws import clip, impact
 
@@ -110,7 +107,7 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     memory[INTEGRAL] = integrate(memory[INTEGRAL], error, p[KI], p[WINDUP], dt)
     u = shape_opening(p, follow(memory[SPOOL], driven, mean_share(p[LAG], dt)), now * dt)
     memory[SPOOL] = follow(memory[SPOOL], driven, lag_share(p[LAG], dt))
-    behind = relaxation(p[VISCOUS], p[BEHIND], p[K3] / dt)
+    behind = piston_lag(p)
     share, mean = lag_share(behind, dt), mean_share(behind, dt)
     opened, moved = u, qd
     u, qd = follow(memory[FED], opened, mean), follow(memory[PISTON], moved, mean)

@@ -28,10 +28,8 @@ from hqpipe.effects.position_dependent_stiffness import displaced, exchanged, le
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import follow, lag_share, mean_share
-from hqpipe.effects.viscous_friction import relaxation
 from hqpipe.kernels.augmented_columns import (
     ALL,
-    BEHIND,
     CLEAR,
     COMMAND,
     COMPLIANCE,
@@ -59,10 +57,9 @@ from hqpipe.kernels.augmented_columns import (
     SUPPLY,
     TORQUE,
     VALVE,
-    VISCOUS,
     WINDUP,
 )
-from hqpipe.kernels.augmented_command import command_side, held, shape_opening
+from hqpipe.kernels.augmented_command import command_side, held, piston_lag, shape_opening
 from hqpipe.kernels.augmented_output import follow_along, friction, grips, move, rub, rubs, slid, slide, unloaded
 from hqpipe.kernels.augmented_signals import Signals, Work, lag_behind, lay_out, make_work
 from hqpipe.kernels.laws import clip, impact
@@ -83,7 +80,7 @@ def _motion(p: np.ndarray, s: Signals, work: Work) -> None:
                 work.speed[k] = delayed(s.velocity, first, last, float(k), late)
                 work.other[k] = delayed(s.position, first, last, float(k), late)
         lay_out(work.other, s.first, work.offset)
-    lag_behind(work.speed, s.bounds, relaxation(p[VISCOUS], p[BEHIND], p[K3] / dt), dt)
+    lag_behind(work.speed, s.bounds, piston_lag(p), dt)
     lay_out(work.speed, s.first, work.velocity)
     move(p, s, work)
 
