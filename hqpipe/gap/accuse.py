@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -122,7 +123,7 @@ def accuse(
     mode, joints = log_set.control_mode, log_set.joints
     effort = log_set.trials[0].trajectory.effort is not None
     names = library(mode, log_set.effort_source, len(joints), without, effort, changes=earlier is not None)
-    data, speed, late = prepare(log_set, names, steps, signed, effort_limit, earlier)
+    data, speed, late = prepare(log_set, names, steps, signed, effort_limit, earlier, workers)
     states = search_joints(data, names, workers, progress)
     base = Rest(_machine(states, mode, speed, chosen=False), log_set, steps)
     states = look_again(states, seek_consensus(pool_groups(seek_consensus(states))), workers)
@@ -138,7 +139,7 @@ def accuse(
     spans = _tidy_spans(search_spans(states, floor, workers), states, floor)
     after = _with_spans(_machine(states, mode, speed, chosen=True), spans, states, log_set)
     if spans or not np.array_equal(after.rows, rest.machine.rows):
-        rest = Rest(after, log_set, steps)
+        rest = rest.of(after)
     causes = assemble(states, floor)
     lasting = len(causes)
     if spans:
@@ -175,6 +176,7 @@ def prepare(
     signed: SignedLogs | None,
     effort_limit: np.ndarray | None,
     earlier: Earlier | None = None,
+    workers: int = 1,
 ) -> tuple[list[JointData], str, float]:
     """Windows of every joint with the speed that the base model fits better, that speed, and how late the logged one is.
 
@@ -198,30 +200,32 @@ def prepare(
         return data
 
     if earlier is not None:
-        return _as_then(earlier, cut_up)
+        return _as_then(earlier, cut_up, workers)
     known = (ROW_OFFSET,) if mode == "valve" else ()  # a delay must not choose the speed that hides a part of it
     speed, data = MOVED, cut_up(MOVED, BY_SPEED)
     if late <= FILTERED_ROWS:  # two cuts at a time: they are the largest thing in memory
         logged = cut_up(LOGGED, BY_SPEED)
-        if _misfit(logged, known) < _misfit(data, known):
+        if _misfit(logged, known, workers) < _misfit(data, known, workers):
             speed, data = LOGGED, logged
         del logged
     shift = 0.0
     if RUBBING in names:
-        shift = min(EARLIER_OR_LATER, key=lambda rows: _misfit(_timed(data, rows), (RUBBING,)))
+        shift = min(EARLIER_OR_LATER, key=lambda rows: _misfit(_timed(data, rows), (RUBBING,), workers))
         data = _timed(data, shift)
     if SHARED in names:
         opened = _timed(cut_up(speed, by_opening(fit, mode)), shift)
-        data = min(data, opened, key=lambda option: _misfit(option, (SHARED,)))
+        data = min(data, opened, key=lambda option: _misfit(option, (SHARED,), workers))
     return data, speed, late
 
 
-def _as_then(earlier: Earlier, cut_up: Callable[[str, Flow], list[JointData]]) -> tuple[list[JointData], str, float]:
+def _as_then(
+    earlier: Earlier, cut_up: Callable[[str, Flow], list[JointData]], workers: int
+) -> tuple[list[JointData], str, float]:
     """The joints beside an earlier record, with its speed and flow; where it does not say, the speed that suits it."""
     known = np.nan_to_num(earlier.then[earlier.joints[0]].row[FLOW])
     flow = tuple(known.tolist()) if known.any() else BY_SPEED
     options = {speed: earlier.beside(cut_up(speed, flow)) for speed in ([earlier.speed] if earlier.speed else SPEEDS)}
-    speed = min(options, key=lambda name: _misfit(options[name], ()))
+    speed = min(options, key=lambda name: _misfit(options[name], (), workers))
     return options[speed], speed, 0.0
 
 
@@ -231,9 +235,11 @@ def _timed(data: Sequence[JointData], rows: float) -> list[JointData]:
     return [replace(d, row=np.where(np.arange(len(d.row)) == column, d.row + rows, d.row)) for d in data]
 
 
-def _misfit(data: Sequence[JointData], names: tuple[str, ...]) -> float:
+def _misfit(data: Sequence[JointData], names: tuple[str, ...], workers: int) -> float:
     """Sum of the logarithms of the joints' losses with a set of effects."""
-    return sum(np.log(JointFitter(d).fit(names).loss + 1e-300) for d in data)
+    with ThreadPoolExecutor(max(workers, 1)) as pool:
+        losses = pool.map(lambda one: JointFitter(one).fit(names).loss, data)
+        return sum(np.log(loss + 1e-300) for loss in losses)
 
 
 def _floor(machine: RowModel, states: list[JointState], log_set: LogSet, steps: int) -> np.ndarray:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from functools import cached_property
 
+import numpy as np
+
 from hqpipe.gap.reference import Explained, explain
 from hqpipe.gap.replay import Replay
 from hqpipe.gap.row_model import RowModel, replay_all
@@ -20,6 +22,18 @@ class Rest:
     def __init__(self, machine: RowModel, log_set: LogSet, steps: int) -> None:
         self.machine, self._log_set, self._steps = machine, log_set, steps
         self._explained: dict[int, Explained] = {}
+
+    def of(self, machine: RowModel) -> Rest:
+        """The same logs under another model of the machine; what is known of joints that are the same in both is kept.
+
+        In valve mode, where the model's speeds of all joints are among the signals, nothing is.
+        """
+        other, changed = Rest(machine, self._log_set, self._steps), {*machine.spans, *self.machine.spans}
+        for j, explained in self._explained.items():
+            same = np.array_equal(machine.rows[j], self.machine.rows[j], equal_nan=True)
+            if same and j not in changed and machine.mode != "valve":
+                other._explained[j] = explained
+        return other
 
     @cached_property
     def fit(self) -> list[Replay]:

@@ -43,7 +43,7 @@ class SetFit:
         effects: names, in the order of the chain.
         row: (WIDTH,) parameters.
         loss: Huber loss per sample in the fit trials.
-        hessian: (n, n) Gauss-Newton matrix of the free columns.
+        hessian: (n, n) Gauss-Newton matrix of the free columns, about where the row is.
         free: (n,) free columns.
         heldout: (W,) mean squared error of each held-out window.
         fitted: (W,) the same in the fit trials.

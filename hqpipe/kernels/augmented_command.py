@@ -80,7 +80,7 @@ def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
         first, last = s.bounds[trial], s.bounds[trial + 1] - 1
         integral, spool = 0.0, 0.0
         if p[KI] != 0.0 and s.mode != VALVE:
-            integral = held(p, s, work, first, last)
+            integral = held(p, s, work, trial)
         for k in range(first, last + 1):
             at = k - p[SKEW] / dt
             wanted = s.command[k] if prompt else delayed(s.command, first, last, at, p[DELAY] / dt)
@@ -110,13 +110,14 @@ def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
 
 
 @njit(cache=True, nogil=True)
-def held(p: np.ndarray, s: Signals, work: Work, first: int, last: int) -> float:
+def held(p: np.ndarray, s: Signals, work: Work, trial: int) -> float:
     """What the integrator holds when a trial starts: what makes the openings add up to the change of torque.
 
     Logs begin in the middle of operation, so it is not zero, and a wrong start would last: until the integrator first
     stands at its limit, else through the whole trial. Where it is known for how long the joint had been held before, it is
     what has wound up since.
     """
+    first, last = s.bounds[trial], s.bounds[trial + 1] - 1
     if p[HELD] >= 0.0 and s.mode == POSITION and s.time[first] == 0.0:
         return wound_up_for(s.command[first] - s.position[first], p[KI], p[WINDUP], p[HELD])
     soft, offset = softened(p[K3], p[COMPLIANCE], p[DT]), 0.0 if s.mode == POSITION else p[OFFSET]
@@ -132,7 +133,7 @@ def held(p: np.ndarray, s: Signals, work: Work, first: int, last: int) -> float:
         velocity = displaced(s.velocity[k], work.middling[k], p[COMPRESSION])
         work.other[k] = work.stiff[k] * (p[K2] * (s.effort[k] - p[OFFSET]) + p[K3] * velocity)
     limit = 1.0 / max(p[WINDUP], 1e-300)
-    low, high, start = -limit, limit, 0.0
+    low, high, start = -limit, limit, min(max(work.held[trial], -limit), limit)
     for _ in range(HELD_PASSES):
         missing, samples = _missing(p, s, work, first, last, start)
         if missing > 0.0:
@@ -142,9 +143,11 @@ def held(p: np.ndarray, s: Signals, work: Work, first: int, last: int) -> float:
         wanted = start + missing / max(p[K1] * samples, 1e-300)
         if wanted <= low or wanted >= high:  # the limit takes from what the start is worth
             wanted = 0.5 * (low + high)
-        if abs(wanted - start) < HELD_CLOSE * abs(wanted):
-            return wanted
+        close = abs(wanted - start) < HELD_CLOSE * abs(wanted)
         start = wanted
+        if close:
+            break
+    work.held[trial] = start if np.isfinite(start) else 0.0
     return start
 
 

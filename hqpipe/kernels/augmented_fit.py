@@ -71,7 +71,6 @@ HOLDS = (
     COMPRESSION,
     COMPLIANCE,
 )  # columns of the core that tell what an integrator holds
-RELAXES = (VISCOUS, K3)  # columns that tell by how much a piston lags behind
 
 
 @njit(cache=True, nogil=True)
@@ -145,6 +144,7 @@ def _jacobian(
     """Weighted derivatives of the output, (n, steps · W); `work` holds what `simulate` left there for `p`."""
     moved = p.copy()
     stale = CORE
+    lag, relaxed = _lag_row(p, free), np.zeros(free.shape[0])
     for i in range(free.shape[0]):
         at = free[i]
         h = STEP * scale[i]
@@ -154,17 +154,41 @@ def _jacobian(
         inputs = changes[at] if at not in GRIPS else CORE
         if p[KI] != 0.0 and at in HOLDS:
             inputs |= _DRIVEN  # what the integrator holds at the start hangs on the core
-        if p[BEHIND] != 0.0 and at in RELAXES:
-            inputs = ALL
+        if p[BEHIND] != 0.0 and at != BEHIND and (moved[VISCOUS] != p[VISCOUS] or moved[K3] != p[K3]):
+            if lag < 0:
+                inputs = ALL
+            else:  # the lag is kept as it was, and what its change does is taken from the lag's own slope
+                longer = moved[VISCOUS] / p[VISCOUS] * p[K3] / moved[K3]
+                moved[BEHIND] = p[BEHIND] / longer
+                relaxed[i] = p[BEHIND] * (longer - 1.0) / h
         simulate(moved, s, work, trial, inputs | stale)
         stale = inputs
         moved[:] = p
-        row = jacobian[i]
-        n = 0
-        for k in range(base.shape[0]):
-            for w in range(base.shape[1]):
-                row[n] = (trial[k, w] - base[k, w]) / h * weight[n]
-                n += 1
+        _slope(jacobian[i], trial, base, 1.0 / h, weight)
+    for i in range(free.shape[0]):
+        if relaxed[i] != 0.0:
+            jacobian[i] += relaxed[i] * jacobian[lag]
+
+
+@njit(cache=True, nogil=True)
+def _slope(row: np.ndarray, moved: np.ndarray, base: np.ndarray, per_step: float, weight: np.ndarray) -> None:
+    """Fill a row of the Jacobian; row by row, so that the compiler can do several samples at once."""
+    windows = base.shape[1]
+    for k in range(base.shape[0]):
+        at = k * windows
+        for w in range(windows):
+            row[at + w] = (moved[k, w] - base[k, w]) * per_step * weight[at + w]
+
+
+@njit(cache=True, nogil=True)
+def _lag_row(p: np.ndarray, free: np.ndarray) -> int:
+    """Index of the free column that alone moves the lag of a rubbing piston; −1 where none can."""
+    if p[VISCOUS] <= 0.0 or p[K3] <= 0.0:
+        return -1
+    for i in range(free.shape[0]):
+        if free[i] == BEHIND:
+            return i
+    return -1
 
 
 @njit(cache=True, nogil=True)
@@ -227,8 +251,8 @@ def fit_windows(
         tolerance: stop when the loss falls by less than this share.
 
     Returns:
-        The row, the Huber loss per sample, the Gauss-Newton matrix JᵀJ (n, n) at the row, zero if the free run is about
-        to run away there, and the residuals (steps, W).
+        The row, the Huber loss per sample, the Gauss-Newton matrix JᵀJ (n, n) where the last step began, zero if the free run
+        is about to run away there, and the residuals (steps, W).
     """
     work = make_work(s)
     out, trial = np.empty((s.steps, s.first.shape[0])), np.empty((s.steps, s.first.shape[0]))
@@ -242,16 +266,13 @@ def fit_windows(
     simulate(p, s, work, out, ALL)
     cost = _cost(out, s.target, outlier, residual, weight)
     damping, hessian = 1e-3, np.zeros((n, n))
-    fresh = False
     for _ in range(iterations):
         _jacobian(p, s, work, out, trial, free, scale, upper, tied, changes, weight, jacobian)
         hessian = jacobian @ jacobian.T
         gradient = jacobian @ (weight * residual)
         if not np.isfinite(hessian).all() or not np.isfinite(gradient).all():
             hessian[:] = 0.0  # a runaway start; its loss says so
-            fresh = True
             break
-        fresh = True
         fell = 0.0
         for _ in range(8):
             step = _damped_step(hessian, gradient, p[free], lower, upper, damping)
@@ -262,7 +283,7 @@ def fit_windows(
             next_cost = _cost(trial, s.target, outlier, following, weight)
             if next_cost < cost:
                 fell = cost - next_cost
-                p, cost, fresh = moved, next_cost, False
+                p, cost = moved, next_cost
                 out, trial = trial, out
                 residual, following = following, residual
                 damping = max(0.2 * damping, 1e-9)
@@ -270,11 +291,6 @@ def fit_windows(
             damping *= 8.0
         if fell <= tolerance * cost:
             break
-    if not fresh:
-        _jacobian(p, s, work, out, trial, free, scale, upper, tied, changes, weight, jacobian)
-        hessian = jacobian @ jacobian.T
-        if not np.isfinite(hessian).all():
-            hessian[:] = 0.0
     return p, cost / size, hessian, residual.reshape(out.shape)
 
 

@@ -180,14 +180,17 @@ def _take_up(p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, half: fl
 @njit(cache=True, nogil=True)
 def rub(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
     """Output side: friction and bias."""
-    dry = grips(p)
+    if not grips(p):
+        for k in range(s.steps):
+            for w in range(out.shape[1]):
+                out[k, w] = out[k, w] - viscous(work.sliding[k + 1, w], p[VISCOUS]) + p[OFFSET]
+        return
     for w in range(out.shape[1]):
         turned = work.turned[w]
         before = unloaded(p, s.target[0, w] - p[OFFSET], work.sliding[0, w], turned, work.sticking[0, w])
         for k in range(s.steps):
             inner = out[k, w]
-            if dry:
-                turned = slid(p, turned, inner - before, inner, work.velocity[k, w], work.kept[k, w])
-                before = inner
+            turned = slid(p, turned, inner - before, inner, work.velocity[k, w], work.kept[k, w])
+            before = inner
             lost = friction(p, inner, work.sliding[k + 1, w], turned, work.sticking[k + 1, w])
             out[k, w] = inner - lost + p[OFFSET]

@@ -51,6 +51,7 @@ class Work(NamedTuple):
         command, sequence, other, stiff: (T,) opening; scratch.
         spool, integral: (W,), driven, summed: (T,) spool and integrator of torque mode as the logged effort drives them.
         sagged, middling, slid, slow, moving, speed: (T,) of loss, mean, kept, sticking, sliding and velocity.
+        held: (trials,) what the integrator was last found to hold at the start of each trial; the next search begins there.
     """
 
     opening: np.ndarray
@@ -77,6 +78,7 @@ class Work(NamedTuple):
     slow: np.ndarray
     speed: np.ndarray
     moving: np.ndarray
+    held: np.ndarray
 
 
 @njit(cache=True, nogil=True)
@@ -108,16 +110,16 @@ def make_work(signals: Signals) -> Work:
         np.zeros(samples),
         np.empty(samples),
         np.zeros(samples),
+        np.zeros(signals.bounds.shape[0] - 1),
     )
 
 
 @njit(cache=True, nogil=True)
 def lay_out(sequence: np.ndarray, first: np.ndarray, out: np.ndarray) -> None:
     """Windows side by side: out[k, w] = sequence[first[w] + k]."""
-    for w in range(first.shape[0]):
-        at = first[w]
-        for k in range(out.shape[0]):
-            out[k, w] = sequence[at + k]
+    for k in range(out.shape[0]):
+        for w in range(first.shape[0]):
+            out[k, w] = sequence[first[w] + k]
 
 
 @njit(cache=True, nogil=True)
@@ -131,4 +133,4 @@ def lag_behind(sequence: np.ndarray, bounds: np.ndarray, time_constant: float, d
         for k in range(bounds[trial], bounds[trial + 1]):
             ahead = sequence[k]
             sequence[k] = follow(behind, ahead, mean)
-            behind = follow(behind, ahead, share)
+            behind = (1.0 - share) * behind + share * ahead

@@ -277,5 +277,5 @@ def integrator_starts(p: np.ndarray, s: Signals) -> np.ndarray:
     work, found = make_work(s), np.empty(s.bounds.shape[0] - 1)
     simulate(p, s, work, np.empty((s.steps, s.first.shape[0])), ALL)
     for trial in range(found.shape[0]):
-        found[trial] = held(p, s, work, s.bounds[trial], s.bounds[trial + 1] - 1)
+        found[trial] = held(p, s, work, trial)
     return found
