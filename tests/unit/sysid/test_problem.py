@@ -103,3 +103,16 @@ def test_start_torques_follow_the_weight():
     truth = trial.effort[problem.windows.bounds[:, 0], 0]
     assert np.abs(free.starts[0] - truth).mean() < 15.0
     assert np.abs(free.k / GAINS - 1).max() < np.abs(held.k / GAINS - 1).max()
+
+
+def test_a_window_in_chaos_says_nothing():
+    """An impact term that throws the torque over at every other sample forgets its start; the rest is rounding."""
+    ones = np.ones((1500, 1))
+    wanted, effort = 0.5 * ones, np.random.default_rng(1).uniform(-0.5, -0.3, (1500, 1))
+    trial = trajectory(1500, ("hip",), position=0.0 * ones, velocity=ones, position_command=wanted, effort=effort)
+    problem = problem_of(trial)
+    problem.start_weight[:] = 1.0
+    starts = problem.measured_starts()
+    assert (problem.evaluate(np.array([0.0, 0.01, 1.0, 10.0]), starts).hessians == 0.0).all()
+    steady = problem.evaluate(np.array([0.0, 0.01, 1.0, 1.0]), starts).hessians
+    assert (np.diagonal(steady, axis1=1, axis2=2) > 0.0).all()
