@@ -14,7 +14,9 @@ COEFFICIENTS = ("k1", "k2", "k3", "k4")
 LOWER = np.zeros(4)  # physics: no term of eq. (7) may act against its meaning
 UPPER = np.array([np.inf, 1.0, np.inf, np.inf])  # a share of the torque leaks away in a sample
 HELD = 1e9  # start weight that holds a window's start to the log
-DROWNED = 1e-12  # of what a window says of a coefficient: if no more is left without its start, rounding has eaten the rest
+DROWNED = (
+    1e-12  # of what a window says of a coefficient: if no more is left without its start, rounding has eaten the rest
+)
 
 
 @dataclass(frozen=True, eq=False)
