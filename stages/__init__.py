@@ -54,7 +54,7 @@ STAGES = StageTable(
         Stage("fit-actuator", "actuator", "hqpipe.stages.fit_actuator",
               "Fit the actuator model to the logs.", version=5, inputs=(LOGS,)),
         Stage("diagnose", "diagnosis", "hqpipe.stages.diagnose",
-              "Find where the gap lies, what causes it and how far it shrinks.", version=10,
+              "Find where the gap lies, what causes it and how far it shrinks.", version=11,
               inputs=(LOGS, WALKER, REFERENCE)),
         Stage("retrain", "policy", "hqpipe.stages.retrain",
               "Train the policy with the actuator model.", version=3, inputs=(ACTUATOR,)),

@@ -273,7 +273,7 @@ def _remarks(joints: tuple[str, ...], evidence: tuple[Evidence, Evidence], found
     if evidence[0].gap.any():
         share = np.sum(np.maximum(evidence[0].explained, 0.0) * evidence[0].error) / np.sum(evidence[0].error)
         remarks.append(
-            f"{share:.0%} of the squared held-out error can be predicted from the logged signals (by a flexible model)"
+            f"a flexible model predicts {share:.0%} of the base model's squared held-out error from the logged signals"
         )
     fitted = np.sqrt(np.mean([state.base.fitted.mean() for state in found.states]))
     if before > UNLIKE * fitted:

@@ -158,7 +158,7 @@ def unknown() -> dict[str, Any]:
         ],
         unexplained={"share_of_gap": 1.0, "above_noise": True, "where": places, "depends_on": depends},
         next_experiment="Hold the other joints still and sweep RFP alone: `hqpipe collect --excitation chirp`",
-        warnings=["71% of the squared held-out error can be predicted from the logged signals (by a flexible model)"],
+        warnings=["a flexible model predicts 71% of the base model's squared held-out error from the logged signals"],
     )
 
 
