@@ -133,4 +133,4 @@ def lag_behind(sequence: np.ndarray, bounds: np.ndarray, time_constant: float, d
         for k in range(bounds[trial], bounds[trial + 1]):
             ahead = sequence[k]
             sequence[k] = follow(behind, ahead, mean)
-            behind = (1.0 - share) * behind + share * ahead
+            behind = (1.0 - share) * behind + share * ahead  # as `follow`, with a shorter wait for the sample before

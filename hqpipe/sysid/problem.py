@@ -14,9 +14,7 @@ COEFFICIENTS = ("k1", "k2", "k3", "k4")
 LOWER = np.zeros(4)  # physics: no term of eq. (7) may act against its meaning
 UPPER = np.array([np.inf, 1.0, np.inf, np.inf])  # a share of the torque leaks away in a sample
 HELD = 1e9  # start weight that holds a window's start to the log
-DROWNED = (
-    1e-12  # of what a window says of a coefficient: if no more is left without its start, rounding has eaten the rest
-)
+DROWNED = 1e-12  # of what a window says of a coefficient: less, once its start is eliminated, is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +81,9 @@ class Problem:
             ratio = a[:, :4, 4] / a[:, 4, 4, None]
             left, score = a[:, :4, :4] - a[:, :4, 4, None] * ratio[:, None, :], g[:, :4] - ratio * g[:, 4, None]
             known, kept = (np.diagonal(matrix[:, :4, :4], axis1=1, axis2=2) for matrix in (a, left))
-            drowned = (kept < DROWNED * known).any(axis=1)  # the free run runs away from whatever start
+            drowned = (kept < DROWNED * known).any(
+                axis=1
+            )  # the window is chaotic: its end hangs on nothing but its start
             left[drowned], score[drowned] = 0.0, 0.0
             hessians += left
             scores += score
