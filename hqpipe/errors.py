@@ -16,14 +16,47 @@ The number is the exit code of the command line.
 from __future__ import annotations
 
 import difflib
+import os
 from collections.abc import Iterable
 from typing import Any
 
 
 class HqpipeError(Exception):
-    """A failure with a message that a user can act on."""
+    """A failure with a message that a user can act on.
+
+    Args:
+        message: what is wrong, with file, field, what was found and what was expected.
+        file: the file or folder that it is about, for scripts.
+        field: the field, column or option that it is about, for scripts.
+        fix: what to do about it, as an order ("rename it"); part of the text that people read.
+    """
 
     exit_code = 1
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        file: str | os.PathLike[str] | None = None,
+        field: str | None = None,
+        fix: str | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.file = None if file is None else os.fspath(file)
+        self.field = field
+        self.fix = fix
+
+    def __str__(self) -> str:
+        return f"{self.message}: {self.fix}" if self.fix else self.message
+
+    def in_file(self, path: str | os.PathLike[str], kind: type[HqpipeError]) -> HqpipeError:
+        """The same failure as an error `kind` of the file at `path`, which then begins the message."""
+        return kind(f"{os.fspath(path)}: {self.message}", file=path, field=self.field, fix=self.fix)
+
+    def to_json(self) -> dict[str, str | None]:
+        """What ``--json`` answers under ``error``; None where that is not known."""
+        return {"message": str(self), "file": self.file, "field": self.field, "fix": self.fix}
 
 
 class UsageError(HqpipeError):
@@ -45,8 +78,8 @@ class IdentificationError(HqpipeError):
 class DivergedError(HqpipeError):
     """A training whose numbers are no longer finite; `rows` are those of its metrics table up to there."""
 
-    def __init__(self, message: str) -> None:
-        super().__init__(message)
+    def __init__(self, message: str, **told: Any) -> None:
+        super().__init__(message, **told)
         self.rows: list[dict[str, Any]] = []
 
 

@@ -144,7 +144,7 @@ class Executor:
             try:
                 metrics = run(context)
             except HqpipeError as error:
-                error.args = (f"{stage.name}: {error}",)
+                error.message = f"{stage.name}: {error.message}"
                 raise
             except Exception as error:
                 place = traceback.extract_tb(error.__traceback__)[-1]
