@@ -6,20 +6,18 @@ A worker is a fresh interpreter with a pipe of its own, so that the death of one
 from __future__ import annotations
 
 import multiprocessing
-import os
 import pickle
 import queue
 import signal
-import threading
 import traceback
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any, Self, TypeVar
 
 from hqpipe.errors import HqpipeError
-from hqpipe.signals import FIRST_ON_SIGNAL
+from hqpipe.orphans import end_with_parent
+from hqpipe.signals import FIRST_ON_SIGNAL, without_ctrl_c
 
 Result = TypeVar("Result")
 Told = Callable[[int, str], None]
@@ -130,7 +128,8 @@ class Worker:
         self.connection, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs,), daemon=True)
         try:
-            with theirs, _without_ctrl_c():
+            resource_tracker.ensure_running()  # otherwise started by the next line, it would let Ctrl-C through
+            with theirs, without_ctrl_c():
                 self.process.start()
         except OSError as error:
             raise HqpipeError(
@@ -167,20 +166,9 @@ class Worker:
         )
 
 
-@contextmanager
-def _without_ctrl_c() -> Iterator[None]:
-    """Start a process that Ctrl-C in the terminal does not reach before it can ignore it."""
-    resource_tracker.ensure_running()  # multiprocessing starts it on occasion, and unblocks Ctrl-C then
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
 def _serve(connection: Connection) -> None:
     """What a worker does until its pipe ends."""
-    _end_with_parent()
+    end_with_parent(multiprocessing.parent_process().sentinel)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     while True:
@@ -207,25 +195,3 @@ def _portable(error: Exception) -> Exception:
     except Exception:
         return HqpipeError(f"{type(error).__name__}: {error}")
     return error
-
-
-def _end_with_parent() -> None:
-    """End this process at once when its parent has ended, in whatever way.
-
-    The parent holds the other end of a pipe. When that closes, a thread sees it; and where the system can, it sends SIGIO,
-    which also ends a process whose compiled code lets no thread run. (PR_SET_PDEATHSIG would end it with the *thread* that
-    started it.)
-    """
-    parent = multiprocessing.parent_process().sentinel
-    if hasattr(os, "O_ASYNC"):
-        import fcntl
-
-        signal.signal(signal.SIGIO, signal.SIG_DFL)
-        fcntl.fcntl(parent, fcntl.F_SETOWN, os.getpid())
-        fcntl.fcntl(parent, fcntl.F_SETFL, fcntl.fcntl(parent, fcntl.F_GETFL) | os.O_ASYNC)
-    threading.Thread(target=_exit_after, args=(parent,), daemon=True).start()
-
-
-def _exit_after(parent: int) -> None:
-    wait([parent])
-    os._exit(1)

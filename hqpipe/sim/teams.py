@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol
 
 from hqpipe.errors import HqpipeError
+from hqpipe.signals import without_ctrl_c
 from hqpipe.sim.engine import Engine, EngineSetup
 from hqpipe.sim.memory import share
 from hqpipe.sim.state import ArraySizes, WorldArrays
@@ -80,8 +81,9 @@ class ProcessTeam:
         self.arrays = sizes.arrays(memory)
         self._connections: list[socket.socket] = []
         self._processes: list[subprocess.Popen[bytes]] = []
+        self._pipes: list[int] = []  # each ends with this process, and its worker with it
         self._broken = ""
-        self._finalizer = weakref.finalize(self, _dismiss, self._connections, self._processes)
+        self._finalizer = weakref.finalize(self, _dismiss, self._connections, self._processes, self._pipes)
         try:
             for first, last in ranges:
                 self._start(descriptor)
@@ -95,15 +97,20 @@ class ProcessTeam:
 
     def _start(self, descriptor: int) -> None:
         ours, theirs = socket.socketpair()
-        with theirs:
-            command = [sys.executable, "-P", "-m", "hqpipe.sim.worker", str(theirs.fileno()), str(descriptor)]
-            process = subprocess.Popen(
-                command,
-                pass_fds=(theirs.fileno(), descriptor),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-            )
+        pipe, end = os.pipe()
         self._connections.append(ours)
+        self._pipes.append(end)
+        try:
+            inherited = (theirs.fileno(), descriptor, pipe)
+            with theirs, without_ctrl_c():
+                process = subprocess.Popen(
+                    [sys.executable, "-P", "-m", "hqpipe.sim", *map(str, inherited)],
+                    pass_fds=inherited,
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                )
+        finally:
+            os.close(pipe)
         self._processes.append(process)
 
     def step(self) -> None:
@@ -144,7 +151,7 @@ class ProcessTeam:
         self._finalizer()
 
 
-def _dismiss(connections: list[socket.socket], processes: list[subprocess.Popen[bytes]]) -> None:
+def _dismiss(connections: list[socket.socket], processes: list[subprocess.Popen[bytes]], pipes: list[int]) -> None:
     """Ask the workers to leave, and end those that do not."""
     for connection in connections:
         try:
@@ -159,3 +166,5 @@ def _dismiss(connections: list[socket.socket], processes: list[subprocess.Popen[
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+    for pipe in pipes:
+        os.close(pipe)

@@ -74,9 +74,7 @@ def main() -> None:
 def call_from_threads() -> list[int]:
     with WorkerPool(2) as pool:
         found: list[int] = []
-        threads = [
-            threading.Thread(target=lambda n=n: found.append(pool.call("square", square, n))) for n in range(6)
-        ]
+        threads = [threading.Thread(target=lambda n=n: found.append(pool.call("square", square, n))) for n in range(6)]
         for thread in threads:
             thread.start()
         for thread in threads:
