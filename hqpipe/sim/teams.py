@@ -16,7 +16,7 @@ from hqpipe.signals import without_ctrl_c
 from hqpipe.sim.engine import Engine, EngineSetup
 from hqpipe.sim.memory import share
 from hqpipe.sim.state import ArraySizes, WorldArrays
-from hqpipe.sim.worker import DONE, QUIT, RESET, STEP, describe, receive_text, send_text
+from hqpipe.sim.worker import DONE, RESET, STEP, describe, receive_text, send_text
 
 EXIT_TIMEOUT_S = 5.0  # assumption: a worker that has not left by then is stuck
 
@@ -152,19 +152,14 @@ class ProcessTeam:
 
 
 def _dismiss(connections: list[socket.socket], processes: list[subprocess.Popen[bytes]], pipes: list[int]) -> None:
-    """Ask the workers to leave, and end those that do not."""
+    """End the workers, also those that are still starting."""
+    for pipe in pipes:
+        os.close(pipe)
     for connection in connections:
-        try:
-            connection.sendall(QUIT)
-        except OSError:
-            continue  # that worker is gone already, and waited for below
-        finally:
-            connection.close()
+        connection.close()
     for process in processes:
         try:
             process.wait(EXIT_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-    for pipe in pipes:
-        os.close(pipe)

@@ -16,7 +16,7 @@ from hqpipe.sim.engine import Engine, EngineSetup, RobotVariant
 from hqpipe.sim.memory import attach
 from hqpipe.sim.state import ArraySizes
 
-STEP, RESET, QUIT = b"s", b"r", b"q"
+STEP, RESET = b"s", b"r"
 DONE, FAILED = b"d", b"f"
 LENGTH_BYTES = 8
 
@@ -57,12 +57,12 @@ def build(message: str, memory: int) -> Engine:
 
 
 def serve(connection: socket.socket, memory: int) -> None:
-    """Carry out commands until `QUIT` or the end of the socket."""
+    """Carry out commands until the socket ends."""
     try:
         engine = build(receive_text(connection), memory)
         connection.sendall(DONE)
         actions = {STEP: engine.step, RESET: engine.reset}
-        while (command := connection.recv(1)) not in (b"", QUIT):
+        while command := connection.recv(1):
             actions[command]()
             connection.sendall(DONE)
     except Exception:  # not swallowed: the parent raises it, with the traceback
