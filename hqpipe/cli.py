@@ -16,7 +16,7 @@ from hqpipe.pipeline.options import traceback_option
 from hqpipe.pipeline.stage import StageTable
 from hqpipe.pipeline.streams import ReaderGone, prepare_streams
 from hqpipe.registry import load
-from hqpipe.signals import Interrupted, ignore_signals, raise_on_signals
+from hqpipe.signals import TOLD, Interrupted, ignore_signals, raise_on_signals
 
 HELP = "Close the sim-to-real gap of heavy hydraulic legged robots: collect, fit, diagnose, retrain, export, validate."
 
@@ -141,7 +141,7 @@ def run_cli(table: StageTable, arguments: Sequence[str] | None = None) -> int:
 
 
 def _tell_interrupted(code: int) -> int:
-    print("interrupted: nothing half-made was kept; the same command goes on from here", file=sys.stderr)
+    print(TOLD, file=sys.stderr)
     return code
 
 

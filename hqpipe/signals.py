@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+import _thread
+import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
+TOLD = "interrupted: nothing half-made was kept; the same command goes on from here"
+SHOW_CURSOR = "\x1b[?25h"  # a bar of progress hides it
+
+GRACE_S = 5.0
+"""Time to put things in order, which takes a second or two unless threads still compute: less than the 10 s that `docker stop`
+waits, and nothing is lost by leaving sooner."""
+
 FIRST_ON_SIGNAL: list[Callable[[], None]] = []
 """Called before the exception is raised: what would otherwise hold up the way out."""
 
 
 class Interrupted(BaseException):
-    """The process was asked to end.
+    """The process was asked to end; it is ended `GRACE_S` later if this has not come out at the top by then.
 
     Args:
         number: of the signal.
@@ -58,4 +68,16 @@ def _raise(number: int, frame: FrameType | None) -> None:
         error = error.__context__
     for action in FIRST_ON_SIGNAL:
         action()
-    raise Interrupted(number)
+    error = Interrupted(number)
+    # Not threading.Thread: its locks may be held by the very code that the signal has interrupted.
+    _thread.start_new_thread(_leave, (error.exit_code,))
+    raise error
+
+
+def _leave(code: int) -> None:
+    """End the process if it has not ended by itself in `GRACE_S`."""
+    time.sleep(GRACE_S)
+    try:
+        print(f"{SHOW_CURSOR if sys.stderr.isatty() else ''}{TOLD}", file=sys.stderr, flush=True)
+    finally:
+        os._exit(code)

@@ -14,6 +14,29 @@ from test_processes import SLOW, TOY, start
 CODES = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
 LINE = "interrupted: nothing half-made was kept; the same command goes on from here"
 
+COMPUTING = """
+import ctypes, threading
+from concurrent.futures import ThreadPoolExecutor
+import toy_pipeline
+
+def run(context):
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(ctypes.CDLL(None).sleep, 600)
+        print("computing", flush=True)
+        threading.Event().wait()
+
+def swallow(context):
+    print("computing", flush=True)
+    try:
+        threading.Event().wait()
+    except:
+        threading.Event().wait()
+
+import sys
+sys.modules["toy_numbers"].run = {"run": run, "swallow": swallow}[sys.argv.pop(1)]
+toy_pipeline.main(toy_pipeline.TABLE)
+"""
+
 IMPORTING = """
 import sys, time
 from hqpipe.cli import main
@@ -75,6 +98,25 @@ def test_a_signal_during_imports(toy, number):
     process.send_signal(number)
     assert lines(process) == [LINE]
     assert process.returncode == CODES[number]
+
+
+@pytest.mark.parametrize("how", ["run", "swallow"])
+def test_what_does_not_let_go_is_left_behind(toy, how):
+    """A thread that computes cannot be stopped, and a library may catch everything."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", COMPUTING, how, "run", "all"],
+        cwd=toy.root,
+        env=os.environ | {"PYTHONPATH": str(TOY.parent)},
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while "computing" not in process.stderr.readline():
+        assert process.poll() is None
+    process.terminate()
+    assert lines(process)[-1] == LINE
+    assert process.returncode == 143
+    assert toy("run", "all").code == 0
+    assert not list(toy.artifacts.glob("store/.tmp-*"))
 
 
 def test_an_ignored_hangup_stays_ignored(toy):
