@@ -16,7 +16,7 @@ from hqpipe.pipeline.options import traceback_option
 from hqpipe.pipeline.stage import StageTable
 from hqpipe.pipeline.streams import ReaderGone, prepare_streams
 from hqpipe.registry import load
-from hqpipe.signals import TOLD, Interrupted, ignore_signals, raise_on_signals
+from hqpipe.signals import TOLD, Interrupted, end, ignore_signals, raise_on_signals
 
 HELP = "Close the sim-to-real gap of heavy hydraulic legged robots: collect, fit, diagnose, retrain, export, validate."
 
@@ -154,7 +154,7 @@ def _tell(message: str, code: int) -> int:
 
 
 def main(table: StageTable | None = None) -> NoReturn:
-    """Entry point of the installed command: `run_cli` with streams that can be written to and signals that end it in order.
+    """Run the process's command line and exit, with streams that can be written to and signals that end it in order.
 
     Args:
         table: the stages; those of hqpipe by default.
@@ -167,8 +167,7 @@ def main(table: StageTable | None = None) -> NoReturn:
         code = run_cli(table)
         ignore_signals()
     except Interrupted as error:
-        ignore_signals()
-        code = _tell_interrupted(error.exit_code)
+        end(error)
     sys.exit(code)
 
 

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import NoReturn
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -47,6 +48,13 @@ def ignore_signals() -> None:
     """The process is about to end by itself."""
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN)
+
+
+def end(error: Interrupted) -> NoReturn:
+    """Say so, and exit with the code of the signal."""
+    ignore_signals()
+    print(TOLD, file=sys.stderr)
+    sys.exit(error.exit_code)
 
 
 @contextmanager
