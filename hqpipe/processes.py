@@ -87,6 +87,7 @@ class WorkerPool:
                 self.workers.append(Worker())
                 self._idle.put(self.workers[-1])
         except BaseException:
+            self.kill()
             self._end()
             raise
         return self
