@@ -215,10 +215,13 @@ class ActuatorModel:
     @classmethod
     def from_dict(cls, raw: Mapping[str, Any]) -> Self:
         """Inverse of `to_dict`, for a mapping that `hqpipe.actuators.files` has checked."""
-        columns = {
-            name: [np.inf if v is None else v for v in entry["values"]] for name, entry in raw["parameters"].items()
-        }
-        return cls.build(raw["joints"], dt=raw["dt"], scope=raw["scope"], **columns)
+        return cls.build(raw["joints"], dt=raw["dt"], scope=raw["scope"], **cls._columns_of(raw))
+
+    @staticmethod
+    def _columns_of(raw: Mapping[str, Any]) -> dict[str, list[float]]:
+        """Parameter → (J,) values as `to_dict` writes them; null stands for "no limit"."""
+        table = raw["parameters"].items()
+        return {name: [np.inf if v is None else v for v in entry["values"]] for name, entry in table}
 
 
 def end_to_end(*arrays: np.ndarray) -> list[np.ndarray]:

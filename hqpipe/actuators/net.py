@@ -187,6 +187,5 @@ class NetActuator(ActuatorModel):
     @classmethod
     def from_dict(cls, raw: Mapping[str, Any], tensors: Mapping[str, np.ndarray] | None = None) -> Self:
         """Inverse of `to_dict`, for a mapping that `hqpipe.actuators.files` has checked, and its tensors."""
-        limit = [np.inf if v is None else v for v in raw["parameters"]["effort_limit"]["values"]]
         net = {"tensors": tensors or {}, "taps": raw["net"]["taps"], "delta": raw["net"]["delta"]}
-        return cls.build(raw["joints"], dt=raw["dt"], scope=raw["scope"], effort_limit=limit, **net)
+        return cls.build(raw["joints"], dt=raw["dt"], scope=raw["scope"], **net, **cls._columns_of(raw))
