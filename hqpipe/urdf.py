@@ -90,7 +90,7 @@ def read_urdf(path: Path) -> Urdf:
     if not links:
         raise place.error("no <link>, expected the links and joints of a robot")
     for name, link in links.items():
-        _check_link(link, place.at(f"link {name}"), path.parent)
+        _check_link(link, place.at(f"link {name}"))
     found = {name: _joint(joint, links, place.at(f"joint {name}")) for name, joint in joints.items()}
     return Urdf(_root_link(tuple(links), found, place), tuple(links), found)
 
@@ -146,7 +146,7 @@ def _named(root: ElementTree.Element, kind: str, place: _Place) -> dict[str, Ele
     return found
 
 
-def _check_link(link: ElementTree.Element, place: _Place, folder: Path) -> None:
+def _check_link(link: ElementTree.Element, place: _Place) -> None:
     inertial = link.find("inertial")
     if inertial is None:
         raise place.error(
@@ -160,7 +160,7 @@ def _check_link(link: ElementTree.Element, place: _Place, folder: Path) -> None:
     for kind in ("visual", "collision"):
         for part in link.findall(kind):
             _check_origin(part, place.at(kind))
-            _check_shape(part, place.at(kind), kind, folder)
+            _check_shape(part, place.at(kind))
 
 
 def _check_inertia(element: ElementTree.Element, place: _Place) -> None:
@@ -176,32 +176,24 @@ def _check_inertia(element: ElementTree.Element, place: _Place) -> None:
         raise place.error(f"{shown}, expected none larger than the other two together, as for every body")
 
 
-def _check_shape(part: ElementTree.Element, place: _Place, kind: str, folder: Path) -> None:
+def _check_shape(part: ElementTree.Element, place: _Place) -> None:
     shapes = list(_child(part, "geometry", place))
     if len(shapes) != 1:
         raise place.at("geometry").error(f"expected one shape, got {len(shapes)}")
     (shape,) = shapes
-    if shape.tag == "mesh" and kind == "visual":
-        _check_mesh(shape, place.at("mesh"), folder)
-    elif shape.tag not in _SIZES:
+    if shape.tag == "mesh":
+        raise place.at("mesh").error(
+            f"'{shape.get('filename', '')[:80]}', but the simulators get the URDF alone, without other files",
+            f"replace it by {', '.join(_SIZES)}",
+        )
+    if shape.tag not in _SIZES:
         known = ", ".join(_SIZES)
         raise place.at("geometry").error(
             f"<{shape.tag[:60]}>{near_match(shape.tag[:60], _SIZES)}, expected one of {known}"
         )
-    else:
-        names, count = _SIZES[shape.tag]
-        for name in names.split():
-            _numbers(shape, name, count, place.at(shape.tag), 1e-6, FARTHEST, "m")
-
-
-def _check_mesh(mesh: ElementTree.Element, place: _Place, folder: Path) -> None:
-    """A visual mesh is a file of the robot's folder; the simulators work with primitive shapes alone."""
-    name = mesh.get("filename", "")
-    target = (folder / name).resolve() if name and "\0" not in name and len(name) < 1000 else folder
-    if not target.is_relative_to(folder.resolve()) or not target.is_file():
-        raise place.error(
-            f"no file '{name[:100]}' in the robot's folder", "put the file there and name it by its relative path"
-        )
+    names, count = _SIZES[shape.tag]
+    for name in names.split():
+        _numbers(shape, name, count, place.at(shape.tag), 1e-6, FARTHEST, "m")
 
 
 def _joint(element: ElementTree.Element, links: dict[str, ElementTree.Element], place: _Place) -> Joint:
