@@ -89,7 +89,7 @@ class Entry:
         if not isinstance(self.value, str):
             raise self.wrong(f"one of {', '.join(choices)}" if choices else "text")
         if choices and self.value not in choices:
-            hint = near_match(self.value, choices)
+            hint = near_match(self.value, choices) if len(choices) > 1 else ""
             raise self.error(f"{_shown(self.value)}{hint}, expected {' or '.join(choices)}")
         return self.value
 

@@ -138,8 +138,12 @@ WRONG_VALUES: tuple[Any, ...] = (
 """Put in the place of each field in turn; which of them a field may hold is for its reader to say."""
 
 
-def field_damages(content: Any, most_items: int = 2) -> Iterator[tuple[str, Any]]:
-    """(name, content with one field replaced, missing or added), for every field of nested mappings and lists."""
+def field_damages(content: Any, most_items: int = 1) -> Iterator[tuple[str, Any]]:
+    """(name, content with one field replaced, missing or misspelt), for every field of nested mappings and lists.
+
+    Args:
+        most_items: of a list that are damaged.
+    """
     for path in _paths(content, most_items):
         name = ".".join(map(str, path))
         for value in WRONG_VALUES:

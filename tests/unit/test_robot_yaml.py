@@ -51,7 +51,7 @@ def test_every_wrong_field_is_refused(folder, content):
     write_yaml(folder / "robot.yaml", content)
     passed = survives_fields(content, write_yaml, lambda: load_robot(folder), folder / "robot.yaml")
     names = {name for name in passed if not name.endswith("= '0'")}  # a gain or an angle may be 0
-    allowed = {"name = 'text'", "hydraulics = '{}'", "feet.0 missing", "feet.1 missing", "nominal_position.knee = '-1'"}
+    allowed = {"name = 'text'", "hydraulics = '{}'", "feet.0 missing", "nominal_position.knee = '-1'"}
     allowed |= {f"joint_limits.{kind}.lower = '-1'" for kind in ("roll", "pitch", "knee")}
     allowed |= {"joint_limits.knee.upper = '-1'"}
     assert names <= allowed, names - allowed
