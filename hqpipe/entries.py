@@ -87,7 +87,7 @@ class Entry:
     def text(self, choices: Collection[str] = ()) -> str:
         """Text, one of `choices` where there are any."""
         if not isinstance(self.value, str):
-            raise self.wrong(f"one of {', '.join(choices)}" if choices else "text")
+            raise self.wrong(" or ".join(choices) or "text")
         if choices and self.value not in choices:
             hint = near_match(self.value, choices) if len(choices) > 1 else ""
             raise self.error(f"{_shown(self.value)}{hint}, expected {' or '.join(choices)}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -60,7 +59,9 @@ def loop_closed(rows: Rows, diagnosis: Path | None) -> dict[str, Any]:
         gap, as in diagnosis.json, None where none was measured; since_reference, whether it is about a change of the machine;
         against, the controller without a model; controllers: name → `_against`.
     """
-    content = json.loads((diagnosis / "diagnosis.json").read_text(encoding="utf-8")) if diagnosis else {}
+    from hqpipe.gap.schema import read_diagnosis
+
+    content = read_diagnosis(diagnosis / "diagnosis.json") if diagnosis else {}
     gap = content.get("gap")
     policies = [row for row in rows if row["actor"] == POLICY]
     names = {row["controller"] for row in policies}
