@@ -73,8 +73,10 @@ def model_at(folder: Path, joints: tuple[str, ...], option: str = "--actuator") 
     model = load_actuator(folder)
     if missing := [joint for joint in joints if joint not in model.joints]:
         raise UsageError(
-            f"the actuator model was fitted to joints {', '.join(model.joints)} and has no '{missing[0]}': run "
-            f"hqpipe fit-actuator on logs of this machine first, or name another model with {option} DIR"
+            f"the actuator model was fitted to joints {', '.join(model.joints)} and has no '{missing[0]}'",
+            file=folder,
+            field=missing[0],
+            fix=f"run hqpipe fit-actuator on logs of this machine first, or name another model with {option} DIR",
         )
     return model.for_joints(joints)
 

@@ -91,7 +91,7 @@ def test_joints_are_matched_by_name():
 
 def test_a_mean_far_out_of_bounds_is_an_error_and_no_endless_loop():
     lost = replace(group(), mean=np.array([-1e6, 0.05, 4e3, 20.0]))
-    with pytest.raises(ConfigError, match="hardly a draw lies within the physical bounds; lower randomisation"):
+    with pytest.raises(ConfigError, match="hardly a draw lies within the physical bounds: lower randomisation"):
         draws(Posterior("hydraulic", FIELDS, (lost,)), model(group())[0], 2)
 
 
