@@ -6,6 +6,7 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import click
 
@@ -32,6 +33,8 @@ COMMANDS = {
     "doctor": ("hqpipe.pipeline.query_commands:doctor", "Check that this machine is ready."),
 }
 """Command name → (where it is, one line of help)."""
+
+REPORT = "run it again with --traceback, and report what that prints"
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C: 128 + SIGINT, as shells have it."""
@@ -106,7 +109,7 @@ version_option = click.Option(
 
 
 def run_cli(table: StageTable, arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code; errors are told on standard error.
+    """Run one command and return its exit code; errors are told on standard error, and with ``--json`` also as JSON.
 
     Args:
         table: the stages.
@@ -114,31 +117,80 @@ def run_cli(table: StageTable, arguments: Sequence[str] | None = None) -> int:
     """
     for name, value in ENVIRONMENT.items():
         os.environ.setdefault(name, value)
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if not any(word.startswith("--json") for word in words):
+        return _run(table, words).code
+    from hqpipe.pipeline.answer import answering, is_asked_for, print_answer
+
+    if not is_asked_for(words):
+        return _run(table, words).code
+    with answering(words) as own:
+        end = _run(table, words)
+    if not own and end.code == 0:
+        return 0  # it was help that was asked for
     try:
-        code = LazyGroup(table).main(arguments, prog_name="hqpipe", standalone_mode=False)
-        return code if isinstance(code, int) else 0
+        print_answer(own, end.code, end.error)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        return _reader_gone()
+    return end.code
+
+
+@dataclass(frozen=True)
+class _End:
+    """How a command ended: its exit code, and the error as of `HqpipeError.to_json`."""
+
+    code: int
+    error: dict[str, str | None] | None = None
+
+
+def _run(table: StageTable, words: list[str]) -> _End:
+    """Run one command; errors are told on standard error."""
+    try:
+        code = LazyGroup(table).main(words, prog_name="hqpipe", standalone_mode=False)
+        return _End(code if isinstance(code, int) else 0)
     except click.ClickException as error:
         error.show()
-        return UsageError.exit_code
+        return _End(UsageError.exit_code, _click_error(error).to_json())
     except (click.Abort, KeyboardInterrupt):
-        print("interrupted: nothing half-made was kept; the same command goes on from here", file=sys.stderr)
-        return INTERRUPTED
+        return _interrupted()
     except BrokenPipeError:
-        # The reader of standard output has gone; keep Python from complaining about it again at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return HqpipeError.exit_code
+        return _End(_reader_gone())
     except HqpipeError as error:
-        return _tell(str(error), error.exit_code)
+        return _tell(error)
     except Exception as error:
-        return _tell(f"{type(error).__name__}: {error} (--traceback shows where)", HqpipeError.exit_code)
+        return _tell(HqpipeError(f"{type(error).__name__}: {error}", fix=REPORT))
 
 
-def _tell(message: str, code: int) -> int:
-    """Print the error that is being handled and return the exit code."""
+def _tell(error: HqpipeError) -> _End:
+    """Print the error that is being handled."""
     if os.environ.get("HQPIPE_TRACEBACK"):
         traceback.print_exc()
-    print(f"error: {message}", file=sys.stderr)
-    return code
+    print(f"error: {error}", file=sys.stderr)
+    return _End(error.exit_code, error.to_json())
+
+
+def _interrupted() -> _End:
+    message, fix = "interrupted: nothing half-made was kept", "the same command goes on from here"
+    print(f"{message}; {fix}", file=sys.stderr)
+    return _End(INTERRUPTED, HqpipeError(message, fix=fix).to_json())
+
+
+def _reader_gone() -> int:
+    """The reader of standard output has gone; keep Python from complaining about it again at exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return HqpipeError.exit_code
+
+
+def _click_error(error: click.ClickException) -> UsageError:
+    """What click complains about: which option or argument, and where to read what is expected."""
+    ctx = getattr(error, "ctx", None)
+    param = getattr(error, "param", None)
+    field = getattr(error, "option_name", None)
+    if param is not None:
+        field = param.human_readable_name if isinstance(param, click.Argument) else param.opts[-1]
+    path = ctx.command_path if ctx is not None else "hqpipe"
+    return UsageError(error.format_message(), field=field, fix=f"`{path} --help` lists what is expected")
 
 
 def main() -> None:

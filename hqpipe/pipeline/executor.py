@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import shutil
 import time
-import traceback
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hqpipe.errors import GateError, HqpipeError, IntegrityError, UsageError
 from hqpipe.pipeline.context import StageContext
+from hqpipe.pipeline.fault import unexpected
 from hqpipe.pipeline.hashing import hash_files
 from hqpipe.pipeline.manifest import MANIFEST, Manifest
 from hqpipe.pipeline.plan import KEEP, RUN, Decision, Planner
@@ -147,11 +147,7 @@ class Executor:
                 error.message = f"{stage.name}: {error.message}"
                 raise
             except Exception as error:
-                place = traceback.extract_tb(error.__traceback__)[-1]
-                raise HqpipeError(
-                    f"{stage.name} failed: {type(error).__name__}: {error} "
-                    f"({place.filename}:{place.lineno}; --traceback shows the whole way there)"
-                ) from error
+                raise unexpected(stage.name, run, error) from error
         return check_metrics(stage, metrics)
 
     def _changed_files(self, manifest: Manifest) -> tuple[str, ...]:

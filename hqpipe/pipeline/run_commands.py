@@ -5,23 +5,24 @@ from __future__ import annotations
 import json
 import sys
 from inspect import cleandoc
-from pathlib import Path
 from typing import Any
 
 import click
 
 from hqpipe.errors import HqpipeError, UsageError
-from hqpipe.pipeline.options import running_options, with_options
+from hqpipe.pipeline.answer import answer
+from hqpipe.pipeline.names import shown
+from hqpipe.pipeline.options import Folder, running_options, with_options
 from hqpipe.pipeline.stage import Stage, StageTable
-from hqpipe.pipeline.streams import print_json
 
 
 def _check_target(ctx: click.Context, param: click.Parameter, value: str) -> str:
     if value == "all":
         return value
     if value in ctx.obj:
-        raise UsageError(f"a stage runs alone as `hqpipe {value}`; expected `hqpipe run all`")
-    raise UsageError(f"expected `hqpipe run all`, got '{value}'")
+        message = f"a stage runs alone as `hqpipe {value}`; expected `hqpipe run all`"
+        raise UsageError(message, field="all", fix=f"type `hqpipe {value}`")
+    raise UsageError(f"expected `hqpipe run all`, got {shown(value)}", field="all", fix="type `hqpipe run all`")
 
 
 @with_options(*running_options("STAGE.KEY=VALUE"))
@@ -49,7 +50,9 @@ def run(
 
     stages = table.between(first, last)
     project = open_project(table)
-    settings = project.configuration.resolve(table.values(), profile=profile, overrides=overrides, seed=seed)
+    settings = project.configuration.resolve(
+        table.values(), profile=profile, overrides=overrides, seed=seed, robot=project.robot_folder()
+    )
     _execute(Planner(project, settings, force=options["force"]), stages, **options)
 
 
@@ -61,7 +64,7 @@ class StageCommand(click.Command):
         inputs = [
             click.Option(
                 [needed.option, needed.name],
-                type=click.Path(path_type=Path),
+                type=Folder(),
                 metavar="DIR",
                 help=needed.help or f"Read this folder instead of artifacts/{needed.artifact}.",
             )
@@ -94,7 +97,9 @@ class StageCommand(click.Command):
         named = {needed.name: options.pop(needed.name) for needed in self.stage.inputs}
         explicit = {name: path for name, path in named.items() if path is not None}
         project = open_project(table)
-        settings = project.configuration.resolve([self.stage], profile=profile, overrides=changes)
+        settings = project.configuration.resolve(
+            [self.stage], profile=profile, overrides=changes, robot=project.robot_folder()
+        )
         planner = Planner(project, settings, force=options["force"], explicit=explicit)
         _execute(planner, [self.stage], **options)
         if not options["dry_run"]:
@@ -129,27 +134,30 @@ def _execute(planner: Any, stages: list[Stage], *, force: bool, dry_run: bool, e
 
     executor = Executor(planner, on_decision=_explain if explain else lambda decision: None)
     failure: HqpipeError | None = None
-    with exclusive(planner.project.store.folder):
-        try:
-            executor.run(stages)
-        except HqpipeError as error:
-            failure = error
-    _tell_outcomes(executor.outcomes)
-    if as_json:
-        problem = failure and {"message": str(failure), "exit_code": failure.exit_code}
-        outcomes = [outcome.to_json() for outcome in executor.outcomes]
-        print_json({"profile": planner.settings.profile, "stages": outcomes, "error": problem})
+    try:
+        with exclusive(planner.project.store.folder):
+            try:
+                executor.run(stages)
+            except HqpipeError as error:
+                failure = error
+        _tell_outcomes(executor.outcomes)
+    finally:
+        if as_json:
+            outcomes = [outcome.to_json() for outcome in executor.outcomes]
+            answer(profile=planner.settings.profile, stages=outcomes)
     if failure:
         raise failure
 
 
 def _preview(planner: Any, stages: list[Stage], explain: bool, as_json: bool) -> None:
+    if as_json:
+        answer(profile=planner.settings.profile, dry_run=True, stages=[])
     decisions = planner.preview(stages)
     if explain:
         for decision in decisions:
             _explain(decision)
     if as_json:
-        print_json({"profile": planner.settings.profile, "dry_run": True, "stages": [d.to_json() for d in decisions]})
+        answer(stages=[decision.to_json() for decision in decisions])
         return
     from hqpipe.pipeline.render import print_plan
 

@@ -31,4 +31,4 @@ def stdout_to_stderr() -> Iterator[None]:
 
 def print_json(data: Any) -> None:
     """Print plain data on standard output."""
-    print(json.dumps(data, indent=1, ensure_ascii=False))
+    print(json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False))
