@@ -30,7 +30,8 @@ class FieldError(ValueError):
         super().__init__(str(error))
         self.fix = error.fix
         self.candidates = [_location(name) for name in (error.field or "", *others)]
-        self.message = error.message.removeprefix(f"{error.field}: ") if error.field else error.message
+        self.message = error.message
+        self.brief = error.message.removeprefix(f"{error.field}: ") if error.field else error.message
 
 
 class ConfigErrors(ConfigError):
@@ -80,7 +81,7 @@ def _section_error(
     if isinstance(cause, FieldError):
         tried = [(*location, *below) for below in cause.candidates]
         location = next((place for place in tried if place in origins), tried[0])
-        message, fix = cause.message, cause.fix
+        message, fix = cause.brief if location == tried[0] else cause.message, cause.fix
     else:
         message, fix = _complaint(item, location, model, f"parameter of {stage.name}")
         fix = fix if fix != _FIX_FILE else None
@@ -110,8 +111,11 @@ def _complaint(item: Any, location: Location, model: type[BaseModel], kind: str)
     # Pydantic's message in our words.
     message = item["msg"].replace("Input should be ", "expected ").replace("Input should ", "expected to ")
     message = message.replace("a valid integer", "a whole number").replace("a valid dictionary", "a mapping {a: b}")
+    message = message.replace(", unable to parse string as an integer", "").replace(
+        ", unable to parse string as a number", ""
+    )
     message = message.replace("a valid list", "a list [a, b]").replace("a valid string", "text")
-    message = message.replace("a valid boolean", "true or false").replace("a finite number", "a finite number")
+    message = message.replace("a valid boolean", "true or false")
     return f"{message}, got {shown(item['input'])}", _FIX_FILE
 
 

@@ -136,7 +136,9 @@ def test_error_names_the_layer_that_set_the_value(resolve):
         ConfigError, match=r"^--set fit_it.window_s=-1: expected greater than 0, got -1: give --set another value$"
     ):
         resolve(overrides=["fit_it.window_s=-1"])
-    with pytest.raises(ConfigError, match=r"^pipeline.yaml:11: profiles.ci.fit_it.inner.size: expected a valid int"):
+    with pytest.raises(
+        ConfigError, match=r"^pipeline.yaml:11: profiles.ci.fit_it.inner.size: expected a whole number, got 'many'"
+    ):
         resolve(TEXT.replace("size: 1", "size: many"), profile="ci")
 
 
