@@ -80,7 +80,8 @@ def _section_error(
     cause = item.get("ctx", {}).get("error")
     if isinstance(cause, FieldError):
         tried = [(*location, *below) for below in cause.candidates]
-        location = next((place for place in tried if place in origins), tried[0])
+        set_by_user = [place for place in tried if place in origins]
+        location = next((place for place in set_by_user if origins[place].file is None), (*set_by_user, tried[0])[0])
         message, fix = cause.brief if location == tried[0] else cause.message, cause.fix
     else:
         message, fix = _complaint(item, location, model, f"parameter of {stage.name}")
@@ -88,9 +89,11 @@ def _section_error(
     depth = next((n for n in range(len(location), 0, -1) if location[:n] in origins), 0)
     origin = origins[location[:depth]] if depth else base
     rest = ".".join(location[depth:])
-    named = f"{origin.text}: {rest}: " if rest else f"{origin.text}: "
+    named = origin.text
+    if rest:
+        named += f".{rest}" if named.endswith(origin.field) else f": {'.'.join(location)}"
     field = ".".join(part for part in (origin.field, rest) if part)
-    return ConfigError(f"{named}{message}", file=origin.file, field=field, fix=fix or origin.fix)
+    return ConfigError(f"{named}: {message}", file=origin.file, field=field, fix=fix or origin.fix)
 
 
 def _location(dotted: str) -> Location:
