@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from hqpipe.errors import UsageError
-from hqpipe.pipeline.config import StageParams
+from hqpipe.errors import ConfigError, UsageError
+from hqpipe.pipeline.config import FieldError, StageParams
 from hqpipe.stages.bounds import Speed, TrialSeconds, within
 from hqpipe.stages.plant_overrides import Plant
 
@@ -46,15 +46,16 @@ class Params(StageParams):
     def _film_is_short(self) -> Params:
         frames = min(self.seconds, self.shown_seconds) / self.speed * self.frame_rate
         if frames < 2.0:
-            raise ValueError(
-                "the film would have less than two frames: raise shown_seconds or frame_rate, or lower speed"
-            )
+            raise self._wrong("fewer than two frames", "raise shown_seconds or frame_rate, or lower speed")
         if frames > MOST_FRAMES:
-            raise ValueError(
-                f"the film would have {frames:.0f} frames, expected at most {MOST_FRAMES}: lower shown_seconds or "
-                "frame_rate, or raise speed"
-            )
+            text = f"{frames:.0f} frames, expected at most {MOST_FRAMES}"
+            raise self._wrong(text, "lower shown_seconds or frame_rate, or raise speed")
         return self
+
+    @staticmethod
+    def _wrong(what: str, fix: str) -> FieldError:
+        error = ConfigError(f"the film would have {what}", field="shown_seconds", fix=fix)
+        return FieldError(error, ("frame_rate", "speed", "seconds"))
 
 
 def run(context: Any) -> dict[str, Any]:

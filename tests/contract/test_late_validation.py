@@ -20,10 +20,10 @@ ROBOT = load_robot("hydraulic_quadruped").folder
 
 @pytest.fixture
 def resolve(tmp_path):
-    def resolve(text: str = TEXT, *, stages=STAGES.values(), **options):
+    def resolve(text: str = TEXT, *, stages=None, **options):
         path = tmp_path / "pipeline.yaml"
         path.write_text(text, encoding="utf-8")
-        return Configuration(path, STAGES).resolve(stages, robot=ROBOT, **options)
+        return Configuration(path, STAGES).resolve(stages or STAGES.values(), robot=ROBOT, **options)
 
     return resolve
 
@@ -45,12 +45,24 @@ def refused(resolve, *overrides: str) -> ConfigError:
         ("collect.plant={valve: 3}", "collect.plant.valve", "expected a mapping of fields, got 3"),
         ("collect.plant={joints: {LFX: {valve: {delay: 0}}}}", "collect.plant.joints.LFX", "no joint 'LFX'"),
         ("collect.plant={spans: 3}", "collect.plant.spans", "expected a list"),
-        ("collect.plant={spans: [{time: [a, b]}]}", "collect.plant.spans", "expected [start, stop]"),
-        ("collect.plant={spans: [{time: [0, 1], joints: [{}]}]}", "collect.plant.spans", "the name of a joint"),
+        ("collect.plant={spans: [{time: [a, b]}]}", "collect.plant.spans.0.time", "expected [start, stop]"),
+        (
+            "collect.plant={spans: [{time: [0, 1], joints: [{}]}]}",
+            "collect.plant.spans.0.joints",
+            "the name of a joint",
+        ),
         ("collect.plant={effort_source: [1]}", "collect.plant.effort_source", "expected one of pressure"),
         ("collect.plant={body: {payloads: 3}}", "collect.plant.body.payloads", "expected a list"),
-        ("collect.plant={body: {payloads: [{link: trunc, mass: 3}]}}", "collect.plant.body", "did you mean 'trunk'"),
-        ("collect.plant={body: {payloads: [{link: trunk, mass: -3}]}}", "collect.plant.body", "expected 0 to 10000"),
+        (
+            "collect.plant={body: {payloads: [{link: trunc, mass: 3}]}}",
+            "collect.plant.body.payloads.0.link",
+            "did you mean 'trunk'",
+        ),
+        (
+            "collect.plant={body: {payloads: [{link: trunk, mass: -3}]}}",
+            "collect.plant.body.payloads.0.mass",
+            "expected 0 to 10000",
+        ),
         ("collect.plant={body: {links: {nope: {}}}}", "collect.plant.body.links.nope", "no link 'nope'"),
         ("collect.plant={body: {ground: {friction: true}}}", "collect.plant.body.ground.friction", "got True"),
         ("collect.plant={chain: {mass: 0.2}}", "collect.plant", "too stiff"),
@@ -73,11 +85,11 @@ def refused(resolve, *overrides: str) -> ConfigError:
         ("collect.walk_seconds=true", "collect.walk_seconds", "expected a valid number, got True"),
         ("collect.stress_seconds=0.1", "collect.stress_seconds", "or 0"),
         ("fit_actuator.window_s=1e300", "fit_actuator.window_s", "expected 0.001 to 10"),
-        ("fit_actuator.data_seconds=[-1]", "fit_actuator.data_seconds", "expected 0.1 to 1e+06"),
+        ("fit_actuator.data_seconds=[-1]", "fit_actuator.data_seconds.0", "expected 0.1 to 1e+06"),
         ("fit_actuator.net_iterations=0", "fit_actuator.net_iterations", "expected 1 to 1e+06"),
         ("fit_actuator.net_iterations=1.5", "fit_actuator.net_iterations", "whole number"),
         ("fit_actuator.rivals=[mlp, mlp]", "fit_actuator.rivals", "more than once"),
-        ("fit_actuator.rivals=[lsmt]", "fit_actuator.rivals", "got 'lsmt'"),
+        ("fit_actuator.rivals=[lsmt]", "fit_actuator.rivals.0", "got 'lsmt'"),
         ("fit_actuator.resample=1", "fit_actuator.resample", "true or false, got 1"),
         ("fit_actuator.scope=joint", "fit_actuator.scope", "got 'joint'"),
         ("diagnose.without=[backlashh]", "diagnose.without", "did you mean 'backlash'"),
@@ -92,7 +104,7 @@ def refused(resolve, *overrides: str) -> ConfigError:
         ("compare.controllers=[]", "compare.controllers", "expected names of controllers"),
         ("compare.seeds=0", "compare.seeds", "expected 1 to 1000"),
         ("report.speed=0", "report.speed", "expected 0.01 to 100"),
-        ("report.shown_seconds=0.1", "report", "less than two frames"),
+        ("report.speed=100", "report.speed", "fewer than two frames"),
         ("report.vx=1e300", "report.vx", "expected -10 to 10"),
         ("report.frame_rate=20.5", "report.frame_rate", "got 20.5"),
         ("collect.seed=1.5", "collect.seed", "whole number from 0"),
