@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import traceback
 from collections.abc import Sequence
@@ -35,6 +36,9 @@ COMMANDS = {
 """Command name → (where it is, one line of help)."""
 
 REPORT = "run it again with --traceback, and report what that prints"
+
+LONG_WORD = re.compile(r"\S{200,}")
+"""What click repeats of a command line, and nobody would read."""
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C: 128 + SIGINT, as shells have it."""
@@ -150,6 +154,7 @@ def _run(table: StageTable, words: list[str]) -> _End:
         code = LazyGroup(table).main(words, prog_name="hqpipe", standalone_mode=False)
         return _End(code if isinstance(code, int) else 0)
     except click.ClickException as error:
+        error.message = LONG_WORD.sub(lambda word: f"{word[0][:80]}…", error.message)
         error.show()
         return _End(UsageError.exit_code, _click_error(error).to_json())
     except (click.Abort, KeyboardInterrupt):

@@ -189,13 +189,10 @@ def _problem(error: yaml.MarkedYAMLError) -> YamlProblem:
     mark = error.problem_mark or error.context_mark
     begun = ""
     if error.context and error.context_mark:
-        begun = f" {error.context}" + (
-            f" that begins in line {error.context_mark.line + 1}"
-            if mark and mark.line != error.context_mark.line
-            else ""
-        )
+        elsewhere = mark is not None and mark.line != error.context_mark.line
+        begun = f" {error.context}{f' that begins in line {error.context_mark.line + 1}' if elsewhere else ''},"
     fix = "indent with spaces instead of tabs" if "\\t" in str(error.problem) else _CORRECT
-    return YamlProblem(f"not valid YAML:{begun}: {error.problem}".replace(":  ", ": "), fix, mark and mark.line + 1)
+    return YamlProblem(f"not valid YAML:{begun} {error.problem}", fix, mark and mark.line + 1)
 
 
 def _walk(node: yaml.Node, above: Location, lines: dict[Location, int]) -> None:
