@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from hqpipe.pipeline.completion import profiles
 from hqpipe.pipeline.names import path_problem
 
 # NumPy and PyTorch both take seeds of 32 bits.
@@ -59,7 +60,8 @@ def json_option() -> click.Option:
 
 
 def profile_option() -> click.Option:
-    return click.Option(["--profile"], metavar="NAME", help="Profile of pipeline.yaml instead of its default.")
+    text = "Profile of pipeline.yaml instead of its default."
+    return click.Option(["--profile"], metavar="NAME", help=text, shell_complete=profiles)
 
 
 def explain_option() -> click.Option:

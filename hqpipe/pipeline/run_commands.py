@@ -11,9 +11,10 @@ import click
 
 from hqpipe.errors import HqpipeError, UsageError
 from hqpipe.pipeline.answer import answer
+from hqpipe.pipeline.completion import chain_stages
 from hqpipe.pipeline.names import shown
 from hqpipe.pipeline.options import Folder, running_options, with_options
-from hqpipe.pipeline.stage import Stage, StageTable
+from hqpipe.pipeline.stage import Input, Stage, StageTable
 
 
 def _check_target(ctx: click.Context, param: click.Parameter, value: str) -> str:
@@ -27,9 +28,11 @@ def _check_target(ctx: click.Context, param: click.Parameter, value: str) -> str
 
 @with_options(*running_options("STAGE.KEY=VALUE"))
 @click.command()
-@click.argument("target", metavar="all", callback=_check_target)
-@click.option("--from", "first", metavar="STAGE", help="Start here, on the current artifacts.")
-@click.option("--until", "last", metavar="STAGE", help="Stop after this stage.")
+@click.argument("target", metavar="all", callback=_check_target, shell_complete=lambda ctx, param, incomplete: ["all"])
+@click.option(
+    "--from", "first", metavar="STAGE", help="Start here, on the current artifacts.", shell_complete=chain_stages
+)
+@click.option("--until", "last", metavar="STAGE", help="Stop after this stage.", shell_complete=chain_stages)
 @click.pass_obj
 def run(
     table: StageTable,
@@ -70,10 +73,15 @@ class StageCommand(click.Command):
             )
             for needed in stage.inputs
         ]
+        spellings = [
+            click.Option([other, _also(needed, other)], type=Folder(), hidden=True)
+            for needed in stage.inputs
+            for other in needed.also
+        ]
         flags = [click.Option([name], is_flag=True, expose_value=False, help=text) for name, text in stage.flags]
         super().__init__(
             stage.name,
-            params=[*inputs, *flags, *running_options("KEY=VALUE")],
+            params=[*inputs, *spellings, *flags, *running_options("KEY=VALUE")],
             callback=click.pass_obj(self.run),
             help=f"{stage.help}\n\nWrites artifacts/{stage.artifact}.",
         )
@@ -94,7 +102,7 @@ class StageCommand(click.Command):
         changes = [f"{section}.{text.removeprefix(f'{section}.')}" for text in overrides]
         if seed is not None:
             changes.append(f"{section}.seed={seed}")
-        named = {needed.name: options.pop(needed.name) for needed in self.stage.inputs}
+        named = {needed.name: _named(needed, options) for needed in self.stage.inputs}
         explicit = {name: path for name, path in named.items() if path is not None}
         project = open_project(table)
         settings = project.configuration.resolve(
@@ -111,6 +119,22 @@ class StageCommand(click.Command):
         with formatter.section("Parameters for --set, and their defaults"):
             formatter.write_dl(rows)
         formatter.write(f"\n{cleandoc(params.__doc__ or '')}\n")
+
+
+def _also(needed: Input, option: str) -> str:
+    """Under what name click keeps the folder that a second spelling of an option names."""
+    return f"{needed.name}_{option.strip('-')}"
+
+
+def _named(needed: Input, options: dict[str, Any]) -> Any:
+    """The folder that was named for an input, taken out of `options`; None for none."""
+    given = {needed.option: options.pop(needed.name)}
+    given |= {other: options.pop(_also(needed, other)) for other in needed.also}
+    folders = {option: folder for option, folder in given.items() if folder is not None}
+    if len(folders) > 1:
+        text = f"{' and '.join(folders)} name the same input"
+        raise UsageError(text, field=needed.option, fix=f"give {needed.option} alone")
+    return next(iter(folders.values()), None)
 
 
 def _flat(params: dict[str, Any], above: str = "") -> list[tuple[str, str]]:

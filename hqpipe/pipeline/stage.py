@@ -24,6 +24,7 @@ class Input:
         help: of the option; None for what is said of every artifact.
         files: names of all files in it that the stage reads, where those are not all of them: it is not run again when
             others change. A name that is not there says nothing.
+        also: further spellings of `option`, which are accepted and not shown.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Input:
     optional: bool = False
     help: str | None = None
     files: tuple[str, ...] = ()
+    also: tuple[str, ...] = ()
 
     def content(self, outputs: Mapping[str, str]) -> str:
         """Hash over what the stage reads of a folder.
