@@ -9,13 +9,13 @@ import click
 
 from hqpipe.errors import GateError
 from hqpipe.pipeline.answer import answer
-from hqpipe.pipeline.options import MAX_SEED, Folder, json_option, traceback_option, with_options
+from hqpipe.pipeline.options import MAX_SEED, MAX_WORKERS, Folder, json_option, traceback_option, with_options
 from hqpipe.pipeline.progress import stage_progress
 from hqpipe.pipeline.streams import stdout_to_stderr
 
 _WORKERS = click.option(
     "--workers",
-    type=click.IntRange(1),
+    type=click.IntRange(1, MAX_WORKERS),
     default=lambda: os.cpu_count() or 1,
     show_default="all cores",
     help="Processes; the result does not depend on them.",
@@ -76,4 +76,5 @@ def score(folder: Path, without: tuple[str, ...], workers: int, as_json: bool) -
         answer(**result)
     show(*score_tables(result))
     if missed := missed_aims(result):
-        raise GateError(f"{len(missed)} aims are missed: {'; '.join(missed)}")
+        fix = "the page of the score names the cases behind each"
+        raise GateError(f"{len(missed)} aims are missed: {'; '.join(missed)}", file=folder, fix=fix)

@@ -13,6 +13,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from hqpipe.errors import ConfigError, UsageError, near_match
 from hqpipe.pipeline.complaints import ConfigErrors, FieldError, file_errors, section_errors
 from hqpipe.pipeline.names import path_problem, shown
+from hqpipe.pipeline.options import MAX_WORKERS
 from hqpipe.pipeline.overrides import Origin, Override, lay_over, parse_override
 from hqpipe.pipeline.stage import Stage, StageTable
 from hqpipe.pipeline.yaml_source import Location, YamlSource, read_yaml
@@ -22,9 +23,6 @@ __all__ = ["FILE", "Configuration", "FieldError", "Settings", "StageParams", "St
 FILE = "pipeline.yaml"
 ROBOT = "robot"
 """Key of the robot's folder in the context of a validation (`pydantic.ValidationInfo`), where it is known."""
-
-MAX_WORKERS = 1024
-"""Processes; each holds 200 MB, so that more is a slip of the hand."""
 
 
 class StageParams(BaseModel):

@@ -85,7 +85,11 @@ class Executor:
             outcome = self._carry_out(decision)
             self.outcomes.append(outcome)
             if failures := outcome.entry.manifest.gate_failures:
-                raise GateError(f"{stage.name}: {len(failures)} threshold(s) missed: {'; '.join(failures)}")
+                raise GateError(
+                    f"{stage.name}: {len(failures)} threshold(s) missed: {'; '.join(failures)}",
+                    file=self._store.link(stage.artifact),
+                    fix="look at what it measured, and train longer, or change the thresholds",
+                )
 
     def _carry_out(self, decision: Decision) -> Outcome:
         started = time.monotonic()

@@ -14,6 +14,8 @@ from hqpipe.pipeline.names import path_problem
 
 # NumPy and PyTorch both take seeds of 32 bits.
 MAX_SEED = 2**32 - 1
+# Each holds 200 MB, so that more is a slip of the hand.
+MAX_WORKERS = 1024
 
 
 class Folder(click.Path):
