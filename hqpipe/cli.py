@@ -161,6 +161,8 @@ def _run(table: StageTable, words: list[str]) -> _End:
         return _interrupted()
     except BrokenPipeError:
         return _End(_reader_gone())
+    except SystemExit as error:  # of shell completion, or of a library
+        return _End(error.code if isinstance(error.code, int) else int(error.code is not None))
     except HqpipeError as error:
         return _tell(error)
     except Exception as error:

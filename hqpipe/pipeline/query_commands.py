@@ -88,7 +88,8 @@ def verify(table: StageTable, as_json: bool) -> None:
     from hqpipe.pipeline import audit
     from hqpipe.pipeline.project import open_project
 
-    checks = audit.verify(open_project(table))
+    project = open_project(table)
+    checks = audit.verify(project)
     problems = [problem for check in checks for problem in check.problems]
     if as_json:
         answer(artifacts=[check.to_json() for check in checks])
@@ -98,7 +99,8 @@ def verify(table: StageTable, as_json: bool) -> None:
         print_checks(checks)
     if problems:
         fix = "make what is damaged again with `hqpipe STAGE --force`"
-        raise IntegrityError("\n".join(problems), fix=fix)
+        damaged = next(check.artifact for check in checks if check.problems)
+        raise IntegrityError("\n".join(problems), file=project.store.link(damaged), fix=fix)
 
 
 @with_options(json_option())

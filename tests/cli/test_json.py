@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import sys
 
 import pytest
 import toy_pipeline
@@ -114,6 +115,7 @@ def test_damage(toy):
     path.write_text("[]")
     data = envelope(toy("verify", "--json"))
     assert data["exit_code"] == 3 and data["artifacts"][1]["problems"]
+    assert data["error"]["file"] == str(toy.artifacts / "squares")
     for arguments in (("run", "all"), ("run", "all", "--dry-run"), ("report",)):
         answer = toy(*arguments, "--json")
         error = json.loads(answer.out)["error"]
@@ -147,6 +149,12 @@ def test_errors_that_nobody_meant(toy, monkeypatch, error):
     assert answer.code == 1 and data["ok"] is False and type(error).__name__ in data["error"]["message"]
 
 
+def test_a_library_that_ends_the_process(toy, monkeypatch):
+    monkeypatch.setattr(toy_pipeline.TABLE["numbers"].__class__, "load_params", lambda self: sys.exit("gone"))
+    data = json.loads(toy("status", "--json").out)
+    assert (data["ok"], data["exit_code"]) == (False, 1)
+
+
 def test_no_doctor_can_help(toy, monkeypatch):
     def refuse(*arguments, **options):
         raise PermissionError(13, os.strerror(13))
@@ -169,7 +177,6 @@ def test_without_the_option_nothing_is_json(toy):
 
 def test_a_reader_that_has_gone_is_no_traceback(toy):
     import subprocess
-    import sys
     from pathlib import Path
 
     program = [sys.executable, str(Path(toy_pipeline.__file__)), "dag", "--json"]
