@@ -84,8 +84,7 @@ def read_controllers(context: Any, names: Sequence[str], nets: NetKind) -> tuple
         else:
             found.append(_controller(context, robot, name, nets))
     if not found:
-        text = f"compare: nothing to train; {'; '.join(left_out)}"
-        raise UsageError(text, field="compare.controllers", fix="name other controllers, or give what is missing")
+        raise UsageError(f"compare: nothing to train; {'; '.join(left_out)}")
     return found, left_out
 
 
@@ -127,11 +126,8 @@ def _net_folder(folder: Path, name: str, nets: NetKind) -> Path:
     found = folder / "rivals" / rival
     if not (found / FILE).is_file():
         raise UsageError(
-            f"{found}: no such actuator model",
-            file=found,
-            field="compare.controllers",
-            fix=f"run hqpipe fit-actuator with '{rival}' among its rivals, or leave '{name}' out of compare.controllers, "
-            f"or set compare.nets to {' or '.join(k for k in get_args(NetKind) if k != nets)}",
+            f"{found}: no such actuator model: run hqpipe fit-actuator with '{rival}' among its rivals, or leave '{name}' "
+            f"out of compare.controllers, or set compare.nets to {' or '.join(k for k in get_args(NetKind) if k != nets)}"
         )
     return found
 

@@ -105,8 +105,7 @@ def _parts(context: Any, stages: Any) -> dict[str, Any]:
         parts[name] = Part(name, folder, shown, f"hqpipe {stages.maker(name).name}", record)
     for name, part in parts.items():
         if part.record is not None and part.record["recipe"]["stage"] != stages.maker(name).name:
-            text = f"{part.folder}: made by {part.record['recipe']['stage']}, expected {part.command}"
-            raise UsageError(text, file=part.folder, fix=f"give the folder that {part.command} made")
+            raise UsageError(f"{part.folder}: made by {part.record['recipe']['stage']}, expected {part.command}")
     return parts
 
 

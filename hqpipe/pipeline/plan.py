@@ -109,16 +109,14 @@ class Planner:
         if needed.name in self.explicit:
             return explicit_source(self.explicit[needed.name], needed)
         maker = self.project.table.maker(needed.artifact)
-        with _mend(f"make it again with `{self._command(maker)} --force`"):
+        with _mend(f"Make it again with `{self._command(maker)} --force`"):
             entry = self.project.store.current(needed.artifact)
             if entry is not None:
                 entry.verify()
                 return Source(entry.path, needed.content(entry.manifest.outputs), needed.artifact, entry.manifest.key)
         raise UsageError(
-            f"{stage.name} needs {self.project.store.shown(needed.artifact)}, which has not been made",
-            file=self.project.store.link(needed.artifact),
-            field=needed.option,
-            fix=f"run `{self._command(maker)}` or give a folder with {needed.option}",
+            f"{stage.name} needs {self.project.store.shown(needed.artifact)}, which has not been made: "
+            f"run `{self._command(maker)}` or give a folder with {needed.option}"
         )
 
     def reads(self, stage: Stage, made: Collection[str] = ()) -> list[Input]:
@@ -154,7 +152,7 @@ class Planner:
             self.project.store.check_link(stage.artifact)
             reasons = (Reason("forced", "forced"),)
             return Decision(stage, RUN, reasons, None if pending else recipe, sources)
-        with _mend(f"make it again with `{self._command(stage)} --force`"):
+        with _mend(f"Make it again with `{self._command(stage)} --force`"):
             return self._compare(stage, sources, pending, recipe)
 
     def _compare(self, stage: Stage, sources: Mapping[str, Source], pending: list[str], recipe: Recipe) -> Decision:
@@ -243,17 +241,14 @@ def explicit_source(path: Path, needed: Input) -> Source:
     folder, option = path.resolve(), needed.option
     if not folder.is_dir():
         what = "is a file, expected its folder" if folder.is_file() else "no such folder"
-        fix = (
-            f"give {option} the folder that it lies in" if folder.is_file() else f"give {option} a folder that is there"
-        )
-        raise UsageError(f"{option} {path}: {what}", file=path, field=option, fix=fix)
+        raise UsageError(f"{option} {path}: {what}")
     if is_artifact(folder):
-        with _mend(f"make it again, or give another folder with {option}"):
+        with _mend(f"Make it again, or give another folder with {option}"):
             entry = read_entry(folder)
             entry.verify()
         return Source(folder, needed.content(entry.manifest.outputs), None, entry.manifest.key)
     if not any(folder.iterdir()):
-        raise UsageError(f"{option} {path}: the folder is empty", file=path, field=option, fix="give another folder")
+        raise UsageError(f"{option} {path}: the folder is empty")
     return Source(folder, needed.content(hash_files(folder, links=True)), None, None)
 
 
@@ -263,4 +258,4 @@ def _mend(remedy: str) -> Iterator[None]:
     try:
         yield
     except IntegrityError as error:
-        raise IntegrityError(error.message, file=error.file, field=error.field, fix=remedy) from error
+        raise IntegrityError(f"{error}. {remedy}") from error

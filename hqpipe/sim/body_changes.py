@@ -1,4 +1,4 @@
-"""What sets a machine's body and floor apart from its URDF and the usual floor."""
+"""What sets a machine's body and floor apart from its URDF and the default floor, as plain data."""
 
 from __future__ import annotations
 

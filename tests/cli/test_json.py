@@ -43,7 +43,6 @@ def envelope(answer) -> dict:
         (("run", "all", "--set", "numbers.count=x", "--json"), "numbers.count"),
         (("run", "all", "--set", "numbers", "--json"), "--set"),
         (("numbers", "--set", "nothing=1", "--json"), "numbers.nothing"),
-        (("square-up", "--numbers", "nothing", "--json"), "--numbers"),
         (("blind", "make", "--json"), "--out"),
         (("blind", "score", "nothing", "--json"), "DIR"),
         (("diff", "numbers", "--json"), "B"),
