@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import traceback
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NoReturn
 
 import click
@@ -16,7 +18,7 @@ from hqpipe.pipeline.options import traceback_option
 from hqpipe.pipeline.stage import StageTable
 from hqpipe.pipeline.streams import ReaderGone, prepare_streams
 from hqpipe.registry import load
-from hqpipe.signals import TOLD, Interrupted, end, ignore_signals, raise_on_signals
+from hqpipe.signals import REMEDY, STATE, TOLD, Interrupted, end, ignore_signals, raise_on_signals
 
 HELP = "Close the sim-to-real gap of heavy hydraulic legged robots: collect, fit, diagnose, retrain, export, validate."
 
@@ -35,6 +37,11 @@ COMMANDS = {
     "doctor": ("hqpipe.pipeline.query_commands:doctor", "Check that this machine is ready."),
 }
 """Command name → (where it is, one line of help)."""
+
+REPORT = "run it again with --traceback, and report what that prints"
+
+LONG_WORD = re.compile(r"\S{200,}")
+"""What click repeats of a command line, and nobody would read."""
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C: 128 + SIGINT, as shells have it."""
@@ -112,7 +119,7 @@ version_option = click.Option(
 
 
 def run_cli(table: StageTable, arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code; errors are told on standard error.
+    """Run one command and return its exit code; errors are told on standard error, and with ``--json`` also as JSON.
 
     Args:
         table: the stages.
@@ -120,37 +127,82 @@ def run_cli(table: StageTable, arguments: Sequence[str] | None = None) -> int:
     """
     for name, value in ENVIRONMENT.items():
         os.environ.setdefault(name, value)
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if not any(word.startswith("--json") for word in words):
+        return _run(table, words).code
+    from hqpipe.pipeline.answer import answering, is_asked_for, print_answer
+
+    if not is_asked_for(words):
+        return _run(table, words).code
+    with answering(words) as own:
+        end = _run(table, words)
+    if not own and end.code == 0:
+        return 0  # it was help that was asked for
     try:
-        code = LazyGroup(table).main(arguments, prog_name="hqpipe", standalone_mode=False)
+        print_answer(own, end.code, end.error)
         sys.stdout.flush()
-        return code if isinstance(code, int) else 0
-    except click.ClickException as error:
-        error.show()
-        return UsageError.exit_code
-    except Interrupted as error:
-        ignore_signals()
-        return _tell_interrupted(error.exit_code)
-    except (click.Abort, KeyboardInterrupt):
-        return _tell_interrupted(INTERRUPTED)
     except ReaderGone:
         return READER_GONE
+    except HqpipeError as error:  # standard output is full
+        return _tell(error).code
+    return end.code
+
+
+@dataclass(frozen=True)
+class _End:
+    """How a command ended: its exit code, and the error as of `HqpipeError.to_json`."""
+
+    code: int
+    error: dict[str, str | None] | None = None
+
+
+def _run(table: StageTable, words: list[str]) -> _End:
+    """Run one command; errors are told on standard error."""
+    try:
+        code = LazyGroup(table).main(words, prog_name="hqpipe", standalone_mode=False)
+        sys.stdout.flush()
+        return _End(code if isinstance(code, int) else 0)
+    except click.ClickException as error:
+        error.message = LONG_WORD.sub(lambda word: f"{word[0][:80]}…", error.message)
+        error.show()
+        return _End(UsageError.exit_code, _click_error(error).to_json())
+    except Interrupted as error:
+        ignore_signals()
+        return _interrupted(error.exit_code)
+    except (click.Abort, KeyboardInterrupt):
+        return _interrupted(INTERRUPTED)
+    except ReaderGone:
+        return _End(READER_GONE)
+    except SystemExit as error:  # of shell completion, or of a library
+        return _End(error.code if isinstance(error.code, int) else int(error.code is not None))
     except HqpipeError as error:
-        return _tell(str(error), error.exit_code)
+        return _tell(error)
     except Exception as error:
-        return _tell(f"{type(error).__name__}: {error} (--traceback shows where)", HqpipeError.exit_code)
+        return _tell(HqpipeError(f"{type(error).__name__}: {error}", fix=REPORT))
 
 
-def _tell_interrupted(code: int) -> int:
-    print(TOLD, file=sys.stderr)
-    return code
-
-
-def _tell(message: str, code: int) -> int:
-    """Print the error that is being handled and return the exit code."""
+def _tell(error: HqpipeError) -> _End:
+    """Print the error that is being handled."""
     if os.environ.get("HQPIPE_TRACEBACK"):
         traceback.print_exc()
-    print(f"error: {message}", file=sys.stderr)
-    return code
+    print(f"error: {error}", file=sys.stderr)
+    return _End(error.exit_code, error.to_json())
+
+
+def _interrupted(code: int) -> _End:
+    print(TOLD, file=sys.stderr)
+    return _End(code, HqpipeError(STATE, fix=REMEDY).to_json())
+
+
+def _click_error(error: click.ClickException) -> UsageError:
+    """What click complains about: which option or argument, and where to read what is expected."""
+    ctx = getattr(error, "ctx", None)
+    param = getattr(error, "param", None)
+    field = getattr(error, "option_name", None)
+    if param is not None:
+        field = param.human_readable_name if isinstance(param, click.Argument) else param.opts[-1]
+    path = ctx.command_path if ctx is not None else "hqpipe"
+    return UsageError(error.format_message(), field=field, fix=f"`{path} --help` lists what is expected")
 
 
 def main(table: StageTable | None = None) -> NoReturn:

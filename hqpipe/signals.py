@@ -14,7 +14,8 @@ from typing import NoReturn
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
-TOLD = "interrupted: nothing half-made was kept; the same command goes on from here"
+STATE, REMEDY = "interrupted: nothing half-made was kept", "the same command goes on from here"
+TOLD = f"{STATE}; {REMEDY}"
 SHOW_CURSOR = "\x1b[?25h"  # a bar of progress hides it
 
 GRACE_S = 5.0

@@ -27,7 +27,7 @@ NETS = tuple(
 MODELS = Input("actuator", "actuator", "--actuator", files=(*MODEL, "posterior.json", *NETS))
 DIAGNOSED = Input("diagnosis", "diagnosis", "--diagnosis", optional=True, files=(*MODEL, "diagnosis.json"))
 POLICY = Input("policy", "policy", "--policy")
-ONNX = Input("onnx", "onnx", "--policy")
+ONNX = Input("onnx", "onnx", "--onnx", also=("--policy",))
 EXPORTED = Input("onnx", "onnx", "--onnx")
 ONNX_FLAG = ("--onnx", "Write ONNX; the only format, so it is the default.")
 # What the page of `report` shows beside the exported policy, as far as it has been made.

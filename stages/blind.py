@@ -8,13 +8,14 @@ from pathlib import Path
 import click
 
 from hqpipe.errors import GateError
-from hqpipe.pipeline.options import MAX_SEED, json_option, traceback_option, with_options
+from hqpipe.pipeline.answer import answer
+from hqpipe.pipeline.options import MAX_SEED, MAX_WORKERS, Folder, json_option, traceback_option, with_options
 from hqpipe.pipeline.progress import stage_progress
-from hqpipe.pipeline.streams import print_json, stdout_to_stderr
+from hqpipe.pipeline.streams import stdout_to_stderr
 
 _WORKERS = click.option(
     "--workers",
-    type=click.IntRange(1),
+    type=click.IntRange(1, MAX_WORKERS),
     default=lambda: os.cpu_count() or 1,
     show_default="all cores",
     help="Processes; the result does not depend on them.",
@@ -38,7 +39,7 @@ def blind() -> None:
     help="Make only this kind: none, single, mixture, place, outside, or faint (for the limit of detection); "
     "repeatable.  [default: all but faint]",
 )
-@click.option("--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder for the cases.")
+@click.option("--out", type=Folder(file_okay=False), required=True, help="Folder for the cases.")
 @_WORKERS
 def make(count: int, seed: int, kinds: tuple[str, ...], out: Path, workers: int, as_json: bool) -> None:
     """Simulate machines with and without effects; the answers lie apart from their logs.
@@ -51,13 +52,13 @@ def make(count: int, seed: int, kinds: tuple[str, ...], out: Path, workers: int,
     with stage_progress("blind make") as progress, stdout_to_stderr():
         made = make_cases(count, seed, out, workers, progress, kinds)
     if as_json:
-        print_json({"folder": str(out), "cases": count, "made": made})
+        answer(folder=str(out), cases=count, made=made)
     show(f"{count} cases in {out}, {made} of them made now; next: hqpipe blind score {out}")
 
 
 @with_options(json_option(), traceback_option())
 @blind.command()
-@click.argument("folder", metavar="DIR", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.argument("folder", metavar="DIR", type=Folder(exists=True, file_okay=False))
 @click.option("--without", multiple=True, metavar="EFFECT", help="Leave an effect out of the library; repeatable.")
 @_WORKERS
 def score(folder: Path, without: tuple[str, ...], workers: int, as_json: bool) -> None:
@@ -72,7 +73,8 @@ def score(folder: Path, without: tuple[str, ...], workers: int, as_json: bool) -
     with stage_progress("blind score") as progress, stdout_to_stderr():
         result = score_folder(folder, without, workers, progress)
     if as_json:
-        print_json(result)
+        answer(**result)
     show(*score_tables(result))
     if missed := missed_aims(result):
-        raise GateError(f"{len(missed)} aims are missed: {'; '.join(missed)}")
+        fix = "the page of the score names the cases behind each"
+        raise GateError(f"{len(missed)} aims are missed: {'; '.join(missed)}", file=folder, fix=fix)

@@ -121,11 +121,9 @@ def _write_answers(out: Path, count: int, seed: int, kinds: Sequence[str], plann
     text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
     path = out / ANSWERS
     if path.is_file() and path.read_text(encoding="utf-8") != text:
-        raise UsageError(
-            f"{path} belongs to other cases than --cases {count} --seed {seed}"
-            f"{''.join(f' --kind {kind}' for kind in sorted(set(kinds)))} of this version: give another --out, or "
-            "remove the folder"
-        )
+        asked_for = "".join(f" --kind {kind}" for kind in sorted(set(kinds)))
+        text = f"{path} belongs to other cases than --cases {count} --seed {seed}{asked_for} of this version"
+        raise UsageError(text, file=path, field="--out", fix="give another --out, or remove the folder")
     half = path.with_suffix(".half")
     half.write_text(text, encoding="utf-8")
     os.replace(half, path)

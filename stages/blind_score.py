@@ -38,10 +38,9 @@ def score_folder(folder: Path, without: Sequence[str], workers: int, progress: P
         _check_names(without, answers)
         answers = [answer for answer in answers if answer.names & set(without) and answer.kind != FAINT]
     if incomplete := [a.case for a in answers if not (folder / a.case).is_dir()]:
-        raise UsageError(
-            f"{folder}: {len(incomplete)} cases are not made, the first is {incomplete[0]}: run the same "
-            "hqpipe blind make again, it goes on from there"
-        )
+        text = f"{folder}: {len(incomplete)} cases are not made, the first is {incomplete[0]}"
+        fix = "run the same hqpipe blind make again, it goes on from there"
+        raise UsageError(text, file=folder / incomplete[0], fix=fix)
     results = folder / "_".join([DIAGNOSIS, *(["without", *sorted(without)] if without else [])])
     diagnose_all([(folder / a.case, results / a.case, tuple(without)) for a in answers], workers, progress)
     known = {a.case: all_but(a.names) for a in answers if a.kind in ORACLE_KINDS}
@@ -148,8 +147,10 @@ def _check_names(without: Sequence[str], answers: Sequence[Any]) -> None:
     for name in without:
         if name not in known:
             raise UsageError(
-                f"--without {name}{near_match(name, known)}: no case has this effect "
-                f"(they have: {', '.join(known) or 'none'})"
+                f"--without {name[:80]}{near_match(name[:80], known)}: no case has this effect "
+                f"(they have: {', '.join(known) or 'none'})",
+                field="--without",
+                fix="name one that they have",
             )
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from pydantic import NonNegativeFloat, PositiveFloat
-
 from hqpipe.errors import HqpipeError
 from hqpipe.pipeline.config import StageParams
+from hqpipe.stages.bounds import StressSeconds, TrialSeconds
 from hqpipe.stages.logs import STRESS
+from hqpipe.stages.plant_overrides import Plant
 from hqpipe.stages.stress import stress_jobs, write_stress
 
 # The paper: 20 s at 0.4 m/s to fit; one trial at 0.4 m/s and four at 1.0 m/s to judge (section IV-A).
@@ -29,11 +29,11 @@ class Params(StageParams):
     plant: what is different on this machine, see `hqpipe.plant.PlantConfig`.
     """
 
-    walk_seconds: PositiveFloat = 20.0
-    gantry_seconds: PositiveFloat = 20.0
-    stress_seconds: NonNegativeFloat = 5.0
-    shortest_seconds: PositiveFloat = 2.0
-    plant: dict[str, Any] = {}
+    walk_seconds: TrialSeconds = 20.0
+    gantry_seconds: TrialSeconds = 20.0
+    stress_seconds: StressSeconds = 5.0
+    shortest_seconds: TrialSeconds = 2.0
+    plant: Plant = {}
 
 
 def run(context: Any) -> dict[str, Any]:

@@ -6,30 +6,23 @@ import json
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, PositiveFloat, PositiveInt
+from pydantic import AfterValidator
 
-from hqpipe.errors import UsageError
 from hqpipe.pipeline.config import StageParams
+from hqpipe.stages.bounds import Trainings, TrialSeconds, Walks
 from hqpipe.stages.compare_plant import walk_all
 from hqpipe.stages.compare_results import by_controller, loop_closed, walks
 from hqpipe.stages.compare_tell import draw, headline, tables
 from hqpipe.stages.compare_train import Trained, keep, train_all
 from hqpipe.stages.controllers import DIAGNOSIS, TITLES, NetKind, checked_names, read_controllers
-from hqpipe.stages.scenarios import SCENARIOS, check_names
+from hqpipe.stages.plant_overrides import Plant
+from hqpipe.stages.scenarios import SCENARIOS, known_scenarios
 from hqpipe.stages.training import METRICS, Training, write_rows
 
 FORMAT = "hqpipe-comparison/1"
 _REWARD = "rollout/reward_mean"
 _LAST = 0.1  # share of the iterations at the end that a reward is the mean of
 _TRAINING_SHARE = 0.8  # of the progress bar
-
-
-def _known_scenarios(names: list[str]) -> list[str]:
-    try:
-        check_names(names)
-    except UsageError as error:
-        raise ValueError(str(error)) from error
-    return names
 
 
 class Params(StageParams):
@@ -45,12 +38,12 @@ class Params(StageParams):
 
     training: Training = {}
     controllers: Annotated[list[str], AfterValidator(checked_names)] = list(TITLES)
-    seeds: PositiveInt = 1
+    seeds: Trainings = 1
     nets: NetKind = "strong"
-    scenarios: Annotated[list[str], AfterValidator(_known_scenarios)] = list(SCENARIOS)
-    walk_seeds: PositiveInt = 4
-    walk_seconds: PositiveFloat | None = None
-    plant: dict[str, Any] = {}
+    scenarios: Annotated[list[str], AfterValidator(known_scenarios)] = list(SCENARIOS)
+    walk_seeds: Walks = 4
+    walk_seconds: TrialSeconds | None = None
+    plant: Plant = {}
 
 
 def run(context: Any) -> dict[str, Any]:
@@ -59,7 +52,7 @@ def run(context: Any) -> dict[str, Any]:
     p = context.params
     controllers, left_out = read_controllers(context, p.controllers, p.nets)
     show(*(f"warning: {text}" for text in left_out))
-    seeds = [context.seed + i for i in range(p.seeds)]
+    seeds = [(context.seed + i) % 2**32 for i in range(p.seeds)]  # NumPy and PyTorch take 32 bits
     trained = train_all(context, controllers, seeds, _part(context.progress, 0.0, _TRAINING_SHARE))
     for each in trained:
         keep(each, context.output)

@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import PositiveFloat
+from pydantic import AfterValidator
 
+from hqpipe.errors import near_match
 from hqpipe.pipeline.config import StageParams
+from hqpipe.stages.bounds import WindowSeconds
+
+
+def _known_effects(names: list[str]) -> list[str]:
+    if not names:
+        return names
+    from hqpipe.effects import EFFECTS  # half a second, because of numba; only where there is something to look up
+
+    for name in names:
+        if name not in EFFECTS:
+            text = f"no effect '{name[:80]}'{near_match(name[:80], EFFECTS)} (known: {', '.join(EFFECTS)})"
+            raise ValueError(text)
+    return names
 
 
 class Params(StageParams):
@@ -16,9 +30,9 @@ class Params(StageParams):
     without: effects left out of the library.
     """
 
-    window_s: PositiveFloat = 0.1
+    window_s: WindowSeconds = 0.1
     resample: bool = False
-    without: list[str] = []
+    without: Annotated[list[str], AfterValidator(_known_effects)] = []
 
 
 def run(context: Any) -> dict[str, Any]:

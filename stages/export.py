@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from pydantic import PositiveInt
+from typing import Annotated, Any
 
 from hqpipe.pipeline.config import StageParams
+from hqpipe.stages.bounds import within
 
 
 class Params(StageParams):
@@ -14,7 +13,7 @@ class Params(StageParams):
     parity_samples: observations on which the graph must agree with torch; they are kept for validate.
     """
 
-    parity_samples: PositiveInt = 512
+    parity_samples: Annotated[int, within(1, 1_000_000, "each has some hundred numbers, all in memory")] = 512
 
 
 def run(context: Any) -> dict[str, Any]:

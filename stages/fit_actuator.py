@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import PositiveFloat, PositiveInt
+from pydantic import Field
 
 from hqpipe.pipeline.config import StageParams
+from hqpipe.stages.bounds import Iterations, WindowSeconds, each_once, within
 from hqpipe.stages.constants import write_constants
 from hqpipe.stages.judging import judge, write_data_curve
 from hqpipe.stages.logs import FIT, read_logs
@@ -26,6 +27,8 @@ from hqpipe.stages.rivals import (
     stepped,
 )
 
+DataSeconds = Annotated[float, within(0.1, 1e6, "s; from a few windows to eleven days")]
+MOST_LENGTHS = 100  # each costs a fit of every model
 FOREIGN = "the joints are not those of the robot: R is 1, k1 in N·m/rad, and no effort limit holds"
 
 
@@ -41,11 +44,11 @@ class Params(StageParams):
     """
 
     scope: Literal["per_joint", "shared"] = "per_joint"
-    window_s: PositiveFloat = 0.1
-    data_seconds: list[PositiveFloat] = []
-    rivals: list[Rival] = list(EVERY)
-    net_iterations: PositiveInt = 1000  # the paper's
-    strong_net_iterations: PositiveInt = 1200
+    window_s: WindowSeconds = 0.1
+    data_seconds: Annotated[list[DataSeconds], Field(max_length=MOST_LENGTHS)] = []
+    rivals: Annotated[list[Rival], each_once("rivals")] = list(EVERY)
+    net_iterations: Iterations = 1000  # the paper's
+    strong_net_iterations: Iterations = 1200
     resample: bool = False
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import Field, model_validator
 
-from hqpipe.errors import UsageError
-from hqpipe.pipeline.config import StageParams
+from hqpipe.errors import ConfigError, UsageError
+from hqpipe.pipeline.config import FieldError, StageParams
+from hqpipe.stages.bounds import Speed, TrialSeconds, within
+from hqpipe.stages.plant_overrides import Plant
 
 RECORD = "manifest.json"
 MOST_FRAMES = 600  # half a minute at 20 a second: below 500 MB of pictures in memory
@@ -29,26 +31,31 @@ class Params(StageParams):
         plant: as in collect.
     """
 
-    seconds: PositiveFloat = 12.0
-    vx: float = 1.0
-    vy: float = 0.0
-    wz: float | None = None
-    shown_seconds: PositiveFloat = 8.0
-    speed: PositiveFloat = 1.0
+    seconds: TrialSeconds = 12.0
+    vx: Speed = 1.0
+    vy: Speed = 0.0
+    wz: Speed | None = None
+    shown_seconds: Annotated[float, within(0.1, 600.0, "s; of the walk")] = 8.0
+    speed: Annotated[float, within(0.01, 100.0, "seconds of the walk in a second of film")] = 1.0
     frame_rate: Literal[10, 20, 25] = 20
     width: int = Field(default=640, ge=240, le=1280)
     height: int = Field(default=400, ge=120, le=960)
-    plant: dict[str, Any] = {}
+    plant: Plant = {}
 
     @model_validator(mode="after")
     def _film_is_short(self) -> Params:
         frames = min(self.seconds, self.shown_seconds) / self.speed * self.frame_rate
+        if frames < 2.0:
+            raise self._wrong("fewer than two frames", "raise shown_seconds or frame_rate, or lower speed")
         if frames > MOST_FRAMES:
-            raise ValueError(
-                f"the film would have {frames:.0f} frames, expected at most {MOST_FRAMES}: lower shown_seconds or "
-                "frame_rate, or raise speed"
-            )
+            text = f"{frames:.0f} frames, expected at most {MOST_FRAMES}"
+            raise self._wrong(text, "lower shown_seconds or frame_rate, or raise speed")
         return self
+
+    @staticmethod
+    def _wrong(what: str, fix: str) -> FieldError:
+        error = ConfigError(f"the film would have {what}", field="shown_seconds", fix=fix)
+        return FieldError(error, ("frame_rate", "speed", "seconds"))
 
 
 def run(context: Any) -> dict[str, Any]:

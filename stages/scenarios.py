@@ -102,10 +102,22 @@ def check_names(names: Sequence[str]) -> None:
     for name in names:
         if name not in SCENARIOS:
             raise UsageError(
-                f"scenarios: no scenario '{name}'{near_match(str(name), SCENARIOS)} (known: {', '.join(SCENARIOS)})"
+                f"no scenario '{str(name)[:80]}'{near_match(str(name)[:80], SCENARIOS)} (known: {', '.join(SCENARIOS)})",
+                field="scenarios",
+                fix="name these",
             )
     if not names or len(set(names)) < len(names):
-        raise UsageError(f"scenarios: expected each of at least one once, got {', '.join(names) or 'none'}")
+        text = f"expected one scenario or more, each once, got {', '.join(names) or 'none'}"
+        raise UsageError(text, field="scenarios", fix="name each once")
+
+
+def known_scenarios(names: list[str]) -> list[str]:
+    """The names, for the ``Params`` of a stage; ValueError where `check_names` refuses them."""
+    try:
+        check_names(names)
+    except UsageError as error:
+        raise ValueError(error.message) from None
+    return names
 
 
 def run_scenarios(

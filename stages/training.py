@@ -10,6 +10,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator
 
 from hqpipe.errors import ConfigError
+from hqpipe.pipeline.config import FieldError
 from hqpipe.rl.config import TrainConfig, from_mapping, to_mapping
 
 METRICS, EVALUATION, RANDOMISATION = "metrics.csv", "evaluation.json", "randomisation.json"
@@ -18,11 +19,12 @@ METRICS, EVALUATION, RANDOMISATION = "metrics.csv", "evaluation.json", "randomis
 def _complete(raw: dict[str, Any]) -> dict[str, Any]:
     """Every field of TrainConfig, so that a changed default is a changed parameter."""
     if "seed" in raw:
-        raise ValueError("the seed of a training is the seed of its stage")
+        error = ConfigError("the seed of a training is the seed of its stage", field="seed", fix="set it one level up")
+        raise FieldError(error)
     try:
         config = to_mapping(from_mapping(TrainConfig(), raw))
     except ConfigError as error:
-        raise ValueError(str(error)) from error
+        raise FieldError(error, getattr(error, "together", ())) from None
     del config["seed"]
     return config
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import NonNegativeInt, PositiveFloat, PositiveInt, field_validator
+from pydantic import AfterValidator
 
-from hqpipe.errors import UsageError
 from hqpipe.pipeline.config import StageParams
-from hqpipe.stages.scenarios import SCENARIOS, Scenario, check_names, run_scenarios
+from hqpipe.stages.bounds import Threshold, TrialSeconds, Walks, within
+from hqpipe.stages.plant_overrides import Plant
+from hqpipe.stages.scenarios import SCENARIOS, Scenario, known_scenarios, run_scenarios
 
 _SHOWN = "forward_10"  # in walk.png, or else the first scenario
 _WORDS = {
@@ -37,27 +38,18 @@ class Params(StageParams):
         plant: as in collect. resample: as in fit-actuator.
     """
 
-    torque_nrmse: PositiveFloat = 0.35
-    parity_rad: PositiveFloat = 1e-4
-    latency_us: PositiveFloat = 1000.0
-    scenarios: list[str] = list(SCENARIOS)
-    walk_seeds: PositiveInt = 4
-    walk_seconds: PositiveFloat | None = None
-    walk_falls: NonNegativeInt = 0
-    walk_speed_error: PositiveFloat = 0.05
-    walk_drift: PositiveFloat = 1.0
-    walk_yaw_error: PositiveFloat = 0.05
-    plant: dict[str, Any] = {}
+    torque_nrmse: Threshold = 0.35
+    parity_rad: Threshold = 1e-4
+    latency_us: Threshold = 1000.0
+    scenarios: Annotated[list[str], AfterValidator(known_scenarios)] = list(SCENARIOS)
+    walk_seeds: Walks = 4
+    walk_seconds: TrialSeconds | None = None
+    walk_falls: Annotated[int, within(0, 1000, "as many as there are walks")] = 0
+    walk_speed_error: Threshold = 0.05
+    walk_drift: Threshold = 1.0
+    walk_yaw_error: Threshold = 0.05
+    plant: Plant = {}
     resample: bool = False
-
-    @field_validator("scenarios")
-    @classmethod
-    def _known(cls, names: list[str]) -> list[str]:
-        try:
-            check_names(names)
-        except UsageError as error:
-            raise ValueError(str(error)) from None
-        return names
 
 
 Check = tuple[str, float | None, float]  # what, value, limit; a value of None is a missed check

@@ -3,31 +3,45 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import yaml
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from hqpipe.errors import ConfigError, UsageError, near_match
+from hqpipe.pipeline.complaints import ConfigErrors, FieldError, file_errors, section_errors
+from hqpipe.pipeline.names import path_problem, shown
+from hqpipe.pipeline.options import MAX_WORKERS
+from hqpipe.pipeline.overrides import Origin, Override, lay_over, parse_override
 from hqpipe.pipeline.stage import Stage, StageTable
 from hqpipe.pipeline.yaml_source import Location, YamlSource, read_yaml
 
+__all__ = ["FILE", "Configuration", "FieldError", "Settings", "StageParams", "StageSettings"]
+
 FILE = "pipeline.yaml"
+ROBOT = "robot"
+"""Key of the robot's folder in the context of a validation (`pydantic.ValidationInfo`), where it is known."""
 
 
 class StageParams(BaseModel):
-    """Base of every stage's ``Params``: frozen, no unknown field, no NaN or inf. ``seed`` is no parameter."""
+    """Base of every stage's ``Params``: frozen, no unknown field, no NaN or inf, no true for 1. ``seed`` is no parameter."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True, strict=True)
 
 
-def _workers(value: int | str) -> int | str:
-    if value == "auto" or (isinstance(value, int) and not isinstance(value, bool) and value >= 1):
+def _workers(value: Any) -> int | str:
+    number = isinstance(value, int) and not isinstance(value, bool)
+    if value == "auto" or (number and 1 <= value <= MAX_WORKERS):
         return value
-    raise ValueError(f"expected 'auto' or a number of processes from 1, got {value!r}")
+    raise ValueError(f"expected 'auto' or a number of processes from 1 to {MAX_WORKERS}, got {shown(value)}")
+
+
+def _path(value: str) -> str:
+    if problem := path_problem(value):
+        raise ValueError(problem)
+    return value
 
 
 Section = Annotated[dict[str, Any], BeforeValidator(lambda value: {} if value is None else value)]
@@ -46,13 +60,15 @@ class _File(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    robot: str
+    robot: Annotated[str, AfterValidator(_path)]
     seed: Seed = 1
     profile: str = "default"
-    workers: Annotated[int | str, AfterValidator(_workers)] = "auto"
-    artifacts: str = "artifacts"
+    workers: Annotated[Any, AfterValidator(_workers)] = "auto"
+    artifacts: Annotated[str, AfterValidator(_path)] = "artifacts"
     stages: dict[str, Section] = {}
-    profiles: dict[str, Annotated[dict[str, Section], BeforeValidator(lambda v: v or {})]] = {"default": {}}
+    profiles: dict[str, Annotated[dict[str, Section], BeforeValidator(lambda v: {} if v is None else v)]] = {
+        "default": {}
+    }
 
 
 @dataclass(frozen=True)
@@ -94,26 +110,29 @@ class Configuration:
     """
 
     def __init__(self, path: Path, table: StageTable) -> None:
-        self._table = table
+        self._sections = sorted({stage.section for stage in table.values()})
         self._source: YamlSource = read_yaml(path)
         try:
             self.file = _File.model_validate(self._source.data)
         except ValidationError as error:
-            lines = [_describe(item, self._source, (), _File) for item in error.errors()]
-            raise ConfigError("\n".join(lines)) from None
-        known = {stage.section for stage in table.values()}
+            raise file_errors(error, self._source, _File) from None
         for above, sections in self._all_sections():
             for section in sections:
-                if section not in known:
-                    where = self._source.where((*above, section))
-                    names = ", ".join(sorted(known))
-                    hint = near_match(section, known)
-                    raise ConfigError(f"{where}: {'.'.join(above)}: unknown stage '{section}'{hint} (known: {names})")
+                if section not in self._sections:
+                    place, name = (*above, section), section[:80]
+                    message = f"unknown stage '{name}'{near_match(name, self._sections)}"
+                    raise self._error(place, f"{message} (known: {', '.join(self._sections)})", "rename or remove it")
 
     def _all_sections(self) -> Iterable[tuple[Location, dict[str, Any]]]:
         yield ("stages",), self.file.stages
         for name, sections in self.file.profiles.items():
             yield ("profiles", name), sections
+
+    def _error(self, place: Location, message: str, fix: str) -> ConfigError:
+        name = ".".join(place)
+        return ConfigError(
+            f"{self._source.where(place)}: {name}: {message}", file=self._source.path, field=name, fix=fix
+        )
 
     def resolve(
         self,
@@ -122,148 +141,106 @@ class Configuration:
         profile: str | None = None,
         overrides: Iterable[str] = (),
         seed: int | None = None,
+        robot: Path | None = None,
     ) -> Settings:
         """Merge base ← profile ← overrides and validate the sections of `stages`.
+
+        The sections of the other profiles, and those of the base alone, are checked too, so that a wrong value does not
+        wait for the day on which nothing hides it any more.
 
         Args:
             stages: the stages whose parameters are wanted.
             profile: instead of the file's ``profile``.
             overrides: ``"stage.key=value"`` each, the value read as YAML.
             seed: instead of the file's ``seed``; a seed inside a section is kept.
+            robot: its folder, for parameters that name parts of it; without it these names are not checked.
 
         Raises:
-            ConfigError: a field is unknown or has the wrong value.
+            ConfigError: fields are unknown or have wrong values; all of them are told.
             UsageError: an override is not of that form, or the profile is unknown.
         """
-        profile = self.file.profile if profile is None else profile
-        if profile not in self.file.profiles:
-            known = ", ".join(self.file.profiles)
-            hint = near_match(profile, self.file.profiles)
-            raise UsageError(f"{FILE}: unknown profile '{profile}'{hint} (known: {known})")
-        parsed = [_parse_override(text, self._table) for text in overrides]
-        base_seed = self.file.seed if seed is None else _check_seed(seed, "--seed")
+        profile = self._known_profile(profile)
+        parsed = [parse_override(text, self._sections) for text in overrides]
+        base_seed = (
+            self.file.seed if seed is None else _check_seed(seed, Origin("--seed", None, "--seed", "give another"))
+        )
+        resolved, wrong = {}, {}
+        for stage in stages:
+            for layers, changes in self._layerings(stage, profile, parsed):
+                try:
+                    resolved[stage.name] = self._settings(stage, layers, changes, base_seed, robot)
+                except ConfigErrors as error:
+                    wrong |= {str(each): each for each in error.errors}
+        if wrong:
+            raise ConfigErrors(list(wrong.values()))
         workers = self.file.workers
         return Settings(
             robot=self.file.robot,
             artifacts=self.file.artifacts,
             workers=workers if isinstance(workers, int) else len(os.sched_getaffinity(0)),
             profile=profile,
-            stages={stage.name: self._settings(stage, profile, parsed, base_seed) for stage in stages},
+            stages=resolved,
         )
 
-    def _settings(self, stage: Stage, profile: str, overrides: list[_Override], seed: int) -> StageSettings:
-        """Resolve and validate one stage's section."""
+    def _known_profile(self, profile: str | None) -> str:
+        """The profile to use; the file's own is checked even where another is asked for."""
+        known = ", ".join(self.file.profiles)
+        if self.file.profile not in self.file.profiles:
+            name = self.file.profile[:80]
+            message = f"unknown profile '{name}'{near_match(name, self.file.profiles)} (known: {known})"
+            raise self._error(("profile",), message, "name one of these, or add it under profiles")
+        if profile is None or profile in self.file.profiles:
+            return self.file.profile if profile is None else profile
+        name = profile[:80]
+        message = f"{FILE}: unknown profile '{name}'{near_match(name, self.file.profiles)} (known: {known})"
+        raise UsageError(message, file=self._source.path, field="--profile", fix="name one of these")
+
+    def _layerings(
+        self, stage: Stage, profile: str, overrides: Sequence[Override]
+    ) -> Iterable[tuple[list[Location], list[Override]]]:
+        """The layers to be validated together, those that are used last: the base, it under each profile, and with --set."""
+        base: Location = ("stages",)
+        yield [base], []
+        for name, sections in self.file.profiles.items():
+            if stage.section in sections and name != profile:
+                yield [base, ("profiles", name)], []
+        changes = [override for override in overrides if override.section == stage.section]
+        if changes:
+            yield [base, ("profiles", profile)], []
+        yield [base, ("profiles", profile)], changes
+
+    def _settings(
+        self, stage: Stage, layers: Sequence[Location], overrides: Sequence[Override], seed: int, robot: Path | None
+    ) -> StageSettings:
+        """Merge and validate one stage's section."""
         merged: dict[str, Any] = {}
-        origins: dict[Location, str] = {}
-        layers = [
-            (("stages",), self.file.stages.get(stage.section, {})),
-            (("profiles", profile), self.file.profiles[profile].get(stage.section, {})),
-        ]
-        for above, values in layers:
+        origins: dict[Location, Origin] = {}
+        for above in layers:
+            sections = self.file.stages if above == ("stages",) else self.file.profiles[above[1]]
             where = (*above, stage.section)
-            _merge(merged, values, (), lambda path, where=where: self._origin((*where, *path)), origins)
+            lay_over(
+                merged, sections.get(stage.section, {}), (), lambda path, at=where: self._origin((*at, *path)), origins
+            )
         for override in overrides:
-            if override.section == stage.section:
-                _merge(merged, override.values, (), lambda path, text=override.text: f"--set {text}", origins)
+            lay_over(merged, override.values, (), override.origin, origins)
         if "seed" in merged:
             seed = _check_seed(merged.pop("seed"), origins[("seed",)])
         params_class = stage.load_params()
         try:
-            return StageSettings(params_class.model_validate(merged), seed)
+            return StageSettings(params_class.model_validate(merged, context={ROBOT: robot}), seed)
         except ValidationError as error:
             base = self._origin(("stages", stage.section))
-            lines = [_describe_param(item, origins, params_class, stage, base) for item in error.errors()]
-            raise ConfigError("\n".join(lines)) from None
+            raise section_errors(error, origins, params_class, stage, base) from None
 
-    def _origin(self, location: Location) -> str:
-        return f"{self._source.where(location)}: {'.'.join(location)}"
-
-
-@dataclass(frozen=True)
-class _Override:
-    section: str
-    values: dict[str, Any]
-    text: str
+    def _origin(self, location: Location) -> Origin:
+        name = ".".join(location)
+        where = f"{self._source.where(location)}: {name}"
+        return Origin(where, str(self._source.path), name, "correct the value")
 
 
-def _parse_override(text: str, table: StageTable) -> _Override:
-    """Read ``stage.key=value``; deeper keys are separated by further dots."""
-    name, equals, value = text.partition("=")
-    section, *keys = name.strip().split(".")
-    section = section.replace("-", "_")
-    known = {stage.section for stage in table.values()}
-    if not equals or not keys or not all(keys):
-        raise UsageError(f"--set {text}: expected stage.key=value, e.g. --set {min(known)}.seed=3")
-    if section not in known:
-        names = ", ".join(sorted(known))
-        raise UsageError(f"--set {text}: unknown stage '{section}'{near_match(section, known)} (known: {names})")
-    try:
-        values = yaml.safe_load(value)
-    except yaml.YAMLError as error:
-        raise UsageError(f"--set {text}: the value is not valid YAML") from error
-    for key in reversed(keys):
-        values = {key: values}
-    return _Override(section, values, text)
-
-
-def _merge(into: dict, values: dict, above: Location, origin, origins: dict[Location, str]) -> None:
-    """Lay `values` over `into`, mapping by mapping, noting in `origins` where each field came from."""
-    for key, value in values.items():
-        path = (*above, str(key))
-        origins[path] = origin(path)
-        if isinstance(value, dict) and isinstance(into.get(key), dict):
-            _merge(into[key], value, path, origin, origins)
-        elif isinstance(value, dict):
-            into[key] = {}
-            _merge(into[key], value, path, origin, origins)
-        else:
-            into[key] = value
-
-
-def _check_seed(value: Any, origin: str) -> int:
+def _check_seed(value: Any, origin: Origin) -> int:
     try:
         return _Seeded(seed=value).seed
     except ValidationError:
-        raise ConfigError(f"{origin}: expected a whole number from 0 to 2³² − 1, got {value!r}") from None
-
-
-def _expectation(item: Any) -> str:
-    """Pydantic's message in our words: what was expected, and what was found."""
-    if item["type"] == "value_error":
-        return str(item["ctx"]["error"])
-    message = item["msg"].replace("Input should be ", "expected ").replace("Input should ", "expected to ")
-    return f"{message}, got {item['input']!r}"
-
-
-def _fields_at(model: type[BaseModel], location: Location) -> list[str]:
-    """Names of the fields of the (nested) model at `location`; empty if there is no model there."""
-    for name in location:
-        field = model.model_fields.get(name)
-        if field is None or not (isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)):
-            return []
-        model = field.annotation
-    return list(model.model_fields)
-
-
-def _complaint(item: Any, location: Location, model: type[BaseModel], kind: str) -> str:
-    """What is wrong with the field at `location`."""
-    if item["type"] == "extra_forbidden":
-        known = _fields_at(model, location[:-1])
-        return f"unknown {kind} '{location[-1]}'{near_match(location[-1], known)} (known: {', '.join(known)})"
-    if item["type"] == "missing":
-        return f"{kind} '{location[-1]}' is missing"
-    return _expectation(item)
-
-
-def _describe(item: Any, source: YamlSource, above: Location, model: type[BaseModel]) -> str:
-    """One line for an error in the fields at the top of the file."""
-    location = (*above, *(str(part) for part in item["loc"]))
-    return f"{source.where(location)}: {'.'.join(location)}: {_complaint(item, location, model, 'field')}"
-
-
-def _describe_param(item: Any, origins: dict[Location, str], model: type[BaseModel], stage: Stage, base: str) -> str:
-    """One line for an error in a stage's parameters, naming the layer that set the value."""
-    location = tuple(str(part) for part in item["loc"])
-    depth = next((n for n in range(len(location), 0, -1) if location[:n] in origins), 0)
-    origin = origins[location[:depth]] if depth else base
-    return f"{origin}: {_complaint(item, location, model, f'parameter of {stage.name}')}"
+        message = f"{origin.text}: expected a whole number from 0 to 2³² − 1, got {shown(value)}"
+        raise ConfigErrors([ConfigError(message, file=origin.file, field=origin.field, fix=origin.fix)]) from None

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import shutil
 import time
-import traceback
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hqpipe.errors import GateError, HqpipeError, IntegrityError, UsageError
 from hqpipe.pipeline.context import StageContext
+from hqpipe.pipeline.fault import unexpected
 from hqpipe.pipeline.hashing import hash_files
 from hqpipe.pipeline.manifest import MANIFEST, Manifest
 from hqpipe.pipeline.plan import KEEP, RUN, Decision, Planner
@@ -85,7 +85,11 @@ class Executor:
             outcome = self._carry_out(decision)
             self.outcomes.append(outcome)
             if failures := outcome.entry.manifest.gate_failures:
-                raise GateError(f"{stage.name}: {len(failures)} threshold(s) missed: {'; '.join(failures)}")
+                raise GateError(
+                    f"{stage.name}: {len(failures)} threshold(s) missed: {'; '.join(failures)}",
+                    file=self._store.link(stage.artifact),
+                    fix="look at what it measured, and train longer, or change the thresholds",
+                )
 
     def _carry_out(self, decision: Decision) -> Outcome:
         started = time.monotonic()
@@ -147,11 +151,7 @@ class Executor:
                 error.message = f"{stage.name}: {error.message}"
                 raise
             except Exception as error:
-                place = traceback.extract_tb(error.__traceback__)[-1]
-                raise HqpipeError(
-                    f"{stage.name} failed: {type(error).__name__}: {error} "
-                    f"({place.filename}:{place.lineno}; --traceback shows the whole way there)"
-                ) from error
+                raise unexpected(stage.name, run, error) from error
         return check_metrics(stage, metrics)
 
     def _changed_files(self, manifest: Manifest) -> tuple[str, ...]:

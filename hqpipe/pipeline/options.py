@@ -4,11 +4,41 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import click
 
+from hqpipe.pipeline.completion import profiles
+from hqpipe.pipeline.names import path_problem
+
 # NumPy and PyTorch both take seeds of 32 bits.
 MAX_SEED = 2**32 - 1
+# Each holds 200 MB, so that more is a slip of the hand.
+MAX_WORKERS = 1024
+
+
+class Folder(click.Path):
+    """A folder on the command line, as `pathlib.Path`; a name that no file system takes is refused as such."""
+
+    def __init__(self, exists: bool = False, file_okay: bool = True) -> None:
+        super().__init__(exists=exists, file_okay=file_okay, path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if problem := path_problem(os.fspath(value)):
+            self.fail(problem, param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class Name(click.ParamType):
+    """The name of an artifact, or where one lies."""
+
+    name = "name"
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        if problem := path_problem(value):
+            self.fail(problem, param, ctx)
+        return value
 
 
 def _show_traceback(ctx: click.Context, param: click.Parameter, value: bool) -> None:
@@ -32,7 +62,8 @@ def json_option() -> click.Option:
 
 
 def profile_option() -> click.Option:
-    return click.Option(["--profile"], metavar="NAME", help="Profile of pipeline.yaml instead of its default.")
+    text = "Profile of pipeline.yaml instead of its default."
+    return click.Option(["--profile"], metavar="NAME", help=text, shell_complete=profiles)
 
 
 def explain_option() -> click.Option:

@@ -46,14 +46,24 @@ class Project:
         if "/" in name:
             folder = self.root / name
             if not (folder / "robot.yaml").is_file():
-                raise ConfigError(f"{FILE}: robot: {folder / 'robot.yaml'} does not exist")
+                raise ConfigError(
+                    f"{FILE}: robot: {folder / 'robot.yaml'} does not exist",
+                    file=self.root / FILE,
+                    field="robot",
+                    fix="give the path of the robot's folder, relative to the project",
+                )
             return folder
         known: dict[str, Path] = {}
         for place in (*_packaged_robots(), self.root / "robot"):
             known |= {path.parent.name: path.parent for path in sorted(place.glob("*/robot.yaml"))}
         if name not in known:
             names = ", ".join(sorted(known))
-            raise ConfigError(f"{FILE}: robot: unknown robot '{name}'{near_match(name, known)} (known: {names})")
+            raise ConfigError(
+                f"{FILE}: robot: unknown robot '{name}'{near_match(name, known)} (known: {names})",
+                file=self.root / FILE,
+                field="robot",
+                fix="name one of these, or the path of a robot's folder",
+            )
         return known[name]
 
     def robot_hash(self) -> str:
@@ -70,9 +80,13 @@ def find_root(start: Path) -> Path:
     """The nearest folder with a ``pipeline.yaml``, from `start` upwards."""
     start = start.resolve()
     for folder in (start, *start.parents):
-        if (folder / FILE).is_file():
+        path = folder / FILE
+        if path.is_file():
             return folder
-    raise UsageError(f"no {FILE} in {start} or a folder above it: make a project with `hqpipe init DIR`")
+        if path.exists():
+            raise UsageError(f"{path} is no file", file=path, fix="move it away, then make one with `hqpipe init DIR`")
+    message = f"no {FILE} in {start} or a folder above it"
+    raise UsageError(message, file=start, fix="make a project with `hqpipe init DIR`")
 
 
 def open_project(table: StageTable, start: Path | None = None) -> Project:

@@ -10,9 +10,9 @@ from typing import Any
 import click
 
 from hqpipe.errors import HqpipeError, IntegrityError, UsageError
-from hqpipe.pipeline.options import explain_option, json_option, profile_option, with_options
+from hqpipe.pipeline.answer import answer
+from hqpipe.pipeline.options import Folder, Name, explain_option, json_option, profile_option, with_options
 from hqpipe.pipeline.stage import StageTable
-from hqpipe.pipeline.streams import print_json
 
 
 @with_options(profile_option(), explain_option(), json_option())
@@ -25,12 +25,13 @@ def status(table: StageTable, profile: str | None, explain: bool, as_json: bool)
     from hqpipe.pipeline.project import open_project
 
     project = open_project(table)
-    settings = project.configuration.resolve(table.values(), profile=profile)
+    settings = project.configuration.resolve(table.values(), profile=profile, robot=project.robot_folder())
     statuses = audit.status(Planner(project, settings))
     current = all(item.settled for item in statuses)
     if as_json:
         stages = [item.to_json() for item in statuses]
-        print_json({"profile": settings.profile, "current": current, "stages": stages})
+        error = None if current else _not_current(statuses).to_json()
+        answer(profile=settings.profile, current=current, stages=stages, error=error)
     else:
         from hqpipe.pipeline.render import print_explanations, print_status
 
@@ -40,6 +41,12 @@ def status(table: StageTable, profile: str | None, explain: bool, as_json: bool)
         _hint_profile(statuses, settings.profile)
     if not current:
         raise click.exceptions.Exit(IntegrityError.exit_code)
+
+
+def _not_current(statuses: list[Any]) -> IntegrityError:
+    """What `status` has to say against the artifacts, for scripts; people read the table."""
+    left = [f"{item.decision.stage.artifact} ({item.state})" for item in statuses if not item.settled]
+    return IntegrityError(f"not current: {', '.join(left)}", fix="`hqpipe run all` makes what is missing or stale")
 
 
 def _hint_profile(statuses: list[Any], profile: str) -> None:
@@ -65,7 +72,7 @@ def dag(table: StageTable, as_json: bool) -> None:
             }
             for stage in table.values()
         ]
-        print_json({"stages": stages})
+        answer(stages=stages)
         return
     width = max(len(name) for name in table)
     for stage in table.values():
@@ -81,22 +88,25 @@ def verify(table: StageTable, as_json: bool) -> None:
     from hqpipe.pipeline import audit
     from hqpipe.pipeline.project import open_project
 
-    checks = audit.verify(open_project(table))
+    project = open_project(table)
+    checks = audit.verify(project)
     problems = [problem for check in checks for problem in check.problems]
     if as_json:
-        print_json({"ok": not problems, "artifacts": [check.to_json() for check in checks]})
+        answer(artifacts=[check.to_json() for check in checks])
     else:
         from hqpipe.pipeline.render import print_checks
 
         print_checks(checks)
     if problems:
-        raise IntegrityError("\n".join(problems))
+        fix = "make what is damaged again with `hqpipe STAGE --force`"
+        damaged = next(check.artifact for check in checks if check.problems)
+        raise IntegrityError("\n".join(problems), file=project.store.link(damaged), fix=fix)
 
 
 @with_options(json_option())
 @click.command()
-@click.argument("a")
-@click.argument("b")
+@click.argument("a", type=Name())
+@click.argument("b", type=Name())
 @click.pass_obj
 def diff(table: StageTable, a: str, b: str, as_json: bool) -> None:
     """Show what differs from artifact A to B: how they were made, metrics, files and versions.
@@ -109,7 +119,7 @@ def diff(table: StageTable, a: str, b: str, as_json: bool) -> None:
     store = open_project(table).store
     difference = compare(store.find(a).manifest, store.find(b).manifest)
     if as_json:
-        print_json(difference.to_json())
+        answer(**difference.to_json())
     else:
         print("\n".join(difference.lines()))
 
@@ -135,28 +145,33 @@ def gc(table: StageTable, dry_run: bool, scratch: bool, as_json: bool) -> None:
             collect_garbage.remove(garbage)
     total = sum(item.size for item in garbage)
     if as_json:
-        print_json({"dry_run": dry_run, "bytes": total, "removed": [str(item.path) for item in garbage]})
+        answer(dry_run=dry_run, bytes=total, removed=[str(item.path) for item in garbage])
         return
     for item in garbage:
         print(f"{item.path.name[:12]}  {item.size / 1e6:6.1f} MB  {item.content}")
     print(f"{'would free' if dry_run else 'freed'} {total / 1e6:.1f} MB in {len(garbage)} folders")
 
 
+@with_options(json_option())
 @click.command()
-@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@click.argument("folder", metavar="DIR", type=Folder())
 @click.pass_obj
-def init(table: StageTable, folder: Path) -> None:
+def init(table: StageTable, folder: Path, as_json: bool) -> None:
     """Make DIR a project: write a pipeline.yaml into it."""
     from hqpipe.pipeline.config import FILE
 
     target = folder / FILE
     if target.exists():
-        raise UsageError(f"{target} exists: remove it first, or choose another folder")
+        raise UsageError(f"{target} exists", file=target, fix="remove it first, or choose another folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(table.template, target)
     except OSError as error:
-        raise UsageError(f"cannot write {target}: {error.strerror}") from error
+        raise UsageError(
+            f"cannot write {target}: {error.strerror}", file=target, fix="choose another folder"
+        ) from error
+    if as_json:
+        answer(path=str(target))
     print(f"wrote {target}; next: cd {folder} && hqpipe run all --profile ci", file=sys.stderr)
 
 
@@ -176,10 +191,10 @@ def doctor(table: StageTable, as_json: bool) -> None:
         artifacts = open_project(table).store.folder
     findings = examine(artifacts)
     if as_json:
-        print_json({"ok": all(f.ok for f in findings), "checks": [f.to_json() for f in findings]})
+        answer(checks=[f.to_json() for f in findings])
     else:
         from hqpipe.pipeline.render import print_findings
 
         print_findings(findings)
     if failed := [finding.name for finding in findings if not finding.ok]:
-        raise HqpipeError(f"not ready: {', '.join(failed)}")
+        raise HqpipeError(f"not ready: {', '.join(failed)}", fix="the line of each check says what to do")

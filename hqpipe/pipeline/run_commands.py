@@ -5,30 +5,34 @@ from __future__ import annotations
 import json
 import sys
 from inspect import cleandoc
-from pathlib import Path
 from typing import Any
 
 import click
 
 from hqpipe.errors import HqpipeError, UsageError
-from hqpipe.pipeline.options import running_options, with_options
-from hqpipe.pipeline.stage import Stage, StageTable
-from hqpipe.pipeline.streams import print_json
+from hqpipe.pipeline.answer import answer
+from hqpipe.pipeline.completion import chain_stages
+from hqpipe.pipeline.names import shown
+from hqpipe.pipeline.options import Folder, running_options, with_options
+from hqpipe.pipeline.stage import Input, Stage, StageTable
 
 
 def _check_target(ctx: click.Context, param: click.Parameter, value: str) -> str:
     if value == "all":
         return value
     if value in ctx.obj:
-        raise UsageError(f"a stage runs alone as `hqpipe {value}`; expected `hqpipe run all`")
-    raise UsageError(f"expected `hqpipe run all`, got '{value}'")
+        message = f"a stage runs alone as `hqpipe {value}`; expected `hqpipe run all`"
+        raise UsageError(message, field="all", fix=f"type `hqpipe {value}`")
+    raise UsageError(f"expected `hqpipe run all`, got {shown(value)}", field="all", fix="type `hqpipe run all`")
 
 
 @with_options(*running_options("STAGE.KEY=VALUE"))
 @click.command()
-@click.argument("target", metavar="all", callback=_check_target)
-@click.option("--from", "first", metavar="STAGE", help="Start here, on the current artifacts.")
-@click.option("--until", "last", metavar="STAGE", help="Stop after this stage.")
+@click.argument("target", metavar="all", callback=_check_target, shell_complete=lambda ctx, param, incomplete: ["all"])
+@click.option(
+    "--from", "first", metavar="STAGE", help="Start here, on the current artifacts.", shell_complete=chain_stages
+)
+@click.option("--until", "last", metavar="STAGE", help="Stop after this stage.", shell_complete=chain_stages)
 @click.pass_obj
 def run(
     table: StageTable,
@@ -49,7 +53,9 @@ def run(
 
     stages = table.between(first, last)
     project = open_project(table)
-    settings = project.configuration.resolve(table.values(), profile=profile, overrides=overrides, seed=seed)
+    settings = project.configuration.resolve(
+        table.values(), profile=profile, overrides=overrides, seed=seed, robot=project.robot_folder()
+    )
     _execute(Planner(project, settings, force=options["force"]), stages, **options)
 
 
@@ -61,16 +67,21 @@ class StageCommand(click.Command):
         inputs = [
             click.Option(
                 [needed.option, needed.name],
-                type=click.Path(path_type=Path),
+                type=Folder(),
                 metavar="DIR",
                 help=needed.help or f"Read this folder instead of artifacts/{needed.artifact}.",
             )
             for needed in stage.inputs
         ]
+        spellings = [
+            click.Option([other, _also(needed, other)], type=Folder(), hidden=True)
+            for needed in stage.inputs
+            for other in needed.also
+        ]
         flags = [click.Option([name], is_flag=True, expose_value=False, help=text) for name, text in stage.flags]
         super().__init__(
             stage.name,
-            params=[*inputs, *flags, *running_options("KEY=VALUE")],
+            params=[*inputs, *spellings, *flags, *running_options("KEY=VALUE")],
             callback=click.pass_obj(self.run),
             help=f"{stage.help}\n\nWrites artifacts/{stage.artifact}.",
         )
@@ -91,10 +102,12 @@ class StageCommand(click.Command):
         changes = [f"{section}.{text.removeprefix(f'{section}.')}" for text in overrides]
         if seed is not None:
             changes.append(f"{section}.seed={seed}")
-        named = {needed.name: options.pop(needed.name) for needed in self.stage.inputs}
+        named = {needed.name: _named(needed, options) for needed in self.stage.inputs}
         explicit = {name: path for name, path in named.items() if path is not None}
         project = open_project(table)
-        settings = project.configuration.resolve([self.stage], profile=profile, overrides=changes)
+        settings = project.configuration.resolve(
+            [self.stage], profile=profile, overrides=changes, robot=project.robot_folder()
+        )
         planner = Planner(project, settings, force=options["force"], explicit=explicit)
         _execute(planner, [self.stage], **options)
         if not options["dry_run"]:
@@ -106,6 +119,22 @@ class StageCommand(click.Command):
         with formatter.section("Parameters for --set, and their defaults"):
             formatter.write_dl(rows)
         formatter.write(f"\n{cleandoc(params.__doc__ or '')}\n")
+
+
+def _also(needed: Input, option: str) -> str:
+    """Under what name click keeps the folder that a second spelling of an option names."""
+    return f"{needed.name}_{option.strip('-')}"
+
+
+def _named(needed: Input, options: dict[str, Any]) -> Any:
+    """The folder that was named for an input, taken out of `options`; None for none."""
+    given = {needed.option: options.pop(needed.name)}
+    given |= {other: options.pop(_also(needed, other)) for other in needed.also}
+    folders = {option: folder for option, folder in given.items() if folder is not None}
+    if len(folders) > 1:
+        text = f"{' and '.join(folders)} name the same input"
+        raise UsageError(text, field=needed.option, fix=f"give {needed.option} alone")
+    return next(iter(folders.values()), None)
 
 
 def _flat(params: dict[str, Any], above: str = "") -> list[tuple[str, str]]:
@@ -130,27 +159,30 @@ def _execute(planner: Any, stages: list[Stage], *, force: bool, dry_run: bool, e
 
     executor = Executor(planner, on_decision=_explain if explain else lambda decision: None)
     failure: HqpipeError | None = None
-    with exclusive(planner.project.store.folder):
-        try:
-            executor.run(stages)
-        except HqpipeError as error:
-            failure = error
-    _tell_outcomes(executor.outcomes)
-    if as_json:
-        problem = failure and {"message": str(failure), "exit_code": failure.exit_code}
-        outcomes = [outcome.to_json() for outcome in executor.outcomes]
-        print_json({"profile": planner.settings.profile, "stages": outcomes, "error": problem})
+    try:
+        with exclusive(planner.project.store.folder):
+            try:
+                executor.run(stages)
+            except HqpipeError as error:
+                failure = error
+        _tell_outcomes(executor.outcomes)
+    finally:
+        if as_json:
+            outcomes = [outcome.to_json() for outcome in executor.outcomes]
+            answer(profile=planner.settings.profile, stages=outcomes)
     if failure:
         raise failure
 
 
 def _preview(planner: Any, stages: list[Stage], explain: bool, as_json: bool) -> None:
+    if as_json:
+        answer(profile=planner.settings.profile, dry_run=True, stages=[])
     decisions = planner.preview(stages)
     if explain:
         for decision in decisions:
             _explain(decision)
     if as_json:
-        print_json({"profile": planner.settings.profile, "dry_run": True, "stages": [d.to_json() for d in decisions]})
+        answer(stages=[decision.to_json() for decision in decisions])
         return
     from hqpipe.pipeline.render import print_plan
 

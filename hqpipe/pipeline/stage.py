@@ -24,6 +24,7 @@ class Input:
         help: of the option; None for what is said of every artifact.
         files: names of all files in it that the stage reads, where those are not all of them: it is not run again when
             others change. A name that is not there says nothing.
+        also: further spellings of `option`, which are accepted and not shown.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Input:
     optional: bool = False
     help: str | None = None
     files: tuple[str, ...] = ()
+    also: tuple[str, ...] = ()
 
     def content(self, outputs: Mapping[str, str]) -> str:
         """Hash over what the stage reads of a folder.
@@ -108,7 +110,8 @@ class StageTable(Mapping[str, Stage]):
     def __getitem__(self, name: str) -> Stage:
         if name not in self._stages:
             known = ", ".join(self._stages)
-            raise UsageError(f"unknown stage '{name}'{near_match(name, self._stages)} (known: {known})")
+            text = f"unknown stage '{name[:80]}'{near_match(name[:80], self._stages)} (known: {known})"
+            raise UsageError(text, field="stage", fix="name one of these")
         return self._stages[name]
 
     def __contains__(self, name: object) -> bool:
@@ -141,11 +144,16 @@ class StageTable(Mapping[str, Stage]):
     def between(self, first: str | None, last: str | None) -> list[Stage]:
         """The stages of the chain from `first` to `last`, both included; None means its end on that side."""
         names = [name for name, stage in self._stages.items() if not stage.alone]
-        for name in (first, last):
-            if name is not None and self[name].alone:
-                raise UsageError(f"'{name}' is no part of the chain: run it as `hqpipe {name}`")
+        for option, name in (("--from", first), ("--until", last)):
+            if name is not None and name not in names:
+                if name not in self:
+                    text = f"{option}: unknown stage '{name[:80]}'{near_match(name[:80], names)}"
+                    raise UsageError(f"{text} (known: {', '.join(names)})", field=option, fix="name one of these")
+                fix = f"run it as `hqpipe {name}`"
+                raise UsageError(f"{option}: '{name}' is no part of the chain", field=option, fix=fix)
         start = names.index(first) if first else 0
         stop = names.index(last) if last else len(names) - 1
         if start > stop:
-            raise UsageError(f"--from {first} comes after --until {last}; the order is {', '.join(names)}")
+            text = f"--from {first} comes after --until {last}"
+            raise UsageError(text, field="--from", fix=f"give stages in this order: {', '.join(names)}")
         return [self[name] for name in names[start : stop + 1]]

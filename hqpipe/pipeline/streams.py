@@ -106,9 +106,9 @@ def stdout_to_stderr() -> Iterator[None]:
 
 def print_json(data: Any) -> None:
     """Print plain data on standard output; beyond ASCII only where that is UTF-8, as readers of JSON expect."""
-    text = json.dumps(data, indent=1, ensure_ascii=False)
+    text = json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False)
     try:
         text.encode("utf-8" if codecs.lookup(sys.stdout.encoding or "utf-8").name == "utf-8" else "ascii")
     except UnicodeEncodeError:  # also a file name that is no text, in any encoding
-        text = json.dumps(data, indent=1)
+        text = json.dumps(data, indent=1, allow_nan=False)
     print(text)

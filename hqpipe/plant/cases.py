@@ -161,7 +161,9 @@ def _shares(kinds: Sequence[str]) -> dict[str, float]:
     for kind in kinds:
         if kind not in known:
             raise UsageError(
-                f"--kind {kind}{near_match(kind, known)}: no such kind of case (known: {', '.join(known)})"
+                f"--kind {kind[:80]}{near_match(kind[:80], known)}: no such kind of case (known: {', '.join(known)})",
+                field="--kind",
+                fix="name one of these",
             )
     if not kinds:
         return KINDS

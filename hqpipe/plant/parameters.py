@@ -11,6 +11,7 @@ from hqpipe.plant.config import PlantConfig, Setting, check_base
 from hqpipe.plant.schema import BY_PATH, FIELDS, joint_dtype, machine_dtype
 from hqpipe.robots import RobotSpec
 
+SUBSTEP = 5.0e-5  # s, of the hydraulics; the stiffest mode, a piston on its chain, has 340 Hz
 STABLE = 2.0  # half of the bound of the integrator, see check_stability
 
 
@@ -84,10 +85,21 @@ def check_stability(schedule: list[Parameters], robot: RobotSpec, substep: float
             number = substep * (substep * stiffness + 2.0 * damping) / mass
             worst = int(np.argmax(number))
             if number[worst] > STABLE:
+                name = robot.joints[worst]
                 raise ConfigError(
-                    f"plant: joint {robot.joints[worst]}: too stiff for substeps of {substep:g} s: {part} has "
+                    f"plant: joint {name}: too stiff for substeps of {substep:g} s: {part} has "
                     f"k h²/m + 2 c h/m = {number[worst]:.2g}, expected at most {STABLE:g}",
-                    file=robot.folder / "robot.yaml",
-                    field=part.partition(" ")[0],
-                    fix="raise the mass, lower stiffness or damping, or pass a smaller `substep`",
+                    field="plant",
+                    fix="raise the mass, or lower stiffness or damping",
                 )
+
+
+def check_overrides(config: PlantConfig, robot: RobotSpec) -> None:
+    """Find what is wrong with overrides before a machine is built.
+
+    Raises:
+        ConfigError: the field is dotted and begins with "plant"; an error of robot.yaml itself has its `file`.
+    """
+    check_stability(build_schedule(robot, config), robot, SUBSTEP)
+    config.check_effort_source()
+    config.body_changes(robot)

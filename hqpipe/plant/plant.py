@@ -16,7 +16,7 @@ from hqpipe.errors import UsageError, near_match
 from hqpipe.plant import firmware, hydraulics, sensors
 from hqpipe.plant.config import PlantConfig
 from hqpipe.plant.disturbance import Disturbance, Outside
-from hqpipe.plant.parameters import Parameters, build_schedule, check_stability
+from hqpipe.plant.parameters import SUBSTEP, Parameters, build_schedule, check_stability
 from hqpipe.plant.run import run_trial
 from hqpipe.plant.trial import PlantTrial
 from hqpipe.robots import RobotSpec
@@ -24,7 +24,6 @@ from hqpipe.sim.mujoco_body import MujocoBody
 
 TICK = 1.0e-3  # s, firmware period: the paper records and controls joints at 1000 Hz
 BODY_STEP = 5.0e-4  # s
-SUBSTEP = 5.0e-5  # s; the stiffest mode, a piston on its chain, has 340 Hz
 SETTLE_TIME = {"floating": 1.0, "fixed": 0.4}  # s before the trial in which the firmware takes up the weight
 RING = 512  # ticks of command and samples of sensor history kept: longer than any delay the schema allows
 FALL_TILT = 1.0  # rad of base tilt that counts as a fall

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LARGEST = 1e12
-"""Of any number here, in SI units: a thousand times the stiffest oil; products of several stay finite."""
+INF = float("inf")
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,7 @@ class Field:
     meaning: str
     default: float | None = None
     lower: float = 0.0
-    upper: float = LARGEST
+    upper: float = INF  # every field sets one
 
     @property
     def column(self) -> str:
@@ -40,11 +39,11 @@ def _machine(path: str, unit: str, meaning: str, **limits: float) -> Field:
     return Field(path, unit, "machine", meaning, **limits)
 
 
-_POSITIVE = 1e-30  # a lower bound that excludes zero
-
+# Bounds lie well beyond any machine of legs, from a toy to one of many tonnes: outside of them a value is a slip of the
+# hand or a wrong unit, and the simulation would end in NaN.
 FIELDS: tuple[Field, ...] = (
     # fluid
-    _joint("fluid.bulk_modulus", "Pa", "effective, oil with hoses and dissolved air", lower=1e7, upper=1e10),
+    _joint("fluid.bulk_modulus", "Pa", "effective, oil with hoses and dissolved air", lower=1e7, upper=1e11),
     _machine(
         "fluid.temperature",
         "°C",
@@ -59,9 +58,9 @@ FIELDS: tuple[Field, ...] = (
     _machine("supply.pressure", "Pa", "with the pump idling over the relief valve", lower=1e6, upper=7e7),
     _machine("supply.return_pressure", "Pa", "tank line", upper=5e6),
     _machine("supply.pump_flow", "m³/s", "of the one pump", lower=1e-6, upper=1.0),
-    _machine("supply.relief_override", "Pa", "pressure from cracking to full pump flow", lower=1e4),
+    _machine("supply.relief_override", "Pa", "pressure from cracking to full pump flow", lower=1e4, upper=1e8),
     _machine("supply.accumulator_volume", "m³", "gas volume at precharge", lower=1e-6, upper=10.0),
-    _machine("supply.accumulator_precharge", "Pa", "gas", lower=1e5, upper=1e8),
+    _machine("supply.accumulator_precharge", "Pa", "gas", lower=1e5, upper=7e7),
     _machine("supply.gas_exponent", "1", "adiabatic", lower=1.0, upper=2.0),
     _machine("supply.line_volume", "m³", "oil in the supply lines", lower=1e-6, upper=10.0),
     _machine(
@@ -73,27 +72,29 @@ FIELDS: tuple[Field, ...] = (
     ),
     _machine("supply.ripple_hz", "Hz", "of that pulsation", default=9.0, upper=500.0),
     # the pair of pulling cylinders of a joint
-    _joint("cylinder.area_a", "m²", "piston that pulls the joint to positive angles", lower=_POSITIVE, upper=1.0),
-    _joint("cylinder.area_b", "m²", "piston that pulls it back", lower=_POSITIVE, upper=1.0),
+    _joint("cylinder.area_a", "m²", "piston that pulls the joint to positive angles", lower=1e-7, upper=1.0),
+    _joint("cylinder.area_b", "m²", "piston that pulls it back", lower=1e-7, upper=1.0),
     _joint("cylinder.stroke", "m", "between the end stops", lower=1e-3, upper=10.0),
     _joint("cylinder.stop_stiffness", "N/m", "end stop", lower=1e5, upper=1e8),
     _joint("cylinder.dead_volume_a", "m³", "chamber A at zero stroke, hose included", lower=1e-6, upper=1.0),
     _joint("cylinder.dead_volume_b", "m³", "chamber B, likewise", lower=1e-6, upper=1.0),
     _joint("cylinder.hose_compliance", "m³/Pa", "extra swelling of each hose", default=0.0, upper=1e-10),
     _joint("cylinder.piston_mass", "kg", "each, with its rod", lower=0.2, upper=1e4),
-    _joint("cylinder.leakage", "m³/s/Pa", "laminar, from one chamber to the other"),
-    _joint("cylinder.coulomb_friction", "N", "each piston"),
-    _joint("cylinder.coulomb_asymmetry", "N", "more when q rises, less when it falls", default=0.0, lower=-1e4),
-    _joint("cylinder.stribeck_friction", "N", "extra at rest, each piston"),
-    _joint("cylinder.stribeck_velocity", "m/s", "where half of the extra is left", lower=1e-4),
-    _joint("cylinder.viscous_friction", "N·s/m", "each piston"),
+    _joint("cylinder.leakage", "m³/s/Pa", "laminar, from one chamber to the other", upper=1e-6),
+    _joint("cylinder.coulomb_friction", "N", "each piston", upper=1e6),
+    _joint(
+        "cylinder.coulomb_asymmetry", "N", "more when q rises, less when it falls", default=0.0, lower=-1e4, upper=1e4
+    ),
+    _joint("cylinder.stribeck_friction", "N", "extra at rest, each piston", upper=1e6),
+    _joint("cylinder.stribeck_velocity", "m/s", "where half of the extra is left", lower=1e-4, upper=100.0),
+    _joint("cylinder.viscous_friction", "N·s/m", "each piston", upper=1e7),
     _joint("cylinder.load_friction", "1", "friction per pressure force on the piston", default=0.0, upper=0.5),
     # chain and sprocket
     _joint("chain.stiffness", "N/m", "each strand", lower=1e4, upper=5e7),
-    _joint("chain.damping", "N·s/m", "each strand"),
+    _joint("chain.damping", "N·s/m", "each strand", upper=1e7),
     _joint("chain.mass", "kg", "the part round the sprocket", lower=0.2, upper=1e4),
     _joint("chain.tooth_stiffness", "N/m", "chain on sprocket and shaft", lower=1e4, upper=1e8),
-    _joint("chain.tooth_damping", "N·s/m", "likewise"),
+    _joint("chain.tooth_damping", "N·s/m", "likewise", upper=1e7),
     _joint(
         "chain.slack",
         "m",
@@ -102,16 +103,17 @@ FIELDS: tuple[Field, ...] = (
         upper=0.05,
     ),
     # 4-way servo valve; an opening of 1 is the rated stroke
-    _joint("valve.rated_flow", "m³/s", "at full opening and rated_drop", lower=_POSITIVE, upper=1.0),
-    _joint("valve.rated_drop", "Pa", "over both lands", lower=1e5),
+    _joint("valve.rated_flow", "m³/s", "at full opening and rated_drop", lower=1e-9, upper=1.0),
+    _joint("valve.rated_drop", "Pa", "over both lands", lower=1e5, upper=1e8),
     _joint("valve.bandwidth_hz", "Hz", "natural frequency of the spool", lower=0.5, upper=1000.0),
     _joint("valve.damping_ratio", "1", "of the spool", lower=0.05, upper=5.0),
-    _joint("valve.slew_rate", "1/s", "greatest spool speed", lower=0.1),
+    _joint("valve.slew_rate", "1/s", "greatest spool speed", lower=0.1, upper=1e5),
     _joint(
         "valve.null_opening",
         "opening",
         "rounding of the lands: what passes with the spool centred",
         lower=1e-4,
+        upper=1.0,
     ),
     _joint(
         "valve.overlap",
@@ -150,12 +152,12 @@ FIELDS: tuple[Field, ...] = (
         upper=1.0,
     ),
     # firmware, 1 kHz; the valve command lies in −1…1
-    _joint("firmware.position_pid.kp", "1/rad", "valve command per position error"),
-    _joint("firmware.position_pid.ki", "1/(rad·s)", "integrator"),
-    _joint("firmware.position_pid.kd", "s/rad", "on the measured velocity"),
-    _joint("firmware.torque_pid.kp", "1/(N·m)", "valve command per torque error"),
-    _joint("firmware.torque_pid.ki", "1/(N·m·s)", "integrator"),
-    _joint("firmware.torque_pid.kd", "s/(N·m)", "on the measured torque"),
+    _joint("firmware.position_pid.kp", "1/rad", "valve command per position error", upper=1e6),
+    _joint("firmware.position_pid.ki", "1/(rad·s)", "integrator", upper=1e6),
+    _joint("firmware.position_pid.kd", "s/rad", "on the measured velocity", upper=1e6),
+    _joint("firmware.torque_pid.kp", "1/(N·m)", "valve command per torque error", upper=1e3),
+    _joint("firmware.torque_pid.ki", "1/(N·m·s)", "integrator", upper=1e3),
+    _joint("firmware.torque_pid.kd", "s/(N·m)", "on the measured torque", upper=1e3),
     _joint("firmware.integral_limit", "opening", "bound of the integrator", upper=1.0),
     _joint(
         "firmware.command_delay",
@@ -167,22 +169,22 @@ FIELDS: tuple[Field, ...] = (
     _machine("bus.drop_rate", "1/s", "bursts in which command frames are lost", default=0.0, upper=100.0),
     _machine("bus.drop_duration", "s", "of a burst; the last command is held", default=0.03, upper=1.0),
     # sensors of a joint
-    _joint("sensors.encoder_resolution", "rad", "one count"),
+    _joint("sensors.encoder_resolution", "rad", "one count", upper=1.0),
     _joint("sensors.position_bias", "rad", "encoder zero", default=0.0, lower=-1.0, upper=1.0),
-    _joint("sensors.velocity_filter_hz", "Hz", "low-pass on the differentiated position", lower=1.0),
-    _joint("sensors.pressure_noise", "Pa", "standard deviation"),
-    _joint("sensors.pressure_resolution", "Pa", "one count"),
-    _joint("sensors.load_cell_noise", "N", "standard deviation, each strand"),
-    _joint("sensors.load_cell_resolution", "N", "one count"),
+    _joint("sensors.velocity_filter_hz", "Hz", "low-pass on the differentiated position", lower=1.0, upper=1e6),
+    _joint("sensors.pressure_noise", "Pa", "standard deviation", upper=1e8),
+    _joint("sensors.pressure_resolution", "Pa", "one count", upper=1e8),
+    _joint("sensors.load_cell_noise", "N", "standard deviation, each strand", upper=1e6),
+    _joint("sensors.load_cell_resolution", "N", "one count", upper=1e6),
     _joint("sensors.effort_bias", "N·m", "offset", default=0.0, lower=-1e3, upper=1e3),
     _joint("sensors.effort_scale", "1", "gain error", default=1.0, lower=-10.0, upper=10.0),
     _joint("sensors.effort_delay", "s", "the logged effort is this much late", default=0.0, upper=0.1),
     _joint("sensors.effort_unsigned", "0 or 1", "1: the logged effort lost its sign", default=0.0, upper=1.0),
     # inertial measurement unit
-    _machine("imu.gyro_noise", "rad/s", "standard deviation"),
+    _machine("imu.gyro_noise", "rad/s", "standard deviation", upper=100.0),
     _machine("imu.gyro_bias", "rad/s", "on every axis", default=0.0, lower=-1.0, upper=1.0),
-    _machine("imu.accelerometer_noise", "m/s²", "standard deviation"),
-    _machine("imu.orientation_noise", "rad", "standard deviation of the attitude filter, every axis"),
+    _machine("imu.accelerometer_noise", "m/s²", "standard deviation", upper=1e3),
+    _machine("imu.orientation_noise", "rad", "standard deviation of the attitude filter, every axis", upper=3.2),
 )
 
 BY_PATH = {field.path: field for field in FIELDS}

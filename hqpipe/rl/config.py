@@ -7,16 +7,28 @@ coefficients.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
-from math import inf
 from typing import Any, TypeVar
 
 from hqpipe.errors import ConfigError, near_match
+from hqpipe.rl.limits import (
+    SAMPLES,
+    CombinationError,
+    check_commands,
+    check_layers,
+    check_numbers,
+    check_range,
+    shown,
+    wrong,
+)
+from hqpipe.sim import ENGINES
 
 PRIORS = ("none", "clock", "trot_residual")
 ACTUATOR_MODES = ("auto", "posterior", "half_range", "none")
 CONTROL_PERIOD_S = 0.01  # paper: policy and estimator at 100 Hz
+
+_LARGEST = 2**63
 
 _Config = TypeVar("_Config")
 
@@ -95,16 +107,7 @@ class ActuatorRandomisationConfig:
     half_range: float = 0.2
 
     def __post_init__(self) -> None:
-        if self.mode not in ACTUATOR_MODES:
-            raise ConfigError(
-                f"randomisation.actuator.mode: '{self.mode}'{near_match(self.mode, ACTUATOR_MODES)}, "
-                f"expected one of {', '.join(ACTUATOR_MODES)}"
-            )
-        for name in ("scale", "half_range"):
-            if not 0.0 <= getattr(self, name) < inf:
-                raise ConfigError(
-                    f"randomisation.actuator.{name}: {getattr(self, name)}, expected a number of at least 0"
-                )
+        _check_choice("randomisation.actuator.mode", self.mode, ACTUATOR_MODES)
 
 
 @dataclass(frozen=True)
@@ -304,19 +307,30 @@ class TrainConfig:
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
 
     def __post_init__(self) -> None:
-        if self.gait.prior not in PRIORS:
-            raise ConfigError(
-                f"gait.prior: '{self.gait.prior}'{near_match(self.gait.prior, PRIORS)}, expected one of {', '.join(PRIORS)}"
-            )
-        if self.rollout_size % self.ppo.batch_size:
-            raise ConfigError(
-                f"ppo.batch_size: {self.ppo.batch_size} does not divide num_envs × ppo.n_steps = {self.rollout_size}"
-            )
-        if self.evaluation.num_envs % len(self.evaluation.commands):
-            raise ConfigError(
-                f"evaluation.num_envs: {self.evaluation.num_envs}, expected a multiple of the "
-                f"{len(self.evaluation.commands)} commands"
-            )
+        _check_choice("gait.prior", self.gait.prior, PRIORS)
+        _check_choice("engine", self.engine, ENGINES)
+        check_numbers(self)
+        for name in ("vx", "vy", "wz"):
+            check_range(f"command.{name}", getattr(self.command, name))
+        check_layers("policy.hidden", self.policy.hidden)
+        check_commands("evaluation.commands", self.evaluation.commands)
+        self._check_sizes()
+
+    def _check_sizes(self) -> None:
+        """What several fields must agree on."""
+        size, batch = self.rollout_size, self.ppo.batch_size
+        together = ("num_envs", "ppo.n_steps", "ppo.batch_size")
+        if size > SAMPLES:
+            text = f"num_envs × ppo.n_steps is {size}, expected at most {SAMPLES} samples, which take 3 GB"
+            raise CombinationError(text, together, "lower one of them")
+        if size % batch:
+            text = f"ppo.batch_size: {batch} does not divide num_envs × ppo.n_steps = {size}"
+            raise CombinationError(text, ("ppo.batch_size", *together), "change one of the three")
+        robots, commands = self.evaluation.num_envs, len(self.evaluation.commands)
+        if robots % commands:
+            text = f"evaluation.num_envs: {robots}, expected a multiple of the {commands} commands"
+            fix = "change it, or the number of evaluation.commands"
+            raise CombinationError(text, ("evaluation.num_envs", "evaluation.commands"), fix)
 
     @property
     def rollout_size(self) -> int:
@@ -335,12 +349,13 @@ def from_mapping(base: _Config, raw: Mapping[str, Any], where: str = "") -> _Con
     Raises:
         ConfigError: an unknown field or a value of the wrong kind; the message names the field's full path.
     """
-    known = {f.name for f in fields(base)}
+    known = [f.name for f in fields(base)]
     changes = {}
     for name, value in raw.items():
         path = f"{where}{name}"
         if name not in known:
-            raise ConfigError(f"unknown field '{path}'{near_match(name, known)}")
+            text = f"unknown field '{path[:80]}'{near_match(name[:80], known)} (known: {', '.join(known)})"
+            raise ConfigError(text, field=path, fix="rename or remove it")
         changes[name] = _convert(getattr(base, name), value, path)
     return replace(base, **changes)
 
@@ -353,20 +368,29 @@ def to_mapping(config: Any) -> dict[str, Any]:
 def _convert(present: Any, value: Any, path: str) -> Any:
     if is_dataclass(present):
         if not isinstance(value, Mapping):
-            raise ConfigError(f"{path}: expected a mapping of fields, got {value!r}")
+            raise wrong(path, f"{path}: expected a mapping of fields, got {shown(value)}")
         return from_mapping(present, value, f"{path}.")
     if isinstance(present, tuple):
         if not isinstance(value, list | tuple):
-            raise ConfigError(f"{path}: expected a list, got {value!r}")
+            raise wrong(path, f"{path}: expected a list, got {shown(value)}")
         return tuple(tuple(v) if isinstance(v, list | tuple) else v for v in value)
     if isinstance(present, bool):
         if not isinstance(value, bool):
-            raise ConfigError(f"{path}: expected true or false, got {value!r}")
+            raise wrong(path, f"{path}: expected true or false, got {shown(value)}")
         return value
     if isinstance(present, str):
-        expected: tuple[type, ...] = (str,)
+        expected, told = (str,), "text"
+    elif isinstance(present, int):
+        expected, told = (int,), "a whole number, written without point or exponent"
     else:
-        expected = (int,) if isinstance(present, int) else (int, float)
+        expected, told = (int, float), "a number"
     if not isinstance(value, expected) or isinstance(value, bool):
-        raise ConfigError(f"{path}: expected a {expected[-1].__name__}, got {value!r}")
-    return type(present)(value)
+        raise wrong(path, f"{path}: expected {told}, got {shown(value)}")
+    # A whole number beyond what a float holds is out of every limit as it is.
+    return value if isinstance(value, int) and abs(value) > _LARGEST else type(present)(value)
+
+
+def _check_choice(name: str, value: str, known: Collection[str]) -> None:
+    if value not in known:
+        message = f"{name}: '{value[:80]}'{near_match(value[:80], known)}, expected one of {', '.join(known)}"
+        raise ConfigError(message, field=name, fix="name one of these")

@@ -147,7 +147,9 @@ def test_score_writes_both_files_and_missed_aims_are_exit_4(tmp_path, simulated,
         (tmp_path / "truth" / case.name / "gaps.json").write_text(json.dumps(gaps))
     assert run_cli(STAGES, ["blind", "score", str(tmp_path), "--workers", "1", "--json"]) == 4
     shown = capsys.readouterr()
-    assert json.loads(shown.out) == json.loads((tmp_path / "score.json").read_text(encoding="utf-8"))
+    answer, score = json.loads(shown.out), json.loads((tmp_path / "score.json").read_text(encoding="utf-8"))
+    assert (answer["ok"], answer["exit_code"]) == (False, 4) and "aims are missed" in answer["error"]["message"]
+    assert {name: value for name, value in answer.items() if name not in ("ok", "exit_code", "error")} == score
     assert "aims are missed" in shown.err
     assert "<svg" in (tmp_path / "score.html").read_text(encoding="utf-8")
 

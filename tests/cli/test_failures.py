@@ -19,6 +19,21 @@ def test_unexpected_exception_is_one_line_with_the_place(toy):
     assert not leftovers(toy)
 
 
+def test_the_place_is_in_our_code_and_not_in_a_library(toy, monkeypatch):
+    import statistics
+
+    import toy_square
+
+    def run(context):
+        return statistics.mean([])
+
+    monkeypatch.setattr(toy_square, "run", run)
+    toy("numbers")
+    answer = toy("square-up")
+    assert answer.code == 1 and "StatisticsError" in answer.err and "statistics.py" not in answer.err
+    assert "cli/test_failures.py:" in answer.err and "--traceback" in answer.err
+
+
 def test_traceback_on_request(toy, monkeypatch):
     monkeypatch.setenv("HQPIPE_TRACEBACK", "1")
     assert "Traceback" in toy("run", "all", "--set", "square_up.fault=unexpected").err
@@ -27,7 +42,8 @@ def test_traceback_on_request(toy, monkeypatch):
 def test_expected_error_names_the_stage(toy):
     answer = toy("run", "all", "--set", "square_up.fault=expected", "--json")
     assert answer.code == 1
-    assert answer.data["error"] == {"message": "square-up: column 'time' is missing", "exit_code": 1}
+    assert answer.data["error"]["message"] == "square-up: column 'time' is missing"
+    assert answer.data["error"]["exit_code"] == 1
     assert answer.actions == {"numbers": "ran"}
 
 

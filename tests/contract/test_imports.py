@@ -34,7 +34,7 @@ BEHIND_A_PACKAGE = {"mujoco", "pybullet", "stable_baselines3", "torch"}
 
 # What a stage may know of the pipeline half; a group of commands also how the command line talks.
 PIPELINE = {"hqpipe.pipeline.config", "hqpipe.pipeline.context"}
-TALKING = {"hqpipe.pipeline.options", "hqpipe.pipeline.progress", "hqpipe.pipeline.streams"}
+TALKING = {"hqpipe.pipeline.answer", "hqpipe.pipeline.options", "hqpipe.pipeline.progress", "hqpipe.pipeline.streams"}
 GROUPS = {"blind.py"}
 
 

@@ -117,7 +117,7 @@ def test_parameters_are_frozen(resolve):
         (
             "  fit_it:\n    w",
             "  fit_it: 3\n  collect:\n    w",
-            [":4", "valid dictionary", "got 3"],
+            [":4", "a mapping", "got 3"],
         ),
         ("seed: 1", "seed: [1", ["pipeline.yaml", "not valid YAML"]),
         ("seed: 1", "seed: !!python/object/apply:os.getcwd []", ["not valid YAML"]),
@@ -132,9 +132,13 @@ def test_errors_name_line_field_and_mend(resolve, old, new, parts):
 
 
 def test_error_names_the_layer_that_set_the_value(resolve):
-    with pytest.raises(ConfigError, match=r"^--set fit_it.window_s=-1: expected greater than 0, got -1$"):
+    with pytest.raises(
+        ConfigError, match=r"^--set fit_it.window_s=-1: expected greater than 0, got -1: give --set another value$"
+    ):
         resolve(overrides=["fit_it.window_s=-1"])
-    with pytest.raises(ConfigError, match=r"^pipeline.yaml:11: profiles.ci.fit_it.inner.size: expected a valid int"):
+    with pytest.raises(
+        ConfigError, match=r"^pipeline.yaml:11: profiles.ci.fit_it.inner.size: expected a whole number, got 'many'"
+    ):
         resolve(TEXT.replace("size: 1", "size: many"), profile="ci")
 
 

@@ -68,7 +68,7 @@ def test_a_posterior_that_is_not_there_is_an_error():
 def test_settings_are_checked():
     with pytest.raises(ConfigError, match="mode: 'posteriors' – did you mean 'posterior'"):
         from_mapping(TrainConfig(), {"randomisation": {"actuator": {"mode": "posteriors"}}})
-    with pytest.raises(ConfigError, match="scale: -1.0, expected a number of at least 0"):
+    with pytest.raises(ConfigError, match="scale: expected 0 to 100 .*got -1.0"):
         from_mapping(TrainConfig(), {"randomisation": {"actuator": {"scale": -1.0}}})
 
 

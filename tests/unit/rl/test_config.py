@@ -26,8 +26,8 @@ def test_mapping_survives_json():
     ("raw", "message"),
     [
         ({"reward": {"torqe": 1.0}}, r"unknown field 'reward\.torqe' – did you mean 'torque'"),
-        ({"num_envs": 1.5}, "num_envs: expected a int"),
-        ({"engine": 3}, "engine: expected a str"),
+        ({"num_envs": 1.5}, "num_envs: expected a whole number"),
+        ({"engine": 3}, "engine: expected text"),
         ({"policy": {"symmetric": 1}}, "policy.symmetric: expected true or false"),
         ({"ppo": 3}, "ppo: expected a mapping"),
         ({"gait": {"prior": "trot"}}, "gait.prior: 'trot'"),

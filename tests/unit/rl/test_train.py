@@ -11,6 +11,7 @@ import torch
 from hqpipe.errors import ConfigError, DivergedError
 from hqpipe.rl import train as training
 from hqpipe.rl.config import ActuatorRandomisationConfig, from_mapping
+from hqpipe.rl.limits import LIMITS, Limit
 from hqpipe.rl.mirror import mirror_joints, mirror_layout
 from hqpipe.rl.observation import observation_layout
 from hqpipe.rl.train import train
@@ -122,7 +123,8 @@ def test_torque_control_trains_against_the_ideal_torque(robot, small):
     assert outcome.spec.position_stiffness[0] == robot.torque_pd.kp
 
 
-def test_a_training_that_diverges_says_so(robot, actuator, small):
+def test_a_training_that_diverges_says_so(robot, actuator, small, monkeypatch):
+    monkeypatch.setitem(LIMITS, "reward.scale", Limit(0.0, 1e300, "no limit, so that it diverges"))
     with (
         np.errstate(over="ignore"),
         pytest.raises(DivergedError, match="not finite; lower ppo.learning_rate") as raised,

@@ -78,7 +78,7 @@ def test_names_are_checked_before_anything_runs():
     with pytest.raises(UsageError, match="no scenario 'payloads' – did you mean 'payload'"):
         run_scenarios(Path("nowhere"), FOLDER, ["stand", "payloads"], 1, 0, {}, 1, lambda *_: None)
     for wrong in ([], ["stand", "stand"]):
-        with pytest.raises(UsageError, match="at least one once"):
+        with pytest.raises(UsageError, match="one scenario or more, each once"):
             check_names(wrong)
 
 
