@@ -183,4 +183,4 @@ def test_a_reader_that_has_gone_is_no_traceback(toy):
     process.stdout.close()
     error = process.stderr.read().decode()
     process.stderr.close()
-    assert process.wait(60) == 1 and "Traceback" not in error and "Exception" not in error
+    assert process.wait(60) == 141 and "Traceback" not in error and "Exception" not in error
