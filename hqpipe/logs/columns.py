@@ -80,7 +80,7 @@ class Shape:
 
     Attributes:
         path: the file. names: its columns, in order. rows: their length.
-        dt: median sample time, s; NaN where the clock does not tell.
+        dt: median sample time, s; NaN where the clock does not tell, or was not read.
     """
 
     path: Path

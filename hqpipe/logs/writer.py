@@ -13,7 +13,7 @@ import numpy as np
 
 from hqpipe.errors import LogError
 from hqpipe.logs import FORMAT
-from hqpipe.logs.checks import check_clock, check_values
+from hqpipe.logs.checks import check_clock, check_values, clock
 from hqpipe.logs.columns import TIME, RawTable, check_names, joints_of, order_columns, unit_of
 from hqpipe.logs.manifest import FILE, SPLITS, Manifest, TrialEntry, write_manifest
 
@@ -87,7 +87,7 @@ class LogSetWriter:
         table = RawTable(path, {name: np.asarray(values) for name, values in columns.items()})
         check_names(table)
         check_values(table)
-        check_clock(path, np.asarray(table.columns[TIME], np.float64))
+        check_clock(path, clock(table.columns[TIME]))
         entry = TrialEntry(file, split, None if command is None else {k: float(v) for k, v in command.items()}, base)
         self._write(table, entry)
         self._entries.append(entry)
