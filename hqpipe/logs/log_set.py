@@ -146,18 +146,29 @@ def _readers_by_suffix() -> dict[str, type]:
 
 
 def _trial_files(folder: Path, readers: dict[str, type]) -> list[str]:
+    """Names of what looks like a trial, by its ending; whether it is a file is checked when it is opened."""
     if not folder.is_dir():
         what = "is a file" if folder.is_file() else "does not exist"
         siblings = [p.name for p in folder.parent.glob("*")] if folder.parent.is_dir() else []
         hint = "" if folder.is_file() else near_match(folder.name, siblings)
-        raise LogError(f"{folder} {what}{hint}; expected a directory with one file per trial")
-    files = sorted(p.name for p in folder.iterdir() if p.is_file() and p.suffix in readers)
-    if not files and not (folder / FILE).is_file():
-        others = sorted({p.suffix or p.name for p in folder.iterdir()})
-        found = f"found only {', '.join(others)}" if others else "it is empty"
         raise LogError(
-            f"{folder}: no trial in it ({found}); expected {' or '.join(readers)} files, one per "
-            "trial; docs/how-to/bring-your-own-logs.md shows how to write them"
+            f"{folder} {what}{hint}; expected a directory with one file per trial",
+            file=folder,
+            fix="name the folder that the trials lie in",
+        )
+    try:
+        present = sorted(folder.iterdir())
+    except OSError as error:
+        fix = "give yourself the right to read it"
+        raise LogError(f"{folder}: cannot be listed ({error.strerror})", file=folder, fix=fix) from error
+    files = [p.name for p in present if p.suffix in readers]
+    if not files and not (folder / FILE).is_file():
+        others = sorted({p.suffix or p.name for p in present})
+        found = f"found only {', '.join(others[:6])}" if others else "it is empty"
+        raise LogError(
+            f"{folder}: no trial in it ({found}); expected {' or '.join(readers)} files, one per trial",
+            file=folder,
+            fix="write them as docs/how-to/bring-your-own-logs.md shows",
         )
     return files
 
@@ -171,13 +182,19 @@ def _same_joints(folder: Path, named: list[tuple[str, Trajectory]]) -> list[tupl
             if odd := [j for j in a.joints if j not in b.joints]:
                 raise LogError(
                     f"{folder / fb}: no joint '{odd[0]}'{near_match(odd[0], b.joints)}, which {fa} has; "
-                    "expected the same joints in every trial"
+                    "expected the same joints in every trial",
+                    file=folder / fb,
+                    field=joint_column(odd[0], "position"),
+                    fix="rename the columns of the joint, or make a log set of its own for each machine",
                 )
             lacking = [c for c in a.channels() if c not in b.channels()]
             if lacking:
                 column = joint_column(a.joints[0], lacking[0])
                 raise LogError(
-                    f"{folder / fb}: no column '{column}', which {fa} has; expected the same channels in every trial"
+                    f"{folder / fb}: no column '{column}', which {fa} has; expected the same channels in every trial",
+                    file=folder / fb,
+                    field=column,
+                    fix="record it in every trial, or drop it from all",
                 )
         same.append((file, trial if trial.joints == first.joints else trial.for_joints(first.joints)))
     return same
@@ -191,7 +208,10 @@ def _control_mode(folder: Path, manifest: Manifest | None, first: Trajectory) ->
     if manifest.control_mode not in recorded:
         raise LogError(
             f"{folder / FILE}: control_mode is {manifest.control_mode}, but the trials have no column "
-            f"'{joint_column(first.joints[0], channel)}'; record it, or leave control_mode out"
+            f"'{joint_column(first.joints[0], channel)}'",
+            file=folder / FILE,
+            field="control_mode",
+            fix="record it, or leave control_mode out",
         )
     return manifest.control_mode
 

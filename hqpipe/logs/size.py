@@ -9,7 +9,6 @@ from pathlib import Path
 from hqpipe.errors import LogError
 from hqpipe.logs.columns import Shape
 
-MOST_JOINTS = 512  # assumption: ten times a humanoid with hands; the checks compare every joint with every other one
 _VALUE = 8  # bytes, float64
 _COPIES = 3  # of the whole log set while it is read: as decoded, as trials, and what the checks work on
 _CGROUP = (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"))

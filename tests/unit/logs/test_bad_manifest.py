@@ -52,7 +52,8 @@ def test_what_is_no_manifest(logs, content, words):
 
 
 @pytest.mark.parametrize(
-    "rate", [".nan", ".inf", "-.inf", "1.0e+300", "1e300", "true", "0", "-5", "9" * 400, "0x" + "f" * 5000, "[]", "{}", "''"]
+    "rate",
+    [".nan", ".inf", "-.inf", "1.0e+300", "1e300", "true", "0", "-5", "9" * 400, "0x" + "f" * 5000, "[]", "{}", "''"],
 )
 def test_rate(logs, rate):
     error = refusal(logs, HEAD + f"rate_hz: {rate}\n" + TRIALS)
