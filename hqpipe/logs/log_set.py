@@ -10,7 +10,7 @@ from pathlib import Path
 from hqpipe.errors import LogError, near_match
 from hqpipe.logs import FORMAT, LOG_READERS
 from hqpipe.logs.assemble import assemble
-from hqpipe.logs.checks import jitter
+from hqpipe.logs.checks import check_length, jitter
 from hqpipe.logs.columns import Shape, check_names, joint_column
 from hqpipe.logs.differentiate import window_s
 from hqpipe.logs.long_logs import Plan, coverage, joined, plan, read_sections
@@ -106,6 +106,7 @@ def _outlines(folder: Path, readers: dict[str, type], used: list[str]) -> dict[s
             )
         found[file] = readers[suffix].outline(folder / file)
         check_names(found[file].empty())
+        check_length(folder / file, found[file].rows)
     return found
 
 
