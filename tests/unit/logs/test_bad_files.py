@@ -88,7 +88,9 @@ def test_flipped_bytes_give_an_error_or_numbers(logs, checksums):
     whole = (logs / "a.parquet").read_bytes()
     footer = len(whole) - 8 - int.from_bytes(whole[-8:-4], "little")
     for place in rng.integers(4, len(whole), 300):
-        (logs / "a.parquet").write_bytes(whole[:place] + bytes([whole[place] ^ (1 << rng.integers(8))]) + whole[place + 1 :])
+        (logs / "a.parquet").write_bytes(
+            whole[:place] + bytes([whole[place] ^ (1 << rng.integers(8))]) + whole[place + 1 :]
+        )
         try:
             found = ParquetReader.read(logs / "a.parquet")
         except LogError as error:
@@ -139,7 +141,11 @@ def test_columns_of_other_types(logs, columns, make, words, options):
 
 @pytest.mark.parametrize("kind", [pa.int8(), pa.int64(), pa.uint32(), pa.float16(), pa.float32(), pa.bool_()])
 def test_numbers_of_every_kind_are_read(logs, columns, kind):
-    put(logs, "a.parquet", columns | {"joint/hip/effort": as_type(kind)(np.abs(np.round(columns["joint/hip/effort"] / 9)))})
+    put(
+        logs,
+        "a.parquet",
+        columns | {"joint/hip/effort": as_type(kind)(np.abs(np.round(columns["joint/hip/effort"] / 9)))},
+    )
     for options in ({}, {"most": 1000}):
         assert read_log_set(logs, **options).trials[0].trajectory.effort.dtype == np.float64
 
