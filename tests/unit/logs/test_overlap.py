@@ -218,3 +218,17 @@ def test_real_trick_is_refused(tmp_path):
     (tmp_path / "motion_a.parquet").write_bytes((REAL / "emps" / "motion_a.parquet").read_bytes())
     listed(tmp_path, **{"motion_a.parquet": "fit", "./motion_a.parquet": "heldout"})
     assert "is the same file as motion_a.parquet" in refusal(tmp_path)
+
+
+def test_stress_trials_that_repeat_a_fit_trial(folder):
+    from types import SimpleNamespace
+
+    from hqpipe.stages.logs import read_stress
+
+    put(folder / "stress", "drop.parquet", make_columns(seed=7))
+    context = SimpleNamespace(inputs={"logs": folder}, params=SimpleNamespace(resample=False))
+    log_set = read_log_set(folder)
+    assert len(read_stress(context, log_set).heldout) == 1
+    put(folder / "stress", "push.parquet", trimmed(make_columns()))
+    with pytest.raises(LogError, match=r"stress/push\.parquet: rows .* repeat a\.parquet"):
+        read_stress(context, log_set)
