@@ -33,7 +33,7 @@ def judge(context: Any, log_set: Any, models: Mapping[str, Any], fit_s: Mapping[
     from hqpipe.sysid.timing import step_time
 
     window_s = context.params.window_s
-    rows = compare_models(log_set, models, window_s=window_s, stress=read_stress(context, log_set.joints))
+    rows = compare_models(log_set, models, window_s=window_s, stress=read_stress(context, log_set))
     longest = max((trial.trajectory for trial in log_set.heldout), key=lambda t: t.samples)
     step_us = {name: 1e6 * step_time(longest, stepped(model), window_s) for name, model in models.items()}
     plain = [asdict(row) for row in rows]

@@ -35,13 +35,17 @@ def shown_path(context: Any, path: Path) -> Path:
     return path.relative_to(project) if path.is_relative_to(project) else Path(path.name)
 
 
-def read_stress(context: Any, joints: tuple[str, ...]) -> Any:
+def read_stress(context: Any, log_set: Any) -> Any:
     """The `LogSet` in the folder `stress` of the input `logs`, all of it held out; None where there is no such folder.
 
     Args:
-        joints: their order in the log set that it lies in.
+        log_set: the one that it lies in, whose order of joints it takes.
+
+    Raises:
+        LogError: it cannot be used, or repeats a fit trial.
     """
     from hqpipe.logs.log_set import read_log_set
+    from hqpipe.logs.overlap import check_apart, fingerprint
     from hqpipe.stages.terminal import show
 
     folder = context.inputs["logs"] / STRESS
@@ -49,8 +53,11 @@ def read_stress(context: Any, joints: tuple[str, ...]) -> Any:
         return None
     found = read_log_set(folder, resample=context.params.resample, all_heldout=True)
     show(*(f"warning: {STRESS}: {text}" for text in found.warnings if not text.startswith(_STRESS_BRINGS)))
-    trials = tuple(replace(trial, trajectory=trial.trajectory.for_joints(joints)) for trial in found.trials)
-    return replace(found, joints=joints, trials=trials, path=Path(STRESS))
+    fit = [fingerprint(trial.table(folder.parent)) for trial in log_set.fit]
+    judged = [fingerprint(trial.table(folder)) for trial in found.trials]
+    show(*(f"warning: {STRESS}: {text}" for text in check_apart(fit, judged)))
+    trials = tuple(replace(trial, trajectory=trial.trajectory.for_joints(log_set.joints)) for trial in found.trials)
+    return replace(found, joints=log_set.joints, trials=trials, path=Path(STRESS))
 
 
 def model_for(context: Any, joints: tuple[str, ...]) -> Any:

@@ -14,4 +14,4 @@ def show(*parts: Any) -> None:
 
     console = Console(stderr=True, width=None if sys.stderr.isatty() else WIDTH)
     for part in parts:
-        console.print(part, highlight=False)
+        console.print(part, highlight=False, markup=not isinstance(part, str))  # names in brackets are no markup

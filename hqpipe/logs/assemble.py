@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hqpipe.logs.checks import check_clock, check_values
+from hqpipe.logs.checks import check_clock, check_values, clock
 from hqpipe.logs.columns import CHANNELS, TIME, RawTable, check_names, joint_column, joints_of
 from hqpipe.logs.differentiate import differentiate
 from hqpipe.logs.resample import resample
@@ -20,16 +20,17 @@ def assemble(table: RawTable, *, uniform: bool = False, checked: bool = False) -
         checked: the table is a part of one that has been checked as a whole.
 
     Raises:
-        LogError: a column is missing, misspelt or not finite, or the clock is broken.
+        LogError: a column is missing or misspelt, holds samples without physical sense, or the clock is broken.
     """
     if not checked:
         check_names(table)
         check_values(table)
-        check_clock(table.path, np.asarray(table.columns[TIME], dtype=np.float64))
+        check_clock(table.path, clock(table.columns[TIME]))
     if uniform:
         table = resample(table)
     columns = table.columns
-    time = np.array(columns[TIME], dtype=np.float64)
+    time = clock(columns[TIME])
+    time = (time - time[0]).astype(np.float64)
     joints = _joint_order(table)
     channels: dict[str, np.ndarray] = {}
     for channel in CHANNELS:
@@ -44,7 +45,7 @@ def assemble(table: RawTable, *, uniform: bool = False, checked: bool = False) -
         channels["velocity"] = differentiate(channels["position"], float(np.median(np.diff(time))))
     taken = {TIME, *(joint_column(j, c) for j in joints for c in CHANNELS)}
     extra = {name: np.asarray(values, np.float64) for name, values in columns.items() if name not in taken}
-    return Trajectory(time=time - time[0], joints=joints, extra=extra, velocity_source=source, **channels)
+    return Trajectory(time=time, joints=joints, extra=extra, velocity_source=source, **channels)
 
 
 def _joint_order(table: RawTable) -> tuple[str, ...]:

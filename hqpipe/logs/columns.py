@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hqpipe.errors import LogError
+from hqpipe.logs.spelling import CLOCKS, joint_and_channel, near_channel, near_position
 
 TIME = "time"
 
@@ -25,24 +26,6 @@ CHANNELS = {
     "pressure_b": "Pa",
 }
 
-# what other tools call the same channel: only used to word an error
-_SYNONYMS = {
-    "torque": "effort",
-    "tau": "effort",
-    "force": "effort",
-    "q": "position",
-    "pos": "position",
-    "angle": "position",
-    "qd": "velocity",
-    "dq": "velocity",
-    "vel": "velocity",
-    "q_des": "position_command",
-    "target": "position_command",
-    "position_target": "position_command",
-    "torque_command": "effort_command",
-    "tau_des": "effort_command",
-}
-
 SHARED_UNITS = {
     "supply/pressure": "Pa",
     "supply/oil_temperature": "°C",
@@ -56,7 +39,9 @@ SHARED_UNITS = {
     "command/wz": "rad/s",
 }
 
-_CLOSE = 0.75  # assumption: a shorter likeness is another quantity, not a misspelling
+MOST_JOINTS = 512  # assumption: ten times a humanoid with hands; every joint is compared with every other one
+_LONGEST = 100  # characters of the name of a joint, which stands in messages, tables and figures
+_LONGEST_COLUMN = 300  # characters, for the same reason
 
 
 @dataclass(frozen=True)
@@ -80,7 +65,7 @@ class Shape:
 
     Attributes:
         path: the file. names: its columns, in order. rows: their length.
-        dt: median sample time, s; NaN where the clock does not tell.
+        dt: median sample time, s; NaN where the clock does not tell, or was not read.
     """
 
     path: Path
@@ -129,50 +114,75 @@ def check_names(table: RawTable) -> None:
     Raises:
         LogError: names the file, the column and the near match.
     """
-    names = set(table.columns)
-    if TIME not in names:
-        raise LogError(f"{table.path}: no column 'time'{_near(TIME, names)}; expected seconds since the trial began")
+    if TIME not in table.columns:
+        near = _near_time(table.columns)
+        fix = f"rename column '{near}' to 'time'" if near else "add it"
+        hint = f" – did you mean '{near}'?" if near else ""
+        what = f"no column 'time'{hint}; expected seconds since the trial began"
+        raise _wrong(table, TIME, what, fix)
     joints = joints_of(table.columns)
     for name in table.columns:
-        parts = name.split("/")
-        if parts[0] in ("joint", "joints") and len(parts) != 3 or parts[0] == "joints":
-            raise LogError(f"{table.path}: column '{name}': expected joint/<name>/<channel>")
-        if len(parts) == 3 and parts[0] == "joint":
-            _check_channel(table, name, parts[1], parts[2])
+        _check_column(table, name, joints)
     if not joints:
-        shown = ", ".join(sorted(names)[:6])
-        raise LogError(f"{table.path}: no column joint/<name>/position; the file has {shown}")
-    for joint in joints:
-        if joint_column(joint, "position") not in names:
-            raise LogError(
-                f"{table.path}: no column '{joint_column(joint, 'position')}'; every joint needs its position"
-            )
+        near = near_position(table.columns)
+        fix = (
+            f"rename column {_quoted(near[0])} to '{near[1]}'" if near else "name the columns of every joint like that"
+        )
+        more = f" and {len(table.columns) - 6} more" if len(table.columns) > 6 else ""
+        found = ", ".join(name[:_LONGEST] for name in sorted(table.columns)[:6]) + more
+        what = f"no column joint/<name>/position; the file has {found}"
+        raise _wrong(table, joint_column("<name>", "position"), what, fix)
+    if len(joints) > MOST_JOINTS:
+        what = f"{len(joints)} joints, expected at most {MOST_JOINTS}"
+        raise _wrong(table, "joint", what, "leave out the joints that are not to be identified")
+    for position in (joint_column(joint, "position") for joint in joints):
+        if position not in table.columns:
+            what = f"no column '{position}'; every joint needs its position"
+            raise _wrong(table, position, what, "record it, or drop the columns of the joint")
     _check_complete(table, joints)
     _check_shared(table)
 
 
-def _check_channel(table: RawTable, name: str, joint: str, channel: str) -> None:
-    if channel in CHANNELS:
+def _check_column(table: RawTable, name: str, joints: tuple[str, ...]) -> None:
+    """Refuse a column that means a channel of a joint which is not there under its right name."""
+    parts = name.split("/")
+    if (len(name) > _LONGEST_COLUMN or not name.isprintable()) and parts[0] != "joint":
+        what = f"the name of column {_quoted(name)} is longer than {_LONGEST_COLUMN} characters, or cannot be printed"
+        raise _wrong(table, name, what, "rename or drop it")
+    if len(parts) == 3 and parts[0] == "joint":
+        _check_joint_name(table, parts[1])
+        lacking = [c for c in CHANNELS if joint_column(parts[1], c) not in table.columns]
+        if parts[2] not in CHANNELS and (meant := near_channel(parts[2], lacking)):
+            raise _misspelt(table, name, joint_column(parts[1], meant), "or drop it if it is something else")
         return
-    lacking = [c for c in CHANNELS if joint_column(joint, c) not in table.columns]
-    meant = _SYNONYMS.get(channel)
-    close = [meant] if meant in lacking else difflib.get_close_matches(channel, lacking, 1, _CLOSE)
-    if close:
-        raise LogError(
-            f"{table.path}: column '{name}' is unknown – did you mean "
-            f"'{joint_column(joint, close[0])}'? Rename it, or drop it if it is something else"
-        )
+    meant = joint_and_channel(name, joints, CHANNELS)
+    if meant and (right := joint_column(*meant)) not in table.columns:
+        raise _misspelt(table, name, right, "or drop it if it is something else")
+    if parts[0] in ("joint", "joints"):
+        what = f"column {_quoted(name)}: expected joint/<name>/<channel>"
+        raise _wrong(table, name, what, f"rename it, with a channel of {', '.join(CHANNELS)}, or drop it")
+
+
+def _check_joint_name(table: RawTable, joint: str) -> None:
+    """Refuse a name that cannot be shown."""
+    reason = None
+    if not joint or joint != joint.strip():
+        reason = "is empty, or begins or ends with a space"
+    elif len(joint) > _LONGEST:
+        reason = f"has {len(joint)} characters, expected at most {_LONGEST}"
+    elif not joint.isprintable():
+        reason = "holds characters that cannot be printed, such as a line break"
+    if reason:
+        raise _wrong(table, "joint", f"the joint name {_quoted(joint)} {reason}", "rename the columns of the joint")
 
 
 def _check_complete(table: RawTable, joints: tuple[str, ...]) -> None:
     for channel in CHANNELS:
         having = [j for j in joints if joint_column(j, channel) in table.columns]
         if having and len(having) < len(joints):
-            lacking = next(j for j in joints if j not in having)
-            raise LogError(
-                f"{table.path}: no column '{joint_column(lacking, channel)}' although joint {having[0]} has "
-                f"'{channel}'; record it for every joint, or drop it for all"
-            )
+            lacking = joint_column(next(j for j in joints if j not in having), channel)
+            what = f"no column '{lacking}' although joint {having[0]} has '{channel}'"
+            raise _wrong(table, lacking, what, "record it for every joint, or drop it for all")
 
 
 def _check_shared(table: RawTable) -> None:
@@ -180,10 +190,26 @@ def _check_shared(table: RawTable) -> None:
         if name.split("/")[0] in ("base", "supply", "imu", "command") and name not in SHARED_UNITS:
             absent = [known for known in SHARED_UNITS if known not in table.columns]
             if close := difflib.get_close_matches(name, absent, 1, 0.9):
-                raise LogError(f"{table.path}: column '{name}' is unknown – did you mean '{close[0]}'?")
+                raise _misspelt(table, name, close[0], "or drop it if it is something else")
 
 
-def _near(name: str, known: Iterable[str]) -> str:
-    folded = {k.lower(): k for k in known}
-    close = difflib.get_close_matches(name, folded, 1, 0.5)
-    return f" – did you mean '{folded[close[0]]}'?" if close else ""
+def _near_time(names: Iterable[str]) -> str | None:
+    """A column that seems to be the clock."""
+    folded = {name.strip().casefold(): name for name in names}
+    known = next((name for name in (TIME, *CLOCKS) if name in folded), None)
+    close = [known] if known else difflib.get_close_matches(TIME, folded, 1, 0.6)
+    return folded[close[0]] if close else None
+
+
+def _misspelt(table: RawTable, name: str, right: str, otherwise: str) -> LogError:
+    what = f"column {_quoted(name)} is unknown (did you mean '{right}'?)"
+    return _wrong(table, name, what, f"rename column {_quoted(name)} to '{right}', {otherwise}")
+
+
+def _quoted(name: str) -> str:
+    """A name in quotes on one line, its beginning if it is long."""
+    return repr(name if len(name) <= _LONGEST else name[: _LONGEST - 1] + "…")
+
+
+def _wrong(table: RawTable, column: str, what: str, fix: str) -> LogError:
+    return LogError(f"{table.path}: {what}", file=table.path, field=column, fix=fix)

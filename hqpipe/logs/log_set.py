@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 from hqpipe.errors import LogError, near_match
 from hqpipe.logs import FORMAT, LOG_READERS
 from hqpipe.logs.assemble import assemble
-from hqpipe.logs.checks import jitter
-from hqpipe.logs.columns import joint_column
+from hqpipe.logs.checks import check_length, jitter
+from hqpipe.logs.columns import Shape, check_names, joint_column
 from hqpipe.logs.differentiate import window_s
 from hqpipe.logs.long_logs import Plan, coverage, joined, plan, read_sections
-from hqpipe.logs.manifest import FILE, Manifest, read_manifest
-from hqpipe.logs.split import infer_split
+from hqpipe.logs.manifest import FILE, SPLITS, Manifest, read_manifest
+from hqpipe.logs.overlap import Fingerprint, check_apart, fingerprint, fingerprint_file
+from hqpipe.logs.same_files import check_copies, check_distinct, digests_of
+from hqpipe.logs.size import check_size
+from hqpipe.logs.split import infer_split, split_of
 from hqpipe.logs.trajectory import LogSet, Trajectory, Trial
 from hqpipe.logs.units import unit_warnings
 from hqpipe.logs.wiring import wiring_warnings
@@ -41,29 +45,37 @@ def read_log_set(
     folder = Path(path)
     readers = _readers_by_suffix()
     files = _trial_files(folder, readers)
-    listed = (folder / FILE).is_file()
-    manifest = read_manifest(folder / FILE, files, needs_fit=not all_heldout) if listed else None
+    manifest = _manifest(folder, files, needs_fit=not all_heldout)
     used = [entry.file for entry in manifest.trials] if manifest else files
-    for file in used:
-        if Path(file).suffix not in readers:
-            raise LogError(f"{folder / file}: no reader for '{Path(file).suffix}' (known: {', '.join(readers)})")
-    thinned = plan(folder, readers, manifest, used, most) if most else None
+    outlines = _outlines(folder, readers, used)
+    check_distinct(folder, used)
+    splits = {} if all_heldout else split_of(manifest, used)
+    digests = digests_of(folder, used)
+    copies = check_copies(folder, digests, splits)
+    thinned = plan(folder, readers, manifest, outlines, most) if most else None
     if thinned:
         trials = _thinned(folder, readers, thinned, manifest, resample)
         named = list({trial.file: (trial.file, trial.trajectory) for trial in joined(trials)}.values())
+        prints = {file: fingerprint_file(readers, folder / file) for file in splits}
     else:
-        named = [(f, assemble(readers[Path(f).suffix].read(folder / f), uniform=resample)) for f in used]
-        named = _same_joints(folder, named)
+        check_size(folder, outlines.values())
+        named, prints = _whole(folder, readers, used, resample, splits)
         trials = _split(manifest, named, all_heldout)
+    repeats = check_apart(*([prints[f] for f, split in splits.items() if split == name] for name in SPLITS))
     if all_heldout:
         trials = [replace(trial, split="heldout") for trial in trials]
     judged = joined(trials) if thinned else trials
     first = named[0][1]
-    warnings = [*([coverage(thinned)] if thinned else []), *_warnings(manifest, files, named, judged)]
+    warnings = [
+        *([coverage(thinned)] if thinned else []),
+        *_warnings(manifest, files, named, judged),
+        *copies,
+        *repeats,
+    ]
     mode = _control_mode(folder, manifest, first)
     return LogSet(
         path=folder,
-        sha256=_digest(folder, used),
+        sha256=_digest(folder, digests),
         format=FORMAT,
         robot=manifest.robot if manifest else None,
         base=manifest.base if manifest else None,
@@ -74,6 +86,41 @@ def read_log_set(
         trials=tuple(trials),
         warnings=tuple(warnings),
     )
+
+
+def _manifest(folder: Path, files: list[str], *, needs_fit: bool) -> Manifest | None:
+    path = folder / FILE
+    return read_manifest(path, files, needs_fit=needs_fit) if path.exists() or path.is_symlink() else None
+
+
+def _outlines(folder: Path, readers: dict[str, type], used: list[str]) -> dict[str, Shape]:
+    """Columns and rows of every file; none has been decoded yet."""
+    found = {}
+    for file in used:
+        suffix = Path(file).suffix
+        if suffix not in readers:
+            raise LogError(
+                f"{folder / file}: no reader for '{suffix}' (known: {', '.join(readers)})",
+                file=folder / file,
+                fix=f"convert it to {next(iter(readers))}",
+            )
+        found[file] = readers[suffix].outline(folder / file)
+        check_names(found[file].empty())
+        check_length(folder / file, found[file].rows)
+    return found
+
+
+def _whole(
+    folder: Path, readers: dict[str, type], used: list[str], uniform: bool, splits: Mapping[str, str]
+) -> tuple[list[tuple[str, Trajectory]], dict[str, Fingerprint]]:
+    """Every trial, and the fingerprints of those that have a split, of their samples as recorded."""
+    named, prints = [], {}
+    for file in used:
+        table = readers[Path(file).suffix].read(folder / file)
+        named.append((file, assemble(table, uniform=uniform)))
+        if file in splits:
+            prints[file] = fingerprint(table)
+    return _same_joints(folder, named), prints
 
 
 def _split(manifest: Manifest | None, named: list[tuple[str, Trajectory]], all_heldout: bool) -> list[Trial]:
@@ -100,18 +147,29 @@ def _readers_by_suffix() -> dict[str, type]:
 
 
 def _trial_files(folder: Path, readers: dict[str, type]) -> list[str]:
+    """Names of what looks like a trial, by its ending; whether it is a file is checked when it is opened."""
     if not folder.is_dir():
         what = "is a file" if folder.is_file() else "does not exist"
         siblings = [p.name for p in folder.parent.glob("*")] if folder.parent.is_dir() else []
         hint = "" if folder.is_file() else near_match(folder.name, siblings)
-        raise LogError(f"{folder} {what}{hint}; expected a directory with one file per trial")
-    files = sorted(p.name for p in folder.iterdir() if p.is_file() and p.suffix in readers)
-    if not files and not (folder / FILE).is_file():
-        others = sorted({p.suffix or p.name for p in folder.iterdir()})
-        found = f"found only {', '.join(others)}" if others else "it is empty"
         raise LogError(
-            f"{folder}: no trial in it ({found}); expected {' or '.join(readers)} files, one per "
-            "trial; docs/how-to/bring-your-own-logs.md shows how to write them"
+            f"{folder} {what}{hint}; expected a directory with one file per trial",
+            file=folder,
+            fix="name the folder that the trials lie in",
+        )
+    try:
+        present = sorted(folder.iterdir())
+    except OSError as error:
+        fix = "give yourself the right to read it"
+        raise LogError(f"{folder}: cannot be listed ({error.strerror})", file=folder, fix=fix) from error
+    files = [p.name for p in present if p.suffix in readers]
+    if not files and not (folder / FILE).is_file():
+        others = sorted({p.suffix or p.name for p in present})
+        found = f"found only {', '.join(others[:6])}" if others else "it is empty"
+        raise LogError(
+            f"{folder}: no trial in it ({found}); expected {' or '.join(readers)} files, one per trial",
+            file=folder,
+            fix="write them as docs/how-to/bring-your-own-logs.md shows",
         )
     return files
 
@@ -125,13 +183,19 @@ def _same_joints(folder: Path, named: list[tuple[str, Trajectory]]) -> list[tupl
             if odd := [j for j in a.joints if j not in b.joints]:
                 raise LogError(
                     f"{folder / fb}: no joint '{odd[0]}'{near_match(odd[0], b.joints)}, which {fa} has; "
-                    "expected the same joints in every trial"
+                    "expected the same joints in every trial",
+                    file=folder / fb,
+                    field=joint_column(odd[0], "position"),
+                    fix="rename the columns of the joint, or make a log set of its own for each machine",
                 )
             lacking = [c for c in a.channels() if c not in b.channels()]
             if lacking:
                 column = joint_column(a.joints[0], lacking[0])
                 raise LogError(
-                    f"{folder / fb}: no column '{column}', which {fa} has; expected the same channels in every trial"
+                    f"{folder / fb}: no column '{column}', which {fa} has; expected the same channels in every trial",
+                    file=folder / fb,
+                    field=column,
+                    fix="record it in every trial, or drop it from all",
                 )
         same.append((file, trial if trial.joints == first.joints else trial.for_joints(first.joints)))
     return same
@@ -145,18 +209,22 @@ def _control_mode(folder: Path, manifest: Manifest | None, first: Trajectory) ->
     if manifest.control_mode not in recorded:
         raise LogError(
             f"{folder / FILE}: control_mode is {manifest.control_mode}, but the trials have no column "
-            f"'{joint_column(first.joints[0], channel)}'; record it, or leave control_mode out"
+            f"'{joint_column(first.joints[0], channel)}'",
+            file=folder / FILE,
+            field="control_mode",
+            fix="record it, or leave control_mode out",
         )
     return manifest.control_mode
 
 
-def _digest(folder: Path, files: list[str]) -> str:
-    digest = hashlib.sha256()
-    for file in sorted({*files, *([FILE] if (folder / FILE).is_file() else [])}):
-        with (folder / file).open("rb") as stream:
-            content = hashlib.file_digest(stream, "sha256").digest()
-        digest.update(file.encode() + b"\0" + content)
-    return digest.hexdigest()
+def _digest(folder: Path, digests: Mapping[str, bytes]) -> str:
+    """Of the names and bytes of all files that were read."""
+    if (folder / FILE).is_file():
+        digests = {**digests, **digests_of(folder, [FILE])}
+    total = hashlib.sha256()
+    for file in sorted(digests):
+        total.update(file.encode() + b"\0" + digests[file])
+    return total.hexdigest()
 
 
 def _warnings(

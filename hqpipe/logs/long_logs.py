@@ -5,7 +5,7 @@ A section is a `Trial` of its own whose `Trajectory.excerpt` says where in the r
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from hqpipe.logs.assemble import assemble
-from hqpipe.logs.columns import Shape, check_names, joints_of
+from hqpipe.logs.columns import Shape, joints_of
 from hqpipe.logs.manifest import Manifest, TrialEntry
 from hqpipe.logs.sections import Rows, rows_within, sections, shares
+from hqpipe.logs.size import check_size
 from hqpipe.logs.split import split_rows
 from hqpipe.logs.trajectory import Excerpt, Trajectory, Trial, recording_of
 
@@ -49,24 +50,26 @@ class Plan:
     kept: tuple[tuple[Rows, ...], ...]
 
 
-def plan(folder: Path, readers: dict[str, Any], manifest: Manifest | None, used: list[str], most: int) -> Plan | None:
+def plan(
+    folder: Path, readers: dict[str, Any], manifest: Manifest | None, outlines: Mapping[str, Shape], most: int
+) -> Plan | None:
     """Sections of a long log set; None if it holds no more than `most` values per channel, and can be read whole.
 
-    Only the names of the columns and the clocks are read.
+    Args:
+        folder, readers, manifest: of the log set. outlines: file → its columns and rows. most: samples × joints.
 
     Raises:
-        LogError: a file cannot be opened, or its columns are missing or misspelt.
+        LogError: a clock cannot be read, or even the clocks do not fit into memory.
     """
-    shapes: dict[str, Shape] = {}
-    for file in used:
-        shapes[file] = readers[Path(file).suffix].shape(folder / file)
-        check_names(shapes[file].empty())
-    names = shapes[used[0]].names
+    used = list(outlines)
+    names = outlines[used[0]].names
     joints = joints_of(names)
     extras = sum(not name.startswith("joint/") for name in names) - 1
     room = rows_within(most, len(joints), extras)
-    if sum(shape.rows for shape in shapes.values()) <= room:
+    if sum(shape.rows for shape in outlines.values()) <= room:
         return None
+    check_size(folder, outlines.values(), rows_at_a_time=room)
+    shapes = {file: readers[Path(file).suffix].shape(folder / file) for file in used}
     entries = list(manifest.trials) if manifest else [TrialEntry(file, "fit") for file in used]
     parts = _parts(entries, shapes, inferred=manifest is None)
     rooms = dict(

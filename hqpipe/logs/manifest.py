@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from stat import S_ISDIR, S_ISREG
 from typing import Any
 
 import yaml
 
 from hqpipe.errors import LogError, near_match
 from hqpipe.logs import FORMAT
+from hqpipe.logs.yaml_file import read_yaml, shown
 
 FILE = "logset.yaml"
 _CHOICES = {
@@ -21,6 +24,7 @@ _CHOICES = {
 _KEYS = ("format", "robot", "base", "control_mode", "effort_source", "rate_hz", "trials")
 _TRIAL_KEYS = ("file", "split", "command", "base")
 SPLITS = ("fit", "heldout")
+_RATES = (1e-3, 1e7)  # Hz; a sample a quarter of an hour, and a thousand times what joint controllers run at
 
 
 @dataclass(frozen=True)
@@ -53,24 +57,27 @@ def read_manifest(path: Path, files: Iterable[str], *, needs_fit: bool = True) -
         needs_fit: whether a trial must be there to fit to.
 
     Raises:
-        LogError: no YAML, an unknown key, a wrong value, or a file that is not there.
+        LogError: no YAML, an unknown field, a wrong value, or a file that is not there.
     """
-    try:
-        raw = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise LogError(f"{path}: not YAML: {error}") from error
+    raw = read_yaml(path)
     if not isinstance(raw, dict):
-        raise LogError(f"{path}: expected the fields {', '.join(_KEYS)}, got {type(raw).__name__}")
+        raise _wrong(
+            path, None, f"expected the fields {', '.join(_KEYS)}, got {_kind(raw)}", "write one field per line"
+        )
     _check_keys(path, "", raw, _KEYS)
     if raw.get("format") != FORMAT:
-        raise LogError(f"{path}: format is {raw.get('format')!r}, expected {FORMAT}")
+        raise _wrong(
+            path, "format", f"format is {shown(raw.get('format'))}, expected {FORMAT}", f"write format: {FORMAT}"
+        )
     for key in _CHOICES:
         _check_choice(path, key, raw.get(key), key)
     rate = raw.get("rate_hz")
-    if rate is not None and not (_is_number(rate) and rate > 0):
-        raise LogError(f"{path}: rate_hz is {rate!r}, expected samples per second, e.g. 1000")
+    if rate is not None and not (_is_number(rate) and _RATES[0] <= rate <= _RATES[1]):
+        expected = f"expected samples per second, {_RATES[0]:g} to {_RATES[1]:g}, e.g. 1000"
+        raise _wrong(path, "rate_hz", f"rate_hz is {shown(rate)}, {expected}", "correct it, or leave it out")
     if not isinstance(raw.get("robot"), str | None):
-        raise LogError(f"{path}: robot is {raw['robot']!r}, expected a name or the path of a URDF")
+        what = f"robot is {shown(raw['robot'])}, expected a name or the path of a URDF"
+        raise _wrong(path, "robot", what, "put it in quotes, or leave it out")
     trials = _trials(path, raw.get("trials"), list(files), needs_fit)
     settings = {key: raw.get(key) for key in ("robot", *_CHOICES)}
     return Manifest(trials=trials, rate_hz=None if rate is None else float(rate), **settings)
@@ -78,54 +85,94 @@ def read_manifest(path: Path, files: Iterable[str], *, needs_fit: bool = True) -
 
 def _trials(path: Path, raw: Any, files: list[str], needs_fit: bool) -> tuple[TrialEntry, ...]:
     if not isinstance(raw, list) or not raw:
-        raise LogError(f"{path}: trials: expected a list of {{file, split}}, got {raw!r}")
+        what = f"trials: expected a list of {{file, split}}, got {shown(raw)}"
+        raise _wrong(path, "trials", what, "list the files of the trials, or remove logset.yaml to have them found")
     entries = [_trial(path, index, item, files) for index, item in enumerate(raw)]
-    names = [entry.file for entry in entries]
-    for name in names:
-        if names.count(name) > 1:
-            raise LogError(f"{path}: trials: {name} is listed twice; a trial belongs to one split")
+    seen = set()
+    for name in (entry.file for entry in entries):
+        if name in seen:
+            what = f"trials: {name} is listed twice; a trial belongs to one split and counts once"
+            raise _wrong(path, "trials", what, "remove one of the two lines")
+        seen.add(name)
     if needs_fit and not any(entry.split == "fit" for entry in entries):
-        raise LogError(f"{path}: trials: none has split: fit; expected at least one")
+        what = "trials: none has split: fit, expected at least one"
+        raise _wrong(path, "trials", what, "give a trial split: fit")
     return tuple(entries)
 
 
 def _trial(path: Path, index: int, raw: Any, files: list[str]) -> TrialEntry:
     where = f"trials[{index}]"
     if not isinstance(raw, dict):
-        raise LogError(f"{path}: {where}: expected {{file, split}}, got {raw!r}")
+        raise _wrong(
+            path, where, f"{where}: expected {{file, split}}, got {shown(raw)}", "write {file: NAME, split: fit}"
+        )
     _check_keys(path, where + ".", raw, _TRIAL_KEYS)
-    file, split, command = raw.get("file"), raw.get("split"), raw.get("command")
-    if not isinstance(file, str):
-        raise LogError(f"{path}: {where}.file is {file!r}, expected the name of a trial file")
-    if PurePosixPath(file).is_absolute() or ".." in PurePosixPath(file).parts:
-        raise LogError(f"{path}: {where}.file is {file!r}, expected a path inside the log set")
-    if not (path.parent / file).is_file():
-        raise LogError(f"{path}: {where}.file: no file '{file}'{near_match(file, files)}")
+    file = _trial_file(path, f"{where}.file", raw.get("file"), files)
+    split, command = raw.get("split"), raw.get("command")
     if split not in SPLITS:
-        raise LogError(f"{path}: {where}.split is {split!r}{near_match(str(split), SPLITS)}, expected fit or heldout")
+        what = f"{where}.split is {shown(split)}{_near(split, SPLITS)}, expected fit or heldout"
+        raise _wrong(path, f"{where}.split", what, "write split: fit or split: heldout")
     if command is not None:
         if not isinstance(command, dict) or not all(_is_number(v) for v in command.values()):
-            raise LogError(f"{path}: {where}.command is {command!r}, expected numbers, e.g. {{vx: 0.4}}")
+            what = f"{where}.command is {shown(command)}, expected numbers, e.g. {{vx: 0.4}}"
+            raise _wrong(path, f"{where}.command", what, "correct it, or leave it out")
         command = {str(name): float(value) for name, value in command.items()}
     _check_choice(path, f"{where}.base", raw.get("base"), "base")
     return TrialEntry(file, split, command, raw.get("base"))
 
 
+def _trial_file(path: Path, field: str, file: Any, files: list[str]) -> str:
+    """The name of a trial file that is there."""
+    if not isinstance(file, str) or not file:
+        what = f"{field} is {shown(file)}, expected the name of a trial file"
+        raise _wrong(path, field, what, "write the name in quotes")
+    if PurePosixPath(file).is_absolute() or ".." in PurePosixPath(file).parts:
+        what = f"{field} is {shown(file)}, expected a path inside the log set"
+        raise _wrong(path, field, what, "move or link the file into the folder")
+    try:
+        status = (path.parent / file).stat()
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        lost = isinstance(error, FileNotFoundError | NotADirectoryError)
+        reason = "" if lost else f" ({getattr(error, 'strerror', None) or error})"
+        what = f"{field}: no file {shown(file)}{_near(file, files)}{reason}"
+        raise _wrong(path, field, what, "correct the name, or remove the line") from error
+    if not S_ISREG(status.st_mode):
+        what = f"{field}: {shown(file)} is {'a folder' if S_ISDIR(status.st_mode) else 'no regular file'}"
+        raise _wrong(path, field, what, "name a file with one trial")
+    return file
+
+
 def _check_choice(path: Path, field: str, value: Any, key: str) -> None:
     choices = _CHOICES[key]
     if value is not None and value not in choices:
-        hint = near_match(str(value), choices)
-        raise LogError(f"{path}: {field} is {value!r}{hint}, expected one of {', '.join(choices)}")
+        hint = _near(value, choices)
+        what = f"{field} is {shown(value)}{hint}, expected one of {', '.join(choices)}"
+        raise _wrong(path, field, what, "correct it, or leave it out")
 
 
 def _check_keys(path: Path, prefix: str, raw: Mapping[str, Any], known: tuple[str, ...]) -> None:
     for key in raw:
         if key not in known:
-            raise LogError(f"{path}: unknown field '{prefix}{key}'{near_match(str(key), known)}")
+            name = str(key)[:99] if isinstance(key, str) else shown(key)
+            what = f"unknown field '{prefix}{name}'{near_match(name, known)}"
+            raise _wrong(path, prefix + name, what, f"expected only {', '.join(known)}")
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    """Whether it is a number that a float holds."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+
+
+def _near(value: Any, known: Iterable[str]) -> str:
+    return near_match(value[:99], known) if isinstance(value, str) else ""
+
+
+def _kind(value: Any) -> str:
+    return "nothing" if value is None else type(value).__name__
+
+
+def _wrong(path: Path, field: str | None, what: str, fix: str) -> LogError:
+    return LogError(f"{path}: {what}", file=path, field=field, fix=fix)
 
 
 def write_manifest(path: Path, manifest: Manifest) -> None:

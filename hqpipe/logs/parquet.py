@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from hqpipe.errors import LogError
-from hqpipe.logs.checks import check_clock, check_length, not_finite
+from hqpipe.logs.checks import check_clock, check_length, clock
 from hqpipe.logs.columns import TIME, RawTable, Shape
+from hqpipe.logs.parquet_file import explained, opened
+from hqpipe.logs.values import Senseless, find_senseless, senseless_error
 
-_BATCH = 32768  # rows decoded at a time
-_BUFFER = 1 << 20  # bytes of a column read ahead, so that a file with one row group is not held either
+_BATCH = 32768  # rows decoded at a time, of up to 128 columns; fewer of wider files
+_BATCH_VALUES = 128 * _BATCH
 
 
 class ParquetReader:
@@ -24,38 +25,56 @@ class ParquetReader:
     suffixes = (".parquet",)
 
     @staticmethod
-    def read(path: Path) -> RawTable:
-        """Read every column of one file.
+    def outline(path: Path) -> Shape:
+        """Columns and rows as the footer of the file states them; its `dt` is NaN.
 
         Raises:
             LogError: the file is empty, truncated or no Parquet, or a column is not numeric.
         """
-        import pyarrow.parquet as pq
-
-        with _opened(path):
-            table = pq.read_table(path, memory_map=False, partitioning=None)
-        _check_schema(path, table.schema)
-        columns: dict[str, np.ndarray] = {}
-        for name, column in zip(table.schema.names, table.columns, strict=True):
-            if column.null_count:
-                raise _no_value(path, name, _first_null(column), column.null_count)
-            columns[name] = column.to_numpy()
-        return RawTable(path, columns, _metadata(table.schema))
+        with opened(path) as file:
+            _check_schema(path, file.schema_arrow)
+            return Shape(path, tuple(file.schema_arrow.names), file.metadata.num_rows, np.nan)
 
     @staticmethod
     def shape(path: Path) -> Shape:
         """Columns, rows and median sample time; of the rows only the clock is read.
 
         Raises:
+            LogError: as `outline`.
+        """
+        found = ParquetReader.outline(path)
+        time = np.empty(0)
+        if TIME in found.names:
+            _, time = next(ParquetReader.read_columns(path, (TIME,)))
+        dt = float(np.median(np.diff(clock(time)))) if len(time) > 1 else np.nan
+        return Shape(path, found.names, found.rows, dt)
+
+    @staticmethod
+    def read(path: Path) -> RawTable:
+        """Read every column of one file.
+
+        Raises:
+            LogError: as `outline`; a value is missing, or a page does not match its checksum.
+        """
+        names = ParquetReader.outline(path).names
+        columns = dict(ParquetReader.read_columns(path, names))
+        with opened(path) as file:
+            return RawTable(path, columns, _metadata(file.schema_arrow))
+
+    @staticmethod
+    def read_columns(path: Path, names: Sequence[str]) -> Iterator[tuple[str, np.ndarray]]:
+        """Name and values (T,) of some columns, one after the other.
+
+        Raises:
             LogError: as `read`.
         """
-        import pyarrow.parquet as pq
-
-        with _opened(path), pq.ParquetFile(path) as file:
-            _check_schema(path, file.schema_arrow)
-            rows, names = file.metadata.num_rows, tuple(file.schema_arrow.names)
-            time = file.read(columns=[TIME]).column(0).to_numpy() if TIME in names else np.empty(0)
-        return Shape(path, names, rows, float(np.median(np.diff(time))) if len(time) > 1 else np.nan)
+        with opened(path) as file:
+            for name in names:
+                with explained(path, name):
+                    column = file.read(columns=[name]).column(name)
+                if column.null_count:
+                    raise _no_value(path, name, _first_null(column), column.null_count)
+                yield name, column.to_numpy()
 
     @staticmethod
     def read_rows(path: Path, ranges: Sequence[tuple[int, int]]) -> tuple[np.ndarray, list[RawTable]]:
@@ -69,16 +88,14 @@ class ParquetReader:
             (T,) s, the whole clock as stored; a table per range.
 
         Raises:
-            LogError: as `read`; values that are not finite, a broken clock, too few rows.
+            LogError: as `read`; samples without physical sense, a broken clock, too few rows.
         """
-        import pyarrow.parquet as pq
-
-        with _opened(path), pq.ParquetFile(path, pre_buffer=False, buffer_size=_BUFFER) as file:
+        with opened(path) as file:
             schema = file.schema_arrow
             _check_schema(path, schema)
             scan = _Scan.of(file.metadata.num_rows, schema, ranges)
             row = 0
-            for batch in file.iter_batches(_BATCH):
+            for batch in file.iter_batches(min(_BATCH, max(1, _BATCH_VALUES // len(schema.names)))):
                 for name, column in zip(schema.names, batch.columns, strict=True):
                     scan.take(name, column, row)
                 row += batch.num_rows
@@ -96,13 +113,13 @@ class _Scan:
     ranges: Sequence[tuple[int, int]]
     kept: list[dict[str, np.ndarray]]
     nulls: dict[str, tuple[int, int]] = field(default_factory=dict)
-    odd: dict[str, tuple[int, float, int]] = field(default_factory=dict)
+    odd: dict[str, Senseless] = field(default_factory=dict)
 
     @classmethod
     def of(cls, rows: int, schema: Any, ranges: Sequence[tuple[int, int]]) -> _Scan:
         kinds = {name: kind.to_pandas_dtype() for name, kind in zip(schema.names, schema.types, strict=True)}
         kept = [{name: np.empty(stop - start, kind) for name, kind in kinds.items()} for start, stop in ranges]
-        return cls(np.empty(rows), ranges, kept)
+        return cls(clock(np.empty(rows, kinds[TIME])), ranges, kept)
 
     def take(self, name: str, column: Any, row: int) -> None:
         """Look at the values of one column from row `row` on."""
@@ -111,13 +128,11 @@ class _Scan:
             self.nulls[name] = first, count + column.null_count
             return
         values = column.to_numpy(zero_copy_only=False)
-        if values.dtype.kind == "f" and not (finite := np.isfinite(values)).all():
-            at = int(np.argmin(finite))
-            first, value, count = self.odd.get(name, (row + at, values[at], 0))
-            self.odd[name] = first, value, count + int((~finite).sum())
+        if found := find_senseless(name, values, row):
+            self.odd[name] = self.odd[name].later(found) if name in self.odd else found
         end = row + len(values)
         if name == TIME:
-            self.time[row:end] = values
+            self.time[row:end] = clock(values)
         for (start, stop), columns in zip(self.ranges, self.kept, strict=True):
             low, high = max(start, row), min(stop, end)
             if low < high:
@@ -131,21 +146,7 @@ class _Scan:
         check_length(path, len(self.time))
         for name in names:
             if name in self.odd:
-                raise not_finite(path, name, *self.odd[name])
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[None]:
-    """Say in a user's terms what keeps a file from being read."""
-    import pyarrow as pa
-
-    if path.stat().st_size == 0:
-        raise LogError(f"{path}: the file is empty (0 bytes); record the trial again or drop it from the log set")
-    try:
-        yield
-    except (pa.ArrowException, OSError) as error:
-        reason = str(error).splitlines()[0]
-        raise LogError(f"{path}: not a complete Parquet file ({reason}); copy it again, or export it anew") from error
+                raise senseless_error(path, name, self.odd[name])
 
 
 def _check_schema(path: Path, schema: Any) -> None:
@@ -154,10 +155,20 @@ def _check_schema(path: Path, schema: Any) -> None:
     seen = set()
     for name, kind in zip(schema.names, schema.types, strict=True):
         if name in seen:
-            raise LogError(f"{path}: column '{name}' is there twice; drop one")
+            raise LogError(f"{path}: column '{name}' is there twice", file=path, field=name, fix="drop one")
         if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind)):
-            raise LogError(f"{path}: column '{name}' holds {kind}, expected numbers; drop or convert it")
+            raise LogError(
+                f"{path}: column '{name}' holds {_short(str(kind))}, expected numbers",
+                file=path,
+                field=name,
+                fix="drop or convert it",
+            )
         seen.add(name)
+
+
+def _short(text: str) -> str:
+    """At most 80 characters of the name of a type, which a nested one can make as long as it likes."""
+    return text if len(text) <= 80 else text[:79] + "…"
 
 
 def _first_null(column: Any) -> int:
@@ -166,9 +177,15 @@ def _first_null(column: Any) -> int:
 
 def _no_value(path: Path, name: str, row: int, count: int) -> LogError:
     return LogError(
-        f"{path}: column '{name}', row {row}: no value ({count} such rows); fill the gap or cut the trial there"
+        f"{path}: column '{name}', row {row}: no value ({count} such row{'s' if count > 1 else ''})",
+        file=path,
+        field=name,
+        fix="fill the gap or cut the trial there",
     )
 
 
 def _metadata(schema: Any) -> dict[str, str]:
-    return {key.decode(): value.decode("utf-8", "replace") for key, value in (schema.metadata or {}).items()}
+    return {
+        key.decode("utf-8", "replace"): value.decode("utf-8", "replace")
+        for key, value in (schema.metadata or {}).items()
+    }

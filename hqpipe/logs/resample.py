@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hqpipe.logs.checks import clock
 from hqpipe.logs.columns import TIME, RawTable
 
 _HELD = ("position_command", "effort_command", "valve_command", "contact")
@@ -18,7 +19,8 @@ def resample(table: RawTable, rate_hz: float | None = None) -> RawTable:
         table: columns with a strictly increasing `time`.
         rate_hz: the new rate; by default that of the median sample time.
     """
-    time = np.asarray(table.columns[TIME], dtype=np.float64)
+    time = clock(table.columns[TIME])
+    time = (time - time[0]).astype(np.float64) if time.dtype.kind == "i" else time
     dt = 1.0 / rate_hz if rate_hz else float(np.median(np.diff(time)))
     count = int(np.floor((time[-1] - time[0]) / dt + 1e-9)) + 1
     uniform = time[0] + dt * np.arange(count)

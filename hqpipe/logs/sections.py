@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 LEAST_S = 10.0  # of a section; assumption: long against the memory of a valve, a hose or an integrator
+_LEAST_ROWS = 10  # of a section, where the clock counts no seconds
 EXTRAS_PER_JOINT = 16  # columns that belong to no joint are kept once, those of a joint worked with; assumption
 
 Rows = tuple[int, int]
@@ -45,7 +46,8 @@ def sections(trials: Sequence[tuple[int, float]], most: int) -> list[list[Rows]]
     slots: list[tuple[int, Rows]] = []
     for index, (rows, dt) in enumerate(trials):
         slot = LEAST_S / dt if dt > 0.0 else rows  # a broken clock is refused when the rows are read
-        edges = np.linspace(0, rows, max(1, int(rows / slot + 1e-6)) + 1).round().astype(int).tolist()
+        count = max(1, min(int(rows / slot + 1e-6), rows // _LEAST_ROWS))
+        edges = np.linspace(0, rows, count + 1).round().astype(int).tolist()
         slots += [(index, pair) for pair in zip(edges[:-1], edges[1:], strict=True)]
     count = min(len(slots), max(1, round(most * len(slots) / sum(rows for rows, _ in trials))))
     for at in np.linspace(0, len(slots) - 1, count).round().astype(int):

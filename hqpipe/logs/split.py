@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from hqpipe.logs.manifest import SPLITS
+import numpy as np
+
+from hqpipe.logs.manifest import SPLITS, Manifest
 from hqpipe.logs.sections import rows_within, sections
 from hqpipe.logs.trajectory import Excerpt, LogSet, Trajectory, Trial, recording_of
 
@@ -14,6 +17,13 @@ _HELD_BACK_SHARE = (
 )
 _GAP_S = 0.5  # assumption: longer than the memory of an actuator, so that no state is shared across it
 _GAP_SHARE = 0.05
+
+
+def split_of(manifest: Manifest | None, files: Sequence[str]) -> dict[str, str]:
+    """File → "fit" or "heldout", for files that belong to one of them; a lone file without logset.yaml belongs to both."""
+    if manifest:
+        return {entry.file: entry.split for entry in manifest.trials}
+    return {file: "heldout" if file == files[-1] else "fit" for file in files} if len(files) > 1 else {}
 
 
 def infer_split(named: list[tuple[str, Trajectory]]) -> list[Trial]:
@@ -40,7 +50,8 @@ def split_rows(samples: int, dt: float, share: float = _HELDOUT_SHARE) -> tuple[
         samples: rows of the trial. dt: sample time, s. share: of the rows that are held out.
     """
     cut = int(round((1.0 - share) * samples))
-    gap = int(round(min(_GAP_S / dt, _GAP_SHARE * samples)))
+    rows = _GAP_S / dt if dt > 0.0 else np.inf  # a broken clock is refused when the rows are read
+    gap = max(1, int(round(min(rows, _GAP_SHARE * samples))))
     return (0, cut - gap), (cut, samples)
 
 

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from hqpipe.errors import LogError, near_match
-from hqpipe.logs.columns import CHANNELS, TIME, joint_column
+from hqpipe.logs.columns import CHANNELS, TIME, RawTable, joint_column
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,11 @@ class Trajectory:
             LogError: no such joint.
         """
         if name not in self.joints:
-            raise LogError(f"no joint '{name}'{near_match(name, self.joints)} (has {', '.join(self.joints)})")
+            raise LogError(
+                f"no joint '{name}'{near_match(name, self.joints)} (has {', '.join(self.joints)})",
+                field=name,
+                fix="name one of these joints, or record the joint",
+            )
         return self.joints.index(name)
 
     def for_joints(self, joints: Sequence[str]) -> Trajectory:
@@ -126,6 +130,10 @@ class Trial:
     command: dict[str, float] | None
     trajectory: Trajectory
     base: str | None = None
+
+    def table(self, folder: Path) -> RawTable:
+        """Its columns, as if read from the folder of its log set."""
+        return RawTable(folder / self.file, self.trajectory.columns())
 
 
 class Recorded(Protocol):

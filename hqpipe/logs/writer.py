@@ -13,7 +13,7 @@ import numpy as np
 
 from hqpipe.errors import LogError
 from hqpipe.logs import FORMAT
-from hqpipe.logs.checks import check_clock, check_values
+from hqpipe.logs.checks import check_clock, check_values, clock
 from hqpipe.logs.columns import TIME, RawTable, check_names, joints_of, order_columns, unit_of
 from hqpipe.logs.manifest import FILE, SPLITS, Manifest, TrialEntry, write_manifest
 
@@ -45,7 +45,7 @@ class LogSetWriter:
     ) -> None:
         self.folder = Path(folder)
         if (self.folder / FILE).exists():
-            raise LogError(f"{self.folder}: already holds a log set; write to an empty folder")
+            raise LogError(f"{self.folder}: already holds a log set", file=self.folder, fix="write to an empty folder")
         self.folder.mkdir(parents=True, exist_ok=True)
         self._manifest = Manifest((), robot, base, control_mode, effort_source, rate_hz)
         self._metadata = {"clock_source": clock_source, "urdf_sha256": urdf_sha256}
@@ -83,11 +83,15 @@ class LogSetWriter:
         """
         path = self.folder / file
         if path.suffix != ".parquet" or split not in SPLITS or path.exists():
-            raise LogError(f"{path} (split {split}): expected a new .parquet file, split fit or heldout")
+            raise LogError(
+                f"{path} (split {split}): expected a new .parquet file, split fit or heldout",
+                file=path,
+                fix="give the trial a name of its own that ends in .parquet",
+            )
         table = RawTable(path, {name: np.asarray(values) for name, values in columns.items()})
         check_names(table)
         check_values(table)
-        check_clock(path, np.asarray(table.columns[TIME], np.float64))
+        check_clock(path, clock(table.columns[TIME]))
         entry = TrialEntry(file, split, None if command is None else {k: float(v) for k, v in command.items()}, base)
         self._write(table, entry)
         self._entries.append(entry)
@@ -117,6 +121,7 @@ class LogSetWriter:
             use_byte_stream_split=True,
             compression="zstd",
             compression_level=_ZSTD_LEVEL,
+            write_page_checksum=True,  # a changed byte is found when the log set is read, wherever it lies
         )
 
     def close(self) -> None:
@@ -126,5 +131,5 @@ class LogSetWriter:
             LogError: no trial was added.
         """
         if not self._entries:
-            raise LogError(f"{self.folder}: a log set needs at least one trial")
+            raise LogError(f"{self.folder}: a log set needs at least one trial", file=self.folder, fix="add one")
         write_manifest(self.folder / FILE, replace(self._manifest, trials=tuple(self._entries)))

@@ -9,7 +9,7 @@ from typing import Any
 from matplotlib.axes import Axes
 
 from hqpipe.errors import UsageError
-from hqpipe.report.style import BLUE, GREY, INK, VERMILION, new_figure, save_figure, styled, title_row
+from hqpipe.report.style import BLUE, GREY, INK, VERMILION, new_figure, plain, save_figure, styled, title_row
 
 SHOWN = ("hydraulic stiffness", "bulk modulus", "flow gain", "leakage", "loop stiffness", "full torque")
 _COLOURS, _MARKERS = (VERMILION, BLUE), ("o", "s")
@@ -39,7 +39,7 @@ def constants_chart(rows: Rows, path: Path) -> Path:
         _panel(panel, [row for row in rows if row["quantity"] == name], joints, models)
     for panel in panels[len(names) :]:
         panel.set_visible(False)
-    panels[0].set_yticks(range(len(joints)), joints)
+    panels[0].set_yticks(range(len(joints)), [plain(joint) for joint in joints])
     panels[0].set_ylim(len(joints) - 0.4, -0.6)
     shown = [(f"{m} {name}", c) for m, name, c in zip("●■", models, _COLOURS, strict=False)]
     designed = [("| by design", INK)] if any(row["expected"] is not None for row in rows) else []

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hqpipe.errors import UsageError
-from hqpipe.report.style import FAINT, MEASURED, MODEL, ONE_STEP, new_figure, save_figure, styled, title_row
+from hqpipe.report.style import FAINT, MEASURED, MODEL, ONE_STEP, new_figure, plain, save_figure, styled, title_row
 
 _CONTEXT = 2  # windows shown on each side of the one that is picked
 _NAMES = [("measured", MEASURED), ("one step ahead", ONE_STEP), ("free-running, restarted every window", MODEL)]
@@ -51,7 +51,7 @@ def actuator_fit(trial: PredictedTrial, path: Path) -> Path:
     panels = figure.subplots(len(shown), 2, squeeze=False)
     for j, (joint, row) in enumerate(zip(shown, panels, strict=True)):
         for axes, (kind, window) in zip(row, trial.windows(j).items(), strict=True):
-            _draw(axes, trial, j, window, f"{joint}, {kind} window")
+            _draw(axes, trial, j, window, f"{plain(joint)}, {kind} window")
     return _finished(figure, panels, path)
 
 
@@ -63,7 +63,7 @@ def worst_windows(trial: PredictedTrial, path: Path) -> Path:
     figure = new_figure(0.6 + 1.6 * down)
     panels = figure.subplots(down, across, squeeze=False)
     for j, (joint, axes) in enumerate(zip(trial.joints, panels.flat, strict=True)):
-        _draw(axes, trial, j, trial.windows(j)["worst"], joint)
+        _draw(axes, trial, j, trial.windows(j)["worst"], plain(joint))
     return _finished(figure, panels, path)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from hqpipe.errors import UsageError
 from hqpipe.report.diagnosis_charts import AFTER, BEFORE, CLOSED
 from hqpipe.report.diagnosis_words import joints_text, number, percent, words
-from hqpipe.report.style import INK, new_figure, save_figure, styled
+from hqpipe.report.style import INK, new_figure, plain, save_figure, styled
 
 _ROW = 0.36  # inch
 
@@ -40,7 +40,7 @@ def gap_steps(content: Mapping[str, Any], path: Path) -> Path:
         error = [[max(0.0, high * before - step)], [max(0.0, step - low * before)]]
         axes.errorbar(level, row, xerr=error, color=INK, capsize=2.5, elinewidth=1.0)
         ends.append((level + step, percent(-cause["shrink"])))
-        names.append(f"{words(cause['effect'])} ({joints_text(cause['joints'], content['logs']['joints'])})")
+        names.append(f"{words(cause['effect'])} ({plain(joints_text(cause['joints'], content['logs']['joints']))})")
     if causes:
         axes.barh(len(names), gap["after"], color=AFTER, height=0.62)
         ends.append((gap["after"], f"{number(gap['after'])} {unit}"))

@@ -67,6 +67,11 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
     return inner
 
 
+def plain(text: str) -> str:
+    """A name from a file, for matplotlib to draw as it is: between dollars it would be set as a formula."""
+    return text.replace("$", r"\$")
+
+
 def new_figure(height: float, width: float = WIDTH) -> Figure:
     """An empty figure of `width` × `height` inches that does not touch pyplot's global state."""
     figure = Figure(figsize=(width, height), layout="constrained")

@@ -26,6 +26,8 @@ def coefficient_table(fit: Mapping[str, Any]) -> Table:
     Args:
         fit: `FitResult.to_dict()`.
     """
+    from rich.markup import escape
+
     fits = fit["fits"]
     table = _table(f"{fit['model']}, {fit['scope'].replace('_', ' ')}, dt {1e3 * fit['dt']:.3g} ms")
     table.add_column("joint")
@@ -34,7 +36,7 @@ def coefficient_table(fit: Mapping[str, Any]) -> Table:
     table.add_column("free-run RMSE, fit trials (N·m)", justify="right")
     for joint in fits:
         cells = [_coefficient(c) for c in joint["coefficients"]]
-        table.add_row(joint["joint"], *cells, _number(joint["free_run_rmse"]))
+        table.add_row(escape(joint["joint"]), *cells, _number(joint["free_run_rmse"]))
     return table
 
 

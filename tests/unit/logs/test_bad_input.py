@@ -15,6 +15,7 @@ def refusal(logs, columns, file="a.parquet"):
     with pytest.raises(LogError) as info:
         read_log_set(logs)
     assert file in str(info.value)
+    assert info.value.file and info.value.fix
     return str(info.value)
 
 
@@ -34,13 +35,42 @@ def renamed(columns, old, new):
             "joint/knee/position_cmd",
             "did you mean 'joint/knee/position_command'",
         ),
-        ("joint/knee/effort", "knee_effort", "no column 'joint/knee/effort' although joint hip has"),
-        ("joint/knee/position", "knee_position", "every joint needs its position"),
+        ("joint/knee/effort", "knee_load", "no column 'joint/knee/effort' although joint hip has"),
+        ("joint/knee/position", "knee_place", "every joint needs its position"),
+        ("joint/knee/effort", "knee_effort", "rename column 'knee_effort' to 'joint/knee/effort'"),
+        ("joint/knee/position", "knee/position", "rename column 'knee/position' to 'joint/knee/position'"),
+        ("joint/knee/effort", "joint/knee/efort", "rename column 'joint/knee/efort' to 'joint/knee/effort'"),
+        ("joint/knee/effort", "joint/knee/Effort", "rename column 'joint/knee/Effort' to 'joint/knee/effort'"),
+        ("joint/knee/effort", "joint/knee/eff", "rename column 'joint/knee/eff' to 'joint/knee/effort'"),
+        ("joint/knee/effort", "joint/knee/measured torque", "to 'joint/knee/effort'"),
+        ("joint/knee/effort", "joint.knee.effort", "rename column 'joint.knee.effort' to 'joint/knee/effort'"),
+        ("joint/knee/position_command", "joint_knee_position_command", "to 'joint/knee/position_command'"),
+        ("joint/knee/position", "Joint/knee/Position", "rename column 'Joint/knee/Position' to 'joint/knee/position'"),
+        ("joint/knee/position", "joints/knee/position", "to 'joint/knee/position'"),
+        ("time", "t", "rename column 't' to 'time'"),
+        ("time", "timestamp", "rename column 'timestamp' to 'time'"),
         ("joint/knee/effort", "joint/leg/knee/effort", "expected joint/<name>/<channel>"),
     ],
 )
 def test_missing_and_misspelt_columns(logs, columns, old, new, words):
     assert words in refusal(logs, renamed(columns, old, new))
+
+
+@pytest.mark.parametrize("name", ["hip.position", "hip_position", "hip/position", "Hip/Position", "hip_q"])
+def test_a_lone_joint_under_another_name(logs, name):
+    words = refusal(logs, {"time": np.arange(50.0), name: np.zeros(50)})
+    assert f"rename column '{name}' to 'joint/" in words
+
+
+@pytest.mark.parametrize("name", ["", " ", " hip", "hip ", "a\nb", "a\x00b", "a\x1b[31mb", "x" * 5000])
+def test_joint_names_that_cannot_be_shown(logs, columns, name):
+    words = refusal(logs, {key.replace("/hip/", f"/{name}/"): values for key, values in columns.items()})
+    assert "the joint name" in words and words.isprintable() and len(words) < 600
+
+
+def test_too_many_joints(logs):
+    columns = {"time": np.arange(50.0)} | {f"joint/{i}/position": np.zeros(50) for i in range(600)}
+    assert "600 joints, expected at most 512" in refusal(logs, columns)
 
 
 def test_no_joint_at_all(logs):

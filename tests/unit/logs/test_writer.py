@@ -76,9 +76,9 @@ def test_a_read_log_set_can_be_written_again(tmp_path):
 
 
 def test_a_differentiated_velocity_is_not_written_as_measured(tmp_path):
-    kept = {k: v for k, v in make_columns().items() if not k.endswith("velocity")}
-    put(tmp_path / "x", "a.parquet", kept)
-    put(tmp_path / "x", "b.parquet", kept)
+    for file, seed in (("a.parquet", 0), ("b.parquet", 1)):
+        kept = {k: v for k, v in make_columns(seed=seed).items() if not k.endswith("velocity")}
+        put(tmp_path / "x", file, kept)
     rewrite(tmp_path / "y", read_log_set(tmp_path / "x").trials)
     assert "joint/hip/velocity" not in pq.read_schema(tmp_path / "y" / "a.parquet").names
 

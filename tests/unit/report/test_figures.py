@@ -184,3 +184,12 @@ def test_nothing_to_draw_is_said(tmp_path):
     (tmp_path / "m.csv").write_text("step,loss\n1,2\n", encoding="utf-8")
     with pytest.raises(UsageError, match="time/total_timesteps"):
         read_metrics(tmp_path / "m.csv")
+
+
+@pytest.mark.parametrize("name", ["$\\frac$", "$$", "a_b^c", "<b>x", "[red]", "100 %"])
+def test_names_of_joints_are_drawn_as_they_are(tmp_path, name):
+    trial = PredictedTrial(TIME, MEASURED, MEASURED, PREDICTED, (name, "LFP", "LFK"))
+    rows = [row | {"joint": name} for row in constant_rows()]
+    assert actuator_fit(trial, tmp_path / "fit.png").stat().st_size > 1000
+    assert worst_windows(trial, tmp_path / "joints.png").stat().st_size > 1000
+    assert constants_chart(rows, tmp_path / "constants.png").stat().st_size > 1000
