@@ -14,6 +14,7 @@ from hqpipe.errors import HqpipeError, UsageError, near_match
 from hqpipe.pipeline.options import traceback_option
 from hqpipe.pipeline.stage import StageTable
 from hqpipe.registry import load
+from hqpipe.system_failures import system_failure
 
 HELP = "Close the sim-to-real gap of heavy hydraulic legged robots: collect, fit, diagnose, retrain, export, validate."
 
@@ -130,6 +131,8 @@ def run_cli(table: StageTable, arguments: Sequence[str] | None = None) -> int:
     except HqpipeError as error:
         return _tell(str(error), error.exit_code)
     except Exception as error:
+        if failure := system_failure(error):
+            return _tell(str(failure), failure.exit_code)
         return _tell(f"{type(error).__name__}: {error} (--traceback shows where)", HqpipeError.exit_code)
 
 

@@ -46,14 +46,24 @@ class Project:
         if "/" in name:
             folder = self.root / name
             if not (folder / "robot.yaml").is_file():
-                raise ConfigError(f"{FILE}: robot: {folder / 'robot.yaml'} does not exist")
+                raise ConfigError(
+                    f"{FILE}: robot: {folder / 'robot.yaml'} does not exist",
+                    file=self.root / FILE,
+                    field="robot",
+                    fix="give the path of the robot's folder, relative to the project",
+                )
             return folder
         known: dict[str, Path] = {}
         for place in (*_packaged_robots(), self.root / "robot"):
             known |= {path.parent.name: path.parent for path in sorted(place.glob("*/robot.yaml"))}
         if name not in known:
             names = ", ".join(sorted(known))
-            raise ConfigError(f"{FILE}: robot: unknown robot '{name}'{near_match(name, known)} (known: {names})")
+            raise ConfigError(
+                f"{FILE}: robot: unknown robot '{name}'{near_match(name, known)} (known: {names})",
+                file=self.root / FILE,
+                field="robot",
+                fix="name one of these, or the path of a robot's folder",
+            )
         return known[name]
 
     def robot_hash(self) -> str:
@@ -72,7 +82,8 @@ def find_root(start: Path) -> Path:
     for folder in (start, *start.parents):
         if (folder / FILE).is_file():
             return folder
-    raise UsageError(f"no {FILE} in {start} or a folder above it: make a project with `hqpipe init DIR`")
+    message = f"no {FILE} in {start} or a folder above it"
+    raise UsageError(message, file=start, fix="make a project with `hqpipe init DIR`")
 
 
 def open_project(table: StageTable, start: Path | None = None) -> Project:
@@ -81,7 +92,30 @@ def open_project(table: StageTable, start: Path | None = None) -> Project:
     Raises:
         UsageError: no ``pipeline.yaml`` there or above.
         ConfigError: the file is wrong.
+        IntegrityError: the store is a link.
     """
     root = find_root(Path.cwd() if start is None else start)
     configuration = Configuration(root / FILE, table)
-    return Project(root, table, configuration, Store(root / configuration.file.artifacts))
+    store = Store(_artifacts_folder(root, configuration.file.artifacts))
+    store.check_folders()
+    return Project(root, table, configuration, store)
+
+
+def _artifacts_folder(root: Path, name: str) -> Path:
+    """The folder `artifacts` of the configuration, which must lie below the project `root`.
+
+    Raises:
+        ConfigError: it leads outside, is the project itself, or is a file.
+    """
+    path, where = root / name, f"{FILE}: artifacts: '{name}'"
+    told = {"file": root / FILE, "field": "artifacts"}
+    try:
+        inside = root in path.resolve().parents
+    except (OSError, RuntimeError, ValueError):  # a loop of links, a name that is too long or has a NUL
+        inside = False
+    if not inside:
+        fix = "name a folder inside the project, e.g. `artifacts: artifacts`"
+        raise ConfigError(f"{where} is no folder inside the project {root}", fix=fix, **told)
+    if path.exists() and not path.is_dir():
+        raise ConfigError(f"{where}: {path} is a file, expected a folder", fix="move the file away", **told)
+    return path

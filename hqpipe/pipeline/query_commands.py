@@ -90,7 +90,8 @@ def verify(table: StageTable, as_json: bool) -> None:
 
         print_checks(checks)
     if problems:
-        raise IntegrityError("\n".join(problems))
+        first, lines = problems[0], [str(problem) for problem in problems[:-1]] + [problems[-1].message]
+        raise IntegrityError("\n".join(lines), file=first.file, field=first.field, fix=problems[-1].fix)
 
 
 @with_options(json_option())

@@ -16,14 +16,17 @@ from hqpipe.pipeline.lock import exclusive
 from hqpipe.pipeline.manifest import Manifest, Recipe, read_manifest
 from hqpipe.pipeline.store import Store
 
-RECIPE = Recipe(stage="fit", version=1, params={"a": 1.0}, seed=1, inputs={"logs": "0" * 64}, robot="r")
+RECIPE = Recipe(stage="fit", version=1, params={"a": 1.0}, seed=1, inputs={"logs": "0" * 64}, robot="f" * 64)
+
+
+MADE = {"created": "2026-01-01T00:00:00+00:00", "profile": "ci", "wall_time_s": 1.0}
 
 
 def commit(store: Store, text: str, recipe: Recipe = RECIPE):
     folder = store.begin(recipe.key)
     (folder / "out.txt").write_text(text)
     outputs = {"out.txt": file_hash(folder / "out.txt")}
-    return store.commit(folder, Manifest(recipe, {}, outputs, {"m": 1}, {}))
+    return store.commit(folder, Manifest(recipe, {}, outputs, {"m": 1}, MADE))
 
 
 def test_canonical_json_does_not_depend_on_order_and_refuses_nan():
@@ -153,7 +156,7 @@ def test_lock_that_a_worker_of_a_dead_run_holds_is_told_apart(tmp_path):
     finished.wait()
     with exclusive(tmp_path):
         record = {"pid": finished.pid, "command": "hqpipe run all"}
-        (tmp_path / ".lock-holder.json").write_text(json.dumps(record))
+        (tmp_path / ".lock").write_text(json.dumps(record))
         with (
             pytest.raises(LockedError, match=f"{finished.pid} .*a worker process of it has not"),
             exclusive(tmp_path),
