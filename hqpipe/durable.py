@@ -86,6 +86,7 @@ def move_into_place(folder: Path, target: Path) -> None:
         return
     if not _exchange(folder, target):
         replaced = target.with_name(f"{REPLACED}{target.name}")
+        remove(replaced)
         os.rename(target, replaced)
         os.rename(folder, target)
         folder = replaced
@@ -163,6 +164,8 @@ def write_checksums(folder: Path) -> None:
 
 def damage(folder: Path) -> str | None:
     """What is wrong with a folder that `write_checksums` finished, in words; None if every byte is as it was."""
+    if not (folder / CHECKSUMS).is_file():
+        return f"it has no {CHECKSUMS}"
     try:
         stated = (folder / CHECKSUMS).read_bytes()
         return None if stated == _checksums(folder).encode() else f"its files do not fit its {CHECKSUMS}"

@@ -37,9 +37,7 @@ Hash = Annotated[str, AfterValidator(_check_hash)]
 
 def gate_has_form(gate: Any) -> bool:
     """Whether the metric `gate` is {passed: bool, failures: list}."""
-    return (
-        isinstance(gate, dict) and isinstance(gate.get("passed"), bool) and isinstance(gate.get("failures"), list)
-    )
+    return isinstance(gate, dict) and isinstance(gate.get("passed"), bool) and isinstance(gate.get("failures"), list)
 
 
 def _check_metrics(metrics: dict[str, Any]) -> dict[str, Any]:

@@ -219,6 +219,8 @@ def _check_folder(path: Path, fix: str) -> bool:
     if not path.is_dir():
         raise IntegrityError(f"{path} is not a folder", file=path, fix=fix)
     return True
+
+
 def _sync(path: Path) -> None:
     """Flush a file or a folder's list of names to the disk."""
     descriptor = os.open(path, os.O_RDONLY)

@@ -10,7 +10,14 @@ import pytest
 
 from hqpipe.pipeline.hashing import data_hash
 
-LOOKS = (["verify"], ["status"], ["gc"], ["gc", "--dry-run"], ["run", "all", "--dry-run"], ["diff", "squares", "numbers"])
+LOOKS = (
+    ["verify"],
+    ["status"],
+    ["gc"],
+    ["gc", "--dry-run"],
+    ["run", "all", "--dry-run"],
+    ["diff", "squares", "numbers"],
+)
 
 
 @pytest.fixture
@@ -188,7 +195,9 @@ def test_something_else_in_place_of_the_lock(made, kind):
     assert answer.code == 3 and "artifacts/.lock" in answer.err and "remove it" in answer.err
 
 
-@pytest.mark.parametrize("place", ["../elsewhere", "/tmp/hqpipe-elsewhere", "inside/../../elsewhere", "link/artifacts", "."])
+@pytest.mark.parametrize(
+    "place", ["../elsewhere", "/tmp/hqpipe-elsewhere", "inside/../../elsewhere", "link/artifacts", "."]
+)
 @pytest.mark.parametrize("command", [["run", "all"], ["gc"], ["status"]], ids=" ".join)
 def test_artifacts_outside_the_project_are_refused(toy, place, command, tmp_path_factory):
     (toy.root / "link").symlink_to(tmp_path_factory.mktemp("elsewhere"))
