@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hqpipe import durable
 from hqpipe.stages.controllers import Controller
 from hqpipe.stages.training import METRICS, write_rows, write_training
 
@@ -66,14 +67,16 @@ def train_all(
 def _trained(context: Any, controller: Controller, seed: int, progress: Progress) -> Trained:
     scratch = context.scratch / controller.name / f"seed_{seed}"
     folder = scratch / _DONE
-    if not folder.is_dir():
-        fresh = scratch / f".{_DONE}.new"
-        shutil.rmtree(fresh, ignore_errors=True)
-        fresh.mkdir(parents=True)
+    durable.remove_leftovers(scratch)
+    if wrong := durable.damage(folder):
+        if folder.exists():
+            print(f"warning: {folder} is damaged ({wrong}): trained again", file=sys.stderr, flush=True)
+        fresh = durable.new_folder(folder)
         report = _train(context, controller, seed, scratch / _TRAINING, fresh, progress)
         (fresh / REPORT).write_text(json.dumps(report), encoding="utf-8")
-        os.replace(fresh, folder)
-        shutil.rmtree(scratch / _TRAINING, ignore_errors=True)
+        durable.write_checksums(fresh)
+        durable.move_into_place(fresh, folder)
+        durable.remove(scratch / _TRAINING)
     report = json.loads((folder / REPORT).read_text(encoding="utf-8"))
     return Trained(controller, seed, folder, report, scratch)
 
@@ -109,4 +112,4 @@ def _train(
 
 def keep(trained: Trained, output: Path) -> None:
     """Copy what belongs into the artifact to `output`/<name>."""
-    shutil.copytree(trained.folder, output / trained.name, ignore=shutil.ignore_patterns(REPORT))
+    shutil.copytree(trained.folder, output / trained.name, ignore=shutil.ignore_patterns(REPORT, durable.CHECKSUMS))

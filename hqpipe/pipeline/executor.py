@@ -149,7 +149,7 @@ class Executor:
                 error.message = f"{stage.name}: {error.message}"
                 raise
             except Exception as error:
-                if failure := system_failure(error, output):
+                if failure := system_failure(error, self._store.folder):
                     failure.message = f"{stage.name}: {failure.message}"
                     raise failure from error
                 place = traceback.extract_tb(error.__traceback__)[-1]
