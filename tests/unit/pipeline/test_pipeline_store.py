@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import pytest
 
-from hqpipe.errors import IntegrityError, LockedError, UsageError
+from hqpipe.errors import IntegrityError, UsageError
 from hqpipe.pipeline.hashing import canonical_json, data_hash, file_hash, list_files, tree_hash
-from hqpipe.pipeline.lock import exclusive
 from hqpipe.pipeline.manifest import Manifest, Recipe, read_manifest
 from hqpipe.pipeline.store import Store
 
@@ -141,38 +137,3 @@ def test_manifest_that_lacks_a_field(tmp_path):
     (tmp_path / "manifest.json").write_text(canonical_json({**body, "digest": data_hash(body)}))
     with pytest.raises(IntegrityError, match="lacks a field"):
         read_manifest(tmp_path)
-
-
-def test_lock_is_exclusive_and_released(tmp_path):
-    with exclusive(tmp_path), pytest.raises(LockedError, match=f"process {os.getpid()}"), exclusive(tmp_path):
-        pass
-    with exclusive(tmp_path):
-        pass
-    assert [path.name for path in tmp_path.iterdir() if path.name != ".lock"] == []
-
-
-def test_lock_that_a_worker_of_a_dead_run_holds_is_told_apart(tmp_path):
-    finished = subprocess.Popen(["true"])
-    finished.wait()
-    with exclusive(tmp_path):
-        record = {"pid": finished.pid, "command": "hqpipe run all"}
-        (tmp_path / ".lock").write_text(json.dumps(record))
-        with (
-            pytest.raises(LockedError, match=f"{finished.pid} .*a worker process of it has not"),
-            exclusive(tmp_path),
-        ):
-            pass
-
-
-def test_forked_worker_does_not_free_the_lock(tmp_path):
-    try:
-        with exclusive(tmp_path):
-            child = os.fork()
-            if child == 0:
-                sys.exit()
-            os.waitpid(child, 0)
-            with pytest.raises(LockedError, match=f"process {os.getpid()}"), exclusive(tmp_path):
-                pass
-    except SystemExit:
-        # Only the child comes here, after it has left the lock's block.
-        os._exit(0)
