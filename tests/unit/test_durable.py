@@ -12,7 +12,7 @@ import pytest
 from hqpipe import durable
 
 sys.path.append(str(Path(__file__).parents[1]))
-from kill_points import each_kill
+from file_operations import each_kill
 
 
 def folder_of(path: Path, text: str) -> Path:

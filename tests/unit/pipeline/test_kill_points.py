@@ -16,7 +16,7 @@ from hqpipe.pipeline.manifest import Manifest, Recipe
 from hqpipe.pipeline.store import Store
 
 sys.path.append(str(Path(__file__).parents[2]))
-from kill_points import each_kill
+from file_operations import each_kill
 
 RECIPE = Recipe(stage="fit", version=1, params={}, seed=1, inputs={}, robot="f" * 64)
 MADE = {"created": "2026-01-01T00:00:00+00:00", "profile": "ci", "wall_time_s": 1.0}

@@ -16,7 +16,7 @@ from hqpipe.rl.checkpoint import Progress, load_checkpoint, save_checkpoint
 from hqpipe.rl.train import Trainer, train
 
 sys.path.append(str(Path(__file__).parents[2]))
-from kill_points import each_kill
+from file_operations import each_kill
 
 NUMBERS, TENSORS = "numbers.json", "tensors.safetensors"
 
