@@ -110,6 +110,8 @@ def _check(project: Project, stage: Stage) -> Check:
     try:
         key = project.store.current_key(stage.artifact)
         entry = project.store.current(stage.artifact)
+        if entry is not None:
+            entry.check_stage(stage.name)
     except HqpipeError as error:
         return Check(stage.artifact, 0, (_fixed_by(stage, error),), ())
     if entry is None:
@@ -146,7 +148,7 @@ def _chain_problem(store: Store, needed: Input, recorded: str) -> str | None:
     try:
         entry = store.current(artifact)
     except HqpipeError as error:
-        return str(error)
+        return error.message
     if entry is None:
         return f"made from {artifact} {recorded[:SHORT]}…, which is gone"
     content = needed.content(entry.manifest.outputs)

@@ -87,7 +87,9 @@ class Executor:
                 outcome = self._carry_out(decision)
             self.outcomes.append(outcome)
             if failures := outcome.entry.manifest.gate_failures:
-                raise GateError(f"{stage.name}: {len(failures)} threshold(s) missed: {'; '.join(failures)}")
+                shown = self._store.shown(stage.artifact)
+                message = f"{stage.name}: {len(failures)} threshold(s) missed: {'; '.join(failures)}"
+                raise GateError(message, file=shown, fix=f"{shown} has what was measured")
 
     def _carry_out(self, decision: Decision) -> Outcome:
         started = time.monotonic()
@@ -154,8 +156,9 @@ class Executor:
                     raise failure from error
                 place = traceback.extract_tb(error.__traceback__)[-1]
                 raise HqpipeError(
-                    f"{stage.name} failed: {type(error).__name__}: {error} "
-                    f"({place.filename}:{place.lineno}; --traceback shows the whole way there)"
+                    f"{stage.name} failed: {type(error).__name__}: {error} ({place.filename}:{place.lineno})",
+                    file=place.filename,
+                    fix="--traceback shows the whole way there",
                 ) from error
         return check_metrics(stage, metrics)
 
@@ -180,11 +183,14 @@ def collect_outputs(stage: Stage, folder: Path) -> dict[str, str]:
     try:
         outputs = hash_files(folder)
     except UsageError as error:
-        raise HqpipeError(f"{stage.name} made an artifact that cannot be kept: {error}") from error
+        message = f"{stage.name} made an artifact that cannot be kept: {error.message}"
+        raise HqpipeError(message, file=error.file, fix=error.fix) from error
     if not outputs:
-        raise HqpipeError(f"{stage.name} wrote no file into its output folder")
+        message = f"{stage.name} wrote no file into its output folder"
+        raise HqpipeError(message, file=folder, fix="let it write its result into context.output")
     if MANIFEST in outputs:
-        raise HqpipeError(f"{stage.name} wrote {MANIFEST}, a name that is kept for the artifact's record")
+        message = f"{stage.name} wrote {MANIFEST}, a name that is kept for the artifact's record"
+        raise HqpipeError(message, file=folder / MANIFEST, fix="give the file another name")
     return outputs
 
 

@@ -112,6 +112,7 @@ class Planner:
         with _fixed_by(f"make it again with `{self._command(maker)} --force`"):
             entry = self.project.store.current(needed.artifact)
             if entry is not None:
+                entry.check_stage(maker.name)
                 entry.verify()
                 return Source(entry.path, needed.content(entry.manifest.outputs), needed.artifact, entry.manifest.key)
         shown = self.project.store.shown(needed.artifact)
@@ -164,6 +165,7 @@ class Planner:
         if current is None:
             reasons.insert(0, Reason("missing", stage.artifact))
         else:
+            current.check_stage(stage.name)
             made = current.manifest.recipe.inputs
             known = {**recipe.inputs, **{name: made[name] for name in pending if name in made}}
             reasons += differences(current.manifest, replace(recipe, inputs=known))
@@ -227,6 +229,8 @@ class Planner:
                 sources[needed.name] = self.source(stage, needed)
             elif upstream.recipe is not None and upstream.action != RUN:
                 entry = self.project.store.get(upstream.recipe.key)
+                if entry is None:  # another process has removed it since
+                    raise self.project.store.gone(needed.artifact)
                 key = entry.manifest.key
                 content = needed.content(entry.manifest.outputs)
                 sources[needed.name] = Source(entry.path, content, needed.artifact, key)

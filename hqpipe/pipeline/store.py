@@ -62,6 +62,13 @@ class Entry:
             differs(name, "was added")
         return found
 
+    def check_stage(self, stage: str) -> None:
+        """Raise IntegrityError if this is no result of `stage`."""
+        made_by = self.manifest.recipe.stage
+        if made_by != stage:
+            message = f"{self.shown} is a result of {made_by}, expected one of {stage}"
+            raise IntegrityError(message, file=self.shown, fix=MAKE_AGAIN)
+
     def verify(self) -> None:
         """Raise IntegrityError that names the first damaged file, if there is one."""
         if found := self.problems():
@@ -219,19 +226,3 @@ def _check_folder(path: Path, fix: str) -> bool:
     if not path.is_dir():
         raise IntegrityError(f"{path} is not a folder", file=path, fix=fix)
     return True
-
-
-def _sync(path: Path) -> None:
-    """Flush a file or a folder's list of names to the disk."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def _sync_tree(folder: Path) -> None:
-    for parent, _, files in os.walk(folder):
-        for name in files:
-            _sync(Path(parent) / name)
-        _sync(Path(parent))

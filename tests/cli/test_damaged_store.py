@@ -167,6 +167,16 @@ def test_result_under_the_key_of_another(made):
     assert answer.code == 3 and "another result" in answer.err
 
 
+def test_link_to_the_result_of_another_stage(made):
+    numbers = (made.artifacts / "numbers").readlink()
+    (made.artifacts / "squares").unlink()
+    (made.artifacts / "squares").symlink_to(numbers)
+    for command in (["verify"], ["status"], ["run", "all"], ["report"]):
+        answer = made(*command)
+        assert answer.code == 3 and "resultofnumbers" in told(answer) and "hqpipesquare-up" in told(answer)
+    assert made("square-up", "--force").code == 0 and made("verify").code == 0
+
+
 @pytest.mark.parametrize("command", LOOKS, ids=" ".join)
 @pytest.mark.parametrize("name", ["store", "scratch"])
 def test_store_or_scratch_that_is_a_link(made, name, command):
