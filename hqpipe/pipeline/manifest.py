@@ -36,8 +36,10 @@ Hash = Annotated[str, AfterValidator(_check_hash)]
 
 
 def gate_has_form(gate: Any) -> bool:
-    """Whether the metric `gate` is {passed: bool, failures: list}."""
-    return isinstance(gate, dict) and isinstance(gate.get("passed"), bool) and isinstance(gate.get("failures"), list)
+    """Whether the metric `gate` is {passed: bool, failures: list of text}."""
+    if not isinstance(gate, dict) or not isinstance(gate.get("failures"), list):
+        return False
+    return isinstance(gate.get("passed"), bool) and all(isinstance(failure, str) for failure in gate["failures"])
 
 
 def _check_metrics(metrics: dict[str, Any]) -> dict[str, Any]:

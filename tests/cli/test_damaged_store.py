@@ -70,6 +70,7 @@ WRONG = {
     "an output in capitals": (("outputs",), {"squares.json": "A" * 64}),
     "metrics is null": (("metrics",), None),
     "a gate without failures": (("metrics", "gate"), {"passed": False}),
+    "a gate whose failures are numbers": (("metrics", "gate"), {"passed": False, "failures": [1]}),
     "a gate that is a number": (("metrics", "gate"), 1),
     "provenance is a list": (("provenance",), []),
     "no created": (("provenance", "created"), ...),
