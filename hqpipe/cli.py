@@ -19,6 +19,7 @@ from hqpipe.pipeline.stage import StageTable
 from hqpipe.pipeline.streams import ReaderGone, prepare_streams
 from hqpipe.registry import load
 from hqpipe.signals import REMEDY, STATE, TOLD, Interrupted, end, ignore_signals, raise_on_signals
+from hqpipe.system_failures import system_failure
 
 HELP = "Close the sim-to-real gap of heavy hydraulic legged robots: collect, fit, diagnose, retrain, export, validate."
 
@@ -178,7 +179,8 @@ def _run(table: StageTable, words: list[str]) -> _End:
     except HqpipeError as error:
         return _tell(error)
     except Exception as error:
-        return _tell(HqpipeError(f"{type(error).__name__}: {error}", fix=REPORT))
+        failure = system_failure(error) or HqpipeError(f"{type(error).__name__}: {error}", fix=REPORT)
+        return _tell(failure)
 
 
 def _tell(error: HqpipeError) -> _End:

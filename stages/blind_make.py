@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from hqpipe import durable
 from hqpipe.errors import UsageError
 from hqpipe.processes import in_processes
 
@@ -56,11 +56,12 @@ def make_case(case: Any, out: Path) -> None:
     for name, left_out in truth_sets(case).items():
         simulate(case, robot, half / TRUTH / name, left_out, gait)
     truth = out / TRUTH / case.name
-    shutil.rmtree(truth, ignore_errors=True)
     if (half / TRUTH).is_dir():
         truth.parent.mkdir(parents=True, exist_ok=True)
-        os.replace(half / TRUTH, truth)
-    os.replace(half / "logs", out / case.name)  # last, because a case that has its name is complete
+        durable.move_into_place(half / TRUTH, truth)
+    else:
+        durable.remove(truth)
+    durable.move_into_place(half / "logs", out / case.name)  # last, because a case that has its name is complete
 
 
 def truth_sets(case: Any) -> dict[str, tuple[str, ...]]:
@@ -122,8 +123,6 @@ def _write_answers(out: Path, count: int, seed: int, kinds: Sequence[str], plann
     path = out / ANSWERS
     if path.is_file() and path.read_text(encoding="utf-8") != text:
         asked_for = "".join(f" --kind {kind}" for kind in sorted(set(kinds)))
-        text = f"{path} belongs to other cases than --cases {count} --seed {seed}{asked_for} of this version"
-        raise UsageError(text, file=path, field="--out", fix="give another --out, or remove the folder")
-    half = path.with_suffix(".half")
-    half.write_text(text, encoding="utf-8")
-    os.replace(half, path)
+        message = f"{path} belongs to other cases than --cases {count} --seed {seed}{asked_for} of this version"
+        raise UsageError(message, file=path, field="--out", fix="give another --out, or remove the folder")
+    durable.write_file(path, text)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any
 
+from hqpipe import durable
 from hqpipe.errors import UsageError, near_match
 from hqpipe.processes import in_processes
+from hqpipe.system_failures import system_failure
 
 DIAGNOSIS, ORACLE, FAILED, CONTENT = "diagnosis", "oracle", "failed.json", "diagnosis.json"
 GAPS = "gaps.json"
@@ -66,7 +66,9 @@ def diagnose_all(
     Args:
         jobs: arguments of `diagnose_case`. workers: processes. text: what is reported after each.
     """
-    missing = [job for job in jobs if not (job[1] / CONTENT).is_file()]
+    for results in {output.parent for _, output, _ in jobs}:
+        durable.remove_leftovers(results)
+    missing = [job for job in jobs if _read(job[1] / CONTENT) is None]
     started = len(jobs) - len(missing)
     calls = {job[0].name: job for job in missing}
     in_processes(diagnose_case, calls, workers, lambda done, name: progress(started + done, len(jobs), text))
@@ -84,15 +86,14 @@ def diagnose_case(case: Path, output: Path, without: tuple[str, ...]) -> None:
     from hqpipe.gap.diagnosis import diagnose, write_diagnosis
     from hqpipe.logs.log_set import read_log_set
 
-    half = output.with_name(output.name + ".half")
-    shutil.rmtree(half, ignore_errors=True)
-    shutil.rmtree(output, ignore_errors=True)
-    half.mkdir(parents=True)
+    half = durable.new_folder(output)
     try:
         write_diagnosis(diagnose(read_log_set(case), without=without), half)
     except Exception as error:  # one case that cannot be diagnosed is a miss of the score, not its end
+        if system_failure(error):
+            raise
         _write(half / FAILED, {"error": f"{type(error).__name__}: {error}"})
-    os.replace(half, output)
+    durable.move_into_place(half, output)
 
 
 def truth_gaps(folder: Path, case: str, sets: dict[str, str]) -> dict[str, dict[str, float]]:
@@ -104,8 +105,8 @@ def truth_gaps(folder: Path, case: str, sets: dict[str, str]) -> dict[str, dict[
     from hqpipe.gap.blind_truth import base_gap
 
     path = folder / "truth" / case / GAPS
-    if path.is_file():
-        return json.loads(path.read_text(encoding="utf-8"))
+    if kept := _read(path):
+        return kept
     gaps = {name: base_gap(folder / place) for name, place in {"with": case, **sets}.items()}
     _write(path, gaps)
     return gaps
@@ -133,10 +134,9 @@ def _judged(answer: Any, results: Path, gaps: Any, without: tuple[str, ...]) -> 
     from hqpipe.gap.diagnosis import errors_left
 
     place = results / answer.case
-    if not (place / CONTENT).is_file():
-        error = json.loads((place / FAILED).read_text(encoding="utf-8"))["error"]
-        return Judged(answer, None, error, gaps, without)
-    content = json.loads((place / CONTENT).read_text(encoding="utf-8"))
+    content = _read(place / CONTENT)
+    if content is None:
+        return Judged(answer, None, _read(place / FAILED)["error"], gaps, without)
     return Judged(answer, content, "", gaps, without, errors_left(place))
 
 
@@ -154,11 +154,17 @@ def _check_names(without: Sequence[str], answers: Sequence[Any]) -> None:
             )
 
 
+def _read(path: Path) -> Any:
+    """The content of a JSON file; None if it is absent or no JSON, so that it is made again."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError, RecursionError):
+        return None
+
+
 def _write(path: Path, content: Any) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    half = path.with_name(path.name + ".half")
-    half.write_text(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
-    os.replace(half, path)
+    durable.write_file(path, json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 
 def missed_aims(result: dict[str, Any]) -> list[str]:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from hqpipe.errors import ConfigError
+from hqpipe import durable
 from hqpipe.stages.compare_train import Trained
 
 POLICY, ZERO = "policy", "zero_action"
 _ZERO_FOLDER = "zero_action"
+_RESULTS = "results.json"
 _BELIEF = "estimate_"  # begins the names of measures of the estimator
 Progress = Callable[[float, float, str], None]
 
@@ -63,12 +64,12 @@ def _without_beliefs(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def _walked(context: Any, trained: Trained, actor: str, progress: Progress) -> list[dict[str, Any]]:
     """Results of `run_scenarios`, kept in scratch so that a killed stage does not walk again."""
-    from hqpipe.documents import read_json
     from hqpipe.stages.scenarios import run_scenarios
 
-    path, p = trained.scratch / f"{actor}.json", context.params
-    results = _kept(path)
-    if results is None:
+    kept, p = trained.scratch / f"walked_{actor}", context.params
+    if wrong := durable.damage(kept):
+        if kept.exists():
+            print(f"warning: {kept} is damaged ({wrong}): walked again", file=sys.stderr, flush=True)
         folder = trained.folder if actor == POLICY else _zero_action(trained)
         # Seeds apart from those of collect and validate, so that no walk repeats one that was fitted to or judged by.
         results = run_scenarios(
@@ -84,25 +85,11 @@ def _walked(context: Any, trained: Trained, actor: str, progress: Progress) -> l
         )
         if actor == ZERO:
             results = _without_beliefs(results)
-        fresh = path.with_suffix(".new")
-        fresh.write_text(json.dumps(results, allow_nan=False), encoding="utf-8")
-        os.replace(fresh, path)
-        results = read_json(path, "run hqpipe compare again")
-    return results
-
-
-def _kept(path: Path) -> list[dict[str, Any]] | None:
-    """Walks that a killed stage had finished; None without them, or if they cannot be read any more."""
-    from hqpipe.documents import read_json
-    from hqpipe.stages.terminal import show
-
-    if not path.is_file():
-        return None
-    try:
-        return read_json(path, "it is walked again")
-    except ConfigError as error:
-        show(f"warning: {error}")
-        return None
+        fresh = durable.new_folder(kept)
+        (fresh / _RESULTS).write_text(json.dumps(results, allow_nan=False), encoding="utf-8")
+        durable.write_checksums(fresh)
+        durable.move_into_place(fresh, kept)
+    return json.loads((kept / _RESULTS).read_text(encoding="utf-8"))
 
 
 def _zero_action(trained: Trained) -> Path:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hqpipe.errors import ConfigError
+from hqpipe import durable
 from hqpipe.stages.controllers import Controller
 from hqpipe.stages.training import METRICS, write_rows, write_training
 
@@ -67,32 +67,18 @@ def train_all(
 def _trained(context: Any, controller: Controller, seed: int, progress: Progress) -> Trained:
     scratch = context.scratch / controller.name / f"seed_{seed}"
     folder = scratch / _DONE
-    report = _kept(folder)
-    if report is None:
-        fresh = scratch / f".{_DONE}.new"
-        shutil.rmtree(fresh, ignore_errors=True)
-        fresh.mkdir(parents=True)
+    durable.remove_leftovers(scratch)
+    if wrong := durable.damage(folder):
+        if folder.exists():
+            print(f"warning: {folder} is damaged ({wrong}): trained again", file=sys.stderr, flush=True)
+        fresh = durable.new_folder(folder)
         report = _train(context, controller, seed, scratch / _TRAINING, fresh, progress)
         (fresh / REPORT).write_text(json.dumps(report), encoding="utf-8")
-        shutil.rmtree(folder, ignore_errors=True)
-        os.replace(fresh, folder)
-        shutil.rmtree(scratch / _TRAINING, ignore_errors=True)
+        durable.write_checksums(fresh)
+        durable.move_into_place(fresh, folder)
+        durable.remove(scratch / _TRAINING)
+    report = json.loads((folder / REPORT).read_text(encoding="utf-8"))
     return Trained(controller, seed, folder, report, scratch)
-
-
-def _kept(folder: Path) -> dict[str, Any] | None:
-    """The report of a training that a killed stage had finished; None without it, or if it cannot be read any more."""
-    from hqpipe.documents import read_json
-    from hqpipe.stages.terminal import show
-
-    if not folder.is_dir():
-        return None
-    try:
-        report = read_json(folder / REPORT, "it is trained again")
-    except ConfigError as error:
-        show(f"warning: {error}")
-        return None
-    return report if isinstance(report, dict) else None
 
 
 def _train(
@@ -126,4 +112,4 @@ def _train(
 
 def keep(trained: Trained, output: Path) -> None:
     """Copy what belongs into the artifact to `output`/<name>."""
-    shutil.copytree(trained.folder, output / trained.name, ignore=shutil.ignore_patterns(REPORT))
+    shutil.copytree(trained.folder, output / trained.name, ignore=shutil.ignore_patterns(REPORT, durable.CHECKSUMS))

@@ -86,14 +86,14 @@ class Check:
 
     artifact: str
     files: int
-    problems: tuple[str, ...]
+    problems: tuple[HqpipeError, ...]
     notes: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
         return {
             "artifact": self.artifact,
             "files": self.files,
-            "problems": list(self.problems),
+            "problems": [str(problem) for problem in self.problems],
             "notes": list(self.notes),
         }
 
@@ -108,23 +108,38 @@ def verify(project: Project) -> list[Check]:
 
 def _check(project: Project, stage: Stage) -> Check:
     try:
+        key = project.store.current_key(stage.artifact)
         entry = project.store.current(stage.artifact)
+        if entry is not None:
+            entry.check_stage(stage.name)
     except HqpipeError as error:
-        return Check(stage.artifact, 0, (str(error),), ())
+        return Check(stage.artifact, 0, (_fixed_by(stage, error),), ())
     if entry is None:
-        return Check(stage.artifact, 0, (), ("not made",))
-    problems, notes = entry.problems(), []
+        problems = (_fixed_by(stage, project.store.gone(stage.artifact)),) if key else ()
+        return Check(stage.artifact, 0, problems, () if key else ("not made",))
+    problems, notes = [_fixed_by(stage, error) for error in entry.problems()], []
     for name, source in entry.manifest.sources.items():
         recorded = entry.manifest.recipe.inputs[name]
         needed = next((each for each in stage.inputs if each.name == name), None)
-        if needed is None:
+        if needed is None or source["artifact"] not in (None, needed.artifact):
             notes.append(f"made with an input {name} that {stage.name} no longer has")
         elif source["artifact"] is None:
             notes += _outside(needed, source["path"], recorded)
         elif wrong := _chain_problem(project.store, needed, recorded):
             # What runs alone is not made again with the chain; it still tells what it was made from.
-            (notes if stage.alone else problems).append(f"{entry.shown}: input {name}: {wrong}")
+            message = f"{entry.shown}: input {name}: {wrong}"
+            if stage.alone:
+                notes.append(message)
+            else:
+                problems.append(IntegrityError(message, file=entry.shown, fix=f"run `hqpipe {stage.name}`"))
     return Check(stage.artifact, len(entry.manifest.outputs), tuple(problems), tuple(notes))
+
+
+def _fixed_by(stage: Stage, error: HqpipeError) -> HqpipeError:
+    """The error, with the command that repairs the artifact where it is damage."""
+    if isinstance(error, IntegrityError):
+        error.fix = f"make it again with `hqpipe {stage.name} --force`"
+    return error
 
 
 def _chain_problem(store: Store, needed: Input, recorded: str) -> str | None:
@@ -133,7 +148,7 @@ def _chain_problem(store: Store, needed: Input, recorded: str) -> str | None:
     try:
         entry = store.current(artifact)
     except HqpipeError as error:
-        return str(error)
+        return error.message
     if entry is None:
         return f"made from {artifact} {recorded[:SHORT]}…, which is gone"
     content = needed.content(entry.manifest.outputs)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from hqpipe.pipeline.manifest import read_manifest
+from hqpipe import durable
 from hqpipe.pipeline.stage import StageTable
-from hqpipe.pipeline.store import Store
+from hqpipe.pipeline.store import Entry, Store
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,10 @@ def reachable(store: Store, table: StageTable) -> set[str]:
     found: set[str] = set()
     while pending:
         key = pending.pop()
-        if key in found or not store.path(key).is_dir():
+        if key in found or (entry := store.get(key)) is None:
             continue
         found.add(key)
-        sources = read_manifest(store.path(key)).sources.values()
-        pending += [source["key"] for source in sources if source["key"]]
+        pending += [source["key"] for source in entry.manifest.sources.values() if source["key"]]
     return found
 
 
@@ -43,7 +42,9 @@ def _newest(store: Store, current: set[str]) -> list[str]:
     """The last result of every stage in every profile, so that a quick run never costs a long one its results."""
     newest: dict[tuple[str, str], tuple[str, bool, str]] = {}
     for key in store.keys():
-        manifest = read_manifest(store.path(key))
+        if (entry := store.get(key)) is None:
+            continue
+        manifest = entry.manifest
         made = (manifest.provenance["created"], key in current, key)
         group = (manifest.recipe.stage, manifest.provenance["profile"])
         newest[group] = max(newest.get(group, made), made)
@@ -53,23 +54,33 @@ def _newest(store: Store, current: set[str]) -> list[str]:
 def find_garbage(store: Store, table: StageTable, *, scratch: bool) -> list[Garbage]:
     """What `reachable` leaves, and with `scratch` also the checkpoints of unfinished stages."""
     kept = reachable(store, table)
-    found = [_garbage(store.path(key)) for key in store.keys() if key not in kept]
+    entries = [store.get(key) for key in store.keys() if key not in kept]
+    found = [_garbage(entry) for entry in entries if entry is not None]
     if scratch and store.scratch("").is_dir():
-        found += [Garbage(folder, "checkpoint", _size(folder)) for folder in sorted(store.scratch("").iterdir())]
+        found += [Garbage(path, "checkpoint", _size(path)) for path in sorted(store.scratch("").iterdir())]
     return found
 
 
-def _garbage(folder: Path) -> Garbage:
-    manifest = read_manifest(folder)
-    made = manifest.provenance
-    return Garbage(folder, f"{manifest.recipe.stage}, profile {made['profile']}, {made['created']}", _size(folder))
+def _garbage(entry: Entry) -> Garbage:
+    stage, made = entry.manifest.recipe.stage, entry.manifest.provenance
+    return Garbage(entry.path, f"{stage}, profile {made['profile']}, {made['created']}", _size(entry.path))
 
 
 def remove(garbage: list[Garbage]) -> None:
     """Remove it from the disk. Only for the holder of the lock."""
     for item in garbage:
-        shutil.rmtree(item.path)
+        durable.remove(item.path)
 
 
-def _size(folder: Path) -> int:
-    return sum(path.lstat().st_size for path in folder.rglob("*") if not path.is_dir())
+def _size(path: Path) -> int:
+    """Bytes of a file or of all files in a folder; 0 for what another process removes meanwhile."""
+    if path.is_symlink() or not path.is_dir():
+        return _file_size(path)
+    return sum(_file_size(Path(parent) / name) for parent, _, files in os.walk(path) for name in files)
+
+
+def _file_size(path: Path) -> int:
+    try:
+        return path.lstat().st_size
+    except FileNotFoundError:
+        return 0

@@ -68,6 +68,6 @@ def compare(old: Manifest, new: Manifest) -> Difference:
         versions=tuple(
             reason
             for name in versions
-            for reason in parameter_differences(old.provenance[name], new.provenance[name], name)
+            for reason in parameter_differences(old.provenance.get(name), new.provenance.get(name), name)
         ),
     )

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import math
-import shutil
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hqpipe import durable
 from hqpipe.errors import GateError, HqpipeError, IntegrityError, UsageError
 from hqpipe.pipeline.context import StageContext
 from hqpipe.pipeline.fault import unexpected
 from hqpipe.pipeline.hashing import hash_files
-from hqpipe.pipeline.manifest import MANIFEST, Manifest
+from hqpipe.pipeline.manifest import MANIFEST, Manifest, gate_has_form
 from hqpipe.pipeline.plan import KEEP, RUN, Decision, Planner
 from hqpipe.pipeline.progress import stage_progress
 from hqpipe.pipeline.provenance import provenance
 from hqpipe.pipeline.stage import Stage
 from hqpipe.pipeline.store import Entry
 from hqpipe.pipeline.streams import stdout_to_stderr
+from hqpipe.system_failures import reported, system_failure
 
 DONE = {"run": "ran", "restore": "restored", "keep": "kept"}
 
@@ -82,14 +83,14 @@ class Executor:
             sources = {needed.name: self.planner.source(stage, needed) for needed in self.planner.reads(stage)}
             decision = self.planner.decide(stage, sources)
             self._on_decision(decision)
-            outcome = self._carry_out(decision)
+            with reported(self._store.folder):
+                outcome = self._carry_out(decision)
             self.outcomes.append(outcome)
             if failures := outcome.entry.manifest.gate_failures:
-                raise GateError(
-                    f"{stage.name}: {len(failures)} threshold(s) missed: {'; '.join(failures)}",
-                    file=self._store.link(stage.artifact),
-                    fix="look at what it measured, and train longer, or change the thresholds",
-                )
+                shown = self._store.shown(stage.artifact)
+                message = f"{stage.name}: {len(failures)} threshold(s) missed: {'; '.join(failures)}"
+                fix = f"look at {shown}, then train longer or change the thresholds"
+                raise GateError(message, file=shown, fix=fix)
 
     def _carry_out(self, decision: Decision) -> Outcome:
         started = time.monotonic()
@@ -107,7 +108,7 @@ class Executor:
         key = decision.recipe.key
         scratch = self._store.scratch(key)
         if self.planner.force:
-            shutil.rmtree(scratch, ignore_errors=True)
+            durable.remove(scratch)
         output = self._store.begin(key)
         try:
             scratch.mkdir(parents=True, exist_ok=True)
@@ -126,7 +127,7 @@ class Executor:
         finally:
             self._store.discard(output)
             remove_if_empty(scratch)
-        shutil.rmtree(scratch, ignore_errors=True)
+        durable.remove(scratch)
         return entry, unreproduced
 
     def _call(self, decision: Decision, output: Path, scratch: Path) -> dict[str, Any]:
@@ -151,6 +152,9 @@ class Executor:
                 error.message = f"{stage.name}: {error.message}"
                 raise
             except Exception as error:
+                if failure := system_failure(error, self._store.folder):
+                    failure.message = f"{stage.name}: {failure.message}"
+                    raise failure from error
                 raise unexpected(stage.name, run, error) from error
         return check_metrics(stage, metrics)
 
@@ -175,11 +179,14 @@ def collect_outputs(stage: Stage, folder: Path) -> dict[str, str]:
     try:
         outputs = hash_files(folder)
     except UsageError as error:
-        raise HqpipeError(f"{stage.name} made an artifact that cannot be kept: {error}") from error
+        message = f"{stage.name} made an artifact that cannot be kept: {error.message}"
+        raise HqpipeError(message, file=error.file, fix=error.fix) from error
     if not outputs:
-        raise HqpipeError(f"{stage.name} wrote no file into its output folder")
+        message = f"{stage.name} wrote no file into its output folder"
+        raise HqpipeError(message, file=folder, fix="let it write its result into context.output")
     if MANIFEST in outputs:
-        raise HqpipeError(f"{stage.name} wrote {MANIFEST}, a name that is kept for the artifact's record")
+        message = f"{stage.name} wrote {MANIFEST}, a name that is kept for the artifact's record"
+        raise HqpipeError(message, file=folder / MANIFEST, fix="give the file another name")
     return outputs
 
 
@@ -193,9 +200,7 @@ def check_metrics(stage: Stage, metrics: Any) -> dict[str, Any]:
         raise HqpipeError(f"{stage.name} returned {type(metrics).__name__}, expected a dict of metrics")
     plain = _plain(stage, metrics, "metrics")
     gate = plain.get("gate")
-    if gate is not None and not (
-        isinstance(gate, dict) and isinstance(gate.get("passed"), bool) and isinstance(gate.get("failures"), list)
-    ):
+    if gate is not None and not gate_has_form(gate):
         raise HqpipeError(f"{stage.name}: metrics.gate: expected {{passed: bool, failures: list}}, got {gate!r}")
     return plain
 

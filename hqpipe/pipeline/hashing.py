@@ -41,21 +41,28 @@ def list_files(folder: Path, *, ignore: frozenset[str] = frozenset(), links: boo
 
     Raises:
         UsageError: a symbolic link, socket, pipe or device is in the folder; such content cannot be hashed.
+        OSError: a folder cannot be read.
     """
     found = []
-    for parent, folders, files in os.walk(folder):
+    for parent, folders, files in os.walk(folder, onerror=_raise):
         folders[:] = [name for name in folders if name not in ignore]
         for name in folders:
-            if (Path(parent) / name).is_symlink():
-                raise UsageError(f"{Path(parent) / name} is a symbolic link: put the files there instead")
+            path = Path(parent) / name
+            if path.is_symlink():
+                raise UsageError(f"{path} is a symbolic link", file=path, fix="put the files there instead")
         for name in files:
             if name in ignore:
                 continue
             path = Path(parent) / name
             if not stat.S_ISREG((path.stat() if links and path.exists() else path.lstat()).st_mode):
-                raise UsageError(f"{path} is a symbolic link or a special file: put a regular file there instead")
+                message = f"{path} is a symbolic link or a special file"
+                raise UsageError(message, file=path, fix="put a regular file there instead")
             found.append(path.relative_to(folder).as_posix())
     return sorted(found)
+
+
+def _raise(error: OSError) -> None:
+    raise error
 
 
 def hash_files(folder: Path, *, ignore: frozenset[str] = frozenset(), links: bool = False) -> dict[str, str]:

@@ -3,15 +3,66 @@
 from __future__ import annotations
 
 import json
+import os
+import re
+import stat
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, Strict, TypeAdapter, ValidationError
 
 from hqpipe.errors import IntegrityError
 from hqpipe.pipeline.hashing import SHORT, data_hash
 
 MANIFEST = "manifest.json"
 FORMAT = "hqpipe-artifact/1"
+MAKE_AGAIN = "make the result again with --force, or remove its folder"
+
+# Ours have less than ten levels; what reads a record must not run out of stack on one.
+_MOST_LEVELS = 100
+
+KEY = re.compile(r"[0-9a-f]{64}")
+"""SHA-256 in hexadecimal digits."""
+
+
+def _check_hash(text: str) -> str:
+    if not KEY.fullmatch(text):
+        raise ValueError("expected 64 hexadecimal digits")
+    return text
+
+
+Hash = Annotated[str, AfterValidator(_check_hash)]
+
+
+def gate_has_form(gate: Any) -> bool:
+    """Whether the metric `gate` is {passed: bool, failures: list of text}."""
+    if not isinstance(gate, dict) or not isinstance(gate.get("failures"), list):
+        return False
+    return isinstance(gate.get("passed"), bool) and all(isinstance(failure, str) for failure in gate["failures"])
+
+
+def _check_metrics(metrics: dict[str, Any]) -> dict[str, Any]:
+    if metrics.get("gate") is not None and not gate_has_form(metrics["gate"]):
+        raise ValueError("expected gate: {passed: bool, failures: list}")
+    return metrics
+
+
+def _check_provenance(provenance: dict[str, Any]) -> dict[str, Any]:
+    for name, kind in (("created", str), ("profile", str), ("wall_time_s", int | float)):
+        if not isinstance(provenance.get(name), kind):
+            raise ValueError(f"expected {name}, {'text' if kind is str else 'a number'}")
+    return provenance
+
+
+def _check_source(source: dict[str, Any]) -> dict[str, Any]:
+    if source.keys() != {"artifact", "key", "path"}:
+        raise ValueError("expected artifact, key and path")
+    if source["artifact"] is None and source["path"] is None:
+        raise ValueError("expected an artifact or a path")
+    if source["key"] is not None and not KEY.fullmatch(source["key"]):
+        raise ValueError("expected a key of 64 hexadecimal digits")
+    return source
 
 
 @dataclass(frozen=True)
@@ -28,11 +79,11 @@ class Recipe:
     """
 
     stage: str
-    version: int
+    version: Annotated[int, Strict()]
     params: dict[str, Any]
-    seed: int
-    inputs: dict[str, str]
-    robot: str
+    seed: Annotated[int, Strict()]
+    inputs: dict[str, Hash]
+    robot: Hash
 
     @property
     def key(self) -> str:
@@ -52,10 +103,10 @@ class Manifest:
     """
 
     recipe: Recipe
-    sources: dict[str, dict[str, str | None]]
-    outputs: dict[str, str]
-    metrics: dict[str, Any]
-    provenance: dict[str, Any]
+    sources: dict[str, Annotated[dict[str, str | None], AfterValidator(_check_source)]]
+    outputs: dict[str, Hash]
+    metrics: Annotated[dict[str, Any], AfterValidator(_check_metrics)]
+    provenance: Annotated[dict[str, Any], AfterValidator(_check_provenance)]
 
     @property
     def key(self) -> str:
@@ -87,8 +138,9 @@ class Manifest:
 
 def is_artifact(folder: Path) -> bool:
     """Whether `folder` holds a ``manifest.json`` of ours (intact or not)."""
+    path = folder / MANIFEST
     try:
-        return FORMAT in (folder / MANIFEST).read_text(encoding="utf-8")
+        return path.is_file() and FORMAT in path.read_text(encoding="utf-8")
     except (FileNotFoundError, UnicodeDecodeError):
         return False
 
@@ -101,30 +153,84 @@ def read_manifest(folder: Path) -> Manifest:
     """
     path = folder / MANIFEST
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
+        data = json.loads(_read(path).decode())
         digest = data.pop("digest")
         stated = data.pop("format")
-    except FileNotFoundError:
-        raise IntegrityError(f"{path} is missing") from None
+        if _levels(data) > _MOST_LEVELS:
+            raise RecursionError
+    except RecursionError:
+        raise _damaged(path, f"{path} is nested more than {_MOST_LEVELS} levels deep") from None
     except (ValueError, KeyError, AttributeError, TypeError) as error:
-        raise IntegrityError(f"{path} is not a manifest (expected JSON with 'format' and 'digest')") from error
+        raise _damaged(path, f"{path} is not a manifest (expected JSON with 'format' and 'digest')") from error
     if stated != FORMAT:
-        raise IntegrityError(f"{path} has format {stated!r}, expected {FORMAT!r}")
+        raise _damaged(path, f"{path} has format {str(stated)[:SHORT]!r}, expected {FORMAT!r}")
+    manifest = _checked(path, data)
     try:
         found = data_hash({"format": stated, **data})
-        body = {field.name: data[field.name] for field in fields(Manifest)}
-        manifest = Manifest(**{**body, "recipe": Recipe(**body["recipe"])})
-    except (KeyError, TypeError, ValueError) as error:
-        raise IntegrityError(f"{path} lacks a field of a manifest: {error}") from error
+    except ValueError as error:
+        raise _damaged(path, f"{path} is not a manifest: {error}") from error
     if found != digest or manifest.key != data.get("key"):
-        raise IntegrityError(f"{path} was changed: expected digest {str(digest)[:SHORT]}…, found {found[:SHORT]}…")
+        raise _damaged(path, f"{path} was changed: expected digest {str(digest)[:SHORT]}…, found {found[:SHORT]}…")
     _check_paths(path, manifest.outputs)
     return manifest
+
+
+def _read(path: Path) -> bytes:
+    """The bytes of a regular file; a link is not followed, a pipe not waited for."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    except (FileNotFoundError, NotADirectoryError):
+        raise _damaged(path, f"{path} is missing") from None
+    except OSError as error:
+        raise _damaged(path, f"{path} cannot be read ({error.strerror}), expected a file") from error
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise _damaged(path, f"{path} is not a regular file")
+    with open(descriptor, "rb") as file:
+        return file.read()
+
+
+def _checked(path: Path, data: dict[str, Any]) -> Manifest:
+    """The record in `data`, every field of the expected kind."""
+    try:
+        manifest = _MANIFEST.validate_python({field.name: data[field.name] for field in fields(Manifest)})
+    except KeyError as error:
+        raise _damaged(path, f"{path} lacks a field of a manifest: {error}", str(error.args[0])) from error
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        name = ".".join(str(part) for part in first["loc"])
+        wrong = str(first["ctx"]["error"]) if first["type"] == "value_error" else first["msg"]
+        wrong = wrong.replace("Input should be ", "expected ")
+        raise _damaged(path, f"{path}: {name}: {wrong}, got {str(first['input'])[:40]!r}", name) from None
+    if strangers := manifest.sources.keys() - manifest.recipe.inputs.keys():
+        name = f"sources.{min(strangers)}"
+        raise _damaged(path, f"{path}: {name}: expected one of recipe.inputs", name)
+    return manifest
+
+
+def _levels(data: Any) -> int:
+    """How deep mappings and lists are nested, without recursion."""
+    depth, layer = 0, [data]
+    while layer := [
+        inner
+        for value in layer
+        if isinstance(value, dict | list)
+        for inner in (value.values() if isinstance(value, dict) else value)
+    ]:
+        depth += 1
+    return depth
 
 
 def _check_paths(path: Path, outputs: dict[str, str]) -> None:
     """Refuse output paths that would lead out of the artifact folder."""
     for name in outputs:
         pure = PurePosixPath(name)
-        if pure.is_absolute() or ".." in pure.parts or name in ("", MANIFEST) or "\\" in name:
-            raise IntegrityError(f"{path}: output path {name!r} leads out of the artifact folder")
+        if pure.is_absolute() or ".." in pure.parts or name in ("", MANIFEST) or "\\" in name or "\0" in name:
+            raise _damaged(path, f"{path}: output path {name!r} leads out of the artifact folder", "outputs")
+
+
+def _damaged(path: Path, message: str, field: str | None = None) -> IntegrityError:
+    return IntegrityError(message, file=path, field=field, fix=MAKE_AGAIN)
+
+
+_MANIFEST = TypeAdapter(Manifest)

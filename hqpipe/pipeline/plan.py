@@ -109,14 +109,17 @@ class Planner:
         if needed.name in self.explicit:
             return explicit_source(self.explicit[needed.name], needed)
         maker = self.project.table.maker(needed.artifact)
-        with _mend(f"Make it again with `{self._command(maker)} --force`"):
+        with _fixed_by(f"make it again with `{self._command(maker)} --force`"):
             entry = self.project.store.current(needed.artifact)
             if entry is not None:
+                entry.check_stage(maker.name)
                 entry.verify()
                 return Source(entry.path, needed.content(entry.manifest.outputs), needed.artifact, entry.manifest.key)
+        shown = self.project.store.shown(needed.artifact)
         raise UsageError(
-            f"{stage.name} needs {self.project.store.shown(needed.artifact)}, which has not been made: "
-            f"run `{self._command(maker)}` or give a folder with {needed.option}"
+            f"{stage.name} needs {shown}, which has not been made",
+            file=shown,
+            fix=f"run `{self._command(maker)}` or give a folder with {needed.option}",
         )
 
     def reads(self, stage: Stage, made: Collection[str] = ()) -> list[Input]:
@@ -152,7 +155,7 @@ class Planner:
             self.project.store.check_link(stage.artifact)
             reasons = (Reason("forced", "forced"),)
             return Decision(stage, RUN, reasons, None if pending else recipe, sources)
-        with _mend(f"Make it again with `{self._command(stage)} --force`"):
+        with _fixed_by(f"make it again with `{self._command(stage)} --force`"):
             return self._compare(stage, sources, pending, recipe)
 
     def _compare(self, stage: Stage, sources: Mapping[str, Source], pending: list[str], recipe: Recipe) -> Decision:
@@ -162,6 +165,7 @@ class Planner:
         if current is None:
             reasons.insert(0, Reason("missing", stage.artifact))
         else:
+            current.check_stage(stage.name)
             made = current.manifest.recipe.inputs
             known = {**recipe.inputs, **{name: made[name] for name in pending if name in made}}
             reasons += differences(current.manifest, replace(recipe, inputs=known))
@@ -224,7 +228,9 @@ class Planner:
             if upstream is None or needed.name in self.explicit:
                 sources[needed.name] = self.source(stage, needed)
             elif upstream.recipe is not None and upstream.action != RUN:
-                entry = read_entry(self.project.store.path(upstream.recipe.key))
+                entry = self.project.store.get(upstream.recipe.key)
+                if entry is None:  # another process has removed it since
+                    raise self.project.store.gone(needed.artifact)
                 key = entry.manifest.key
                 content = needed.content(entry.manifest.outputs)
                 sources[needed.name] = Source(entry.path, content, needed.artifact, key)
@@ -241,21 +247,23 @@ def explicit_source(path: Path, needed: Input) -> Source:
     folder, option = path.resolve(), needed.option
     if not folder.is_dir():
         what = "is a file, expected its folder" if folder.is_file() else "no such folder"
-        raise UsageError(f"{option} {path}: {what}")
+        raise UsageError(f"{option} {path}: {what}", file=path, field=option, fix="give the folder with the files")
     if is_artifact(folder):
-        with _mend(f"Make it again, or give another folder with {option}"):
+        with _fixed_by(f"make it again, or give another folder with {option}"):
             entry = read_entry(folder)
             entry.verify()
         return Source(folder, needed.content(entry.manifest.outputs), None, entry.manifest.key)
     if not any(folder.iterdir()):
-        raise UsageError(f"{option} {path}: the folder is empty")
+        fix = "give the folder with the files"
+        raise UsageError(f"{option} {path}: the folder is empty", file=path, field=option, fix=fix)
     return Source(folder, needed.content(hash_files(folder, links=True)), None, None)
 
 
 @contextmanager
-def _mend(remedy: str) -> Iterator[None]:
-    """Add the remedy to an IntegrityError that is raised inside."""
+def _fixed_by(fix: str) -> Iterator[None]:
+    """Let an IntegrityError that is raised inside name the command that repairs it."""
     try:
         yield
     except IntegrityError as error:
-        raise IntegrityError(f"{error}. {remedy}") from error
+        error.fix = fix
+        raise

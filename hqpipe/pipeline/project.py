@@ -95,7 +95,30 @@ def open_project(table: StageTable, start: Path | None = None) -> Project:
     Raises:
         UsageError: no ``pipeline.yaml`` there or above.
         ConfigError: the file is wrong.
+        IntegrityError: the store is a link.
     """
     root = find_root(Path.cwd() if start is None else start)
     configuration = Configuration(root / FILE, table)
-    return Project(root, table, configuration, Store(root / configuration.file.artifacts))
+    store = Store(_artifacts_folder(root, configuration.file.artifacts))
+    store.check_folders()
+    return Project(root, table, configuration, store)
+
+
+def _artifacts_folder(root: Path, name: str) -> Path:
+    """The folder `artifacts` of the configuration, which must lie below the project `root`.
+
+    Raises:
+        ConfigError: it leads outside, is the project itself, or is a file.
+    """
+    path, where = root / name, f"{FILE}: artifacts: '{name}'"
+    told = {"file": root / FILE, "field": "artifacts"}
+    try:
+        inside = root in path.resolve().parents
+    except (OSError, RuntimeError, ValueError):  # a loop of links, a name that is too long or has a NUL
+        inside = False
+    if not inside:
+        fix = "name a folder inside the project, e.g. `artifacts: artifacts`"
+        raise ConfigError(f"{where} is no folder inside the project {root}", fix=fix, **told)
+    if path.exists() and not path.is_dir():
+        raise ConfigError(f"{where}: {path} is a file, expected a folder", fix="move the file away", **told)
+    return path

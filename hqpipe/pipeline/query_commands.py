@@ -98,9 +98,8 @@ def verify(table: StageTable, as_json: bool) -> None:
 
         print_checks(checks)
     if problems:
-        fix = "make what is damaged again with `hqpipe STAGE --force`"
-        damaged = next(check.artifact for check in checks if check.problems)
-        raise IntegrityError("\n".join(problems), file=project.store.link(damaged), fix=fix)
+        first, lines = problems[0], [str(problem) for problem in problems[:-1]] + [problems[-1].message]
+        raise IntegrityError("\n".join(lines), file=first.file, field=first.field, fix=problems[-1].fix)
 
 
 @with_options(json_option())

@@ -68,7 +68,7 @@ def print_checks(checks: list[Check]) -> None:
             check.artifact,
             "FAILED" if check.problems else "ok" if check.files else "–",
             str(check.files),
-            "; ".join((*check.problems, *check.notes)),
+            "; ".join(map(str, (*check.problems, *check.notes))),
         )
         for check in checks
     )

@@ -90,6 +90,27 @@ def test_truth_of_a_mixture_leaves_out_all_each_and_all_but_each(count):
     assert {name: left_out[path] for name, path in truth["only"].items()} == {name: names - {name} for name in names}
 
 
+def test_a_full_disk_is_no_failure_of_the_diagnosis(tmp_path, monkeypatch):
+    def fail(*arguments, **options):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("hqpipe.logs.log_set.read_log_set", fail)
+    with pytest.raises(OSError, match="No space"):
+        blind_score.diagnose_case(tmp_path / "case_000", tmp_path / "diagnosis" / "case_000", ())
+    assert not (tmp_path / "diagnosis" / "case_000").exists()
+
+
+@pytest.mark.parametrize("text", ["", "{", "\xff", "[" * 100_000])
+def test_a_damaged_diagnosis_is_made_again(tmp_path, monkeypatch, text):
+    asked = []
+    monkeypatch.setattr(blind_score, "_parallel", lambda work, jobs, *options: asked.extend(jobs))
+    output = tmp_path / "diagnosis" / "case_000"
+    output.mkdir(parents=True)
+    (output / "diagnosis.json").write_bytes(text.encode("latin-1"))
+    blind_score.diagnose_all([(tmp_path / "case_000", output, ())], 1, lambda *report: None)
+    assert len(asked) == 1
+
+
 def test_a_diagnosis_that_fails_is_kept_as_such_and_tried_again(tmp_path):
     case = tmp_path / "case_000"
     case.mkdir()

@@ -108,7 +108,6 @@ def test_help_imports_nothing_heavy(arguments):
         "pydantic",
         "rich",
         "yaml",
-        "filelock",
         "pyarrow",
         "mujoco",
         "pybullet",

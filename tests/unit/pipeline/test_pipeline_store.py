@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
 from dataclasses import replace
 
 import pytest
 
-from hqpipe.errors import IntegrityError, LockedError, UsageError
+from hqpipe.errors import IntegrityError, UsageError
 from hqpipe.pipeline.hashing import canonical_json, data_hash, file_hash, list_files, tree_hash
-from hqpipe.pipeline.lock import exclusive
 from hqpipe.pipeline.manifest import Manifest, Recipe, read_manifest
 from hqpipe.pipeline.store import Store
 
-RECIPE = Recipe(stage="fit", version=1, params={"a": 1.0}, seed=1, inputs={"logs": "0" * 64}, robot="r")
+RECIPE = Recipe(stage="fit", version=1, params={"a": 1.0}, seed=1, inputs={"logs": "0" * 64}, robot="f" * 64)
+
+
+MADE = {"created": "2026-01-01T00:00:00+00:00", "profile": "ci", "wall_time_s": 1.0}
 
 
 def commit(store: Store, text: str, recipe: Recipe = RECIPE):
     folder = store.begin(recipe.key)
     (folder / "out.txt").write_text(text)
     outputs = {"out.txt": file_hash(folder / "out.txt")}
-    return store.commit(folder, Manifest(recipe, {}, outputs, {"m": 1}, {}))
+    return store.commit(folder, Manifest(recipe, {}, outputs, {"m": 1}, MADE))
 
 
 def test_canonical_json_does_not_depend_on_order_and_refuses_nan():
@@ -138,38 +137,3 @@ def test_manifest_that_lacks_a_field(tmp_path):
     (tmp_path / "manifest.json").write_text(canonical_json({**body, "digest": data_hash(body)}))
     with pytest.raises(IntegrityError, match="lacks a field"):
         read_manifest(tmp_path)
-
-
-def test_lock_is_exclusive_and_released(tmp_path):
-    with exclusive(tmp_path), pytest.raises(LockedError, match=f"process {os.getpid()}"), exclusive(tmp_path):
-        pass
-    with exclusive(tmp_path):
-        pass
-    assert [path.name for path in tmp_path.iterdir() if path.name != ".lock"] == []
-
-
-def test_lock_that_a_worker_of_a_dead_run_holds_is_told_apart(tmp_path):
-    finished = subprocess.Popen(["true"])
-    finished.wait()
-    with exclusive(tmp_path):
-        record = {"pid": finished.pid, "command": "hqpipe run all"}
-        (tmp_path / ".lock-holder.json").write_text(json.dumps(record))
-        with (
-            pytest.raises(LockedError, match=f"{finished.pid} .*a worker process of it has not"),
-            exclusive(tmp_path),
-        ):
-            pass
-
-
-def test_forked_worker_does_not_free_the_lock(tmp_path):
-    try:
-        with exclusive(tmp_path):
-            child = os.fork()
-            if child == 0:
-                sys.exit()
-            os.waitpid(child, 0)
-            with pytest.raises(LockedError, match=f"process {os.getpid()}"), exclusive(tmp_path):
-                pass
-    except SystemExit:
-        # Only the child comes here, after it has left the lock's block.
-        os._exit(0)

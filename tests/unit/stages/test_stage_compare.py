@@ -185,6 +185,28 @@ def test_a_killed_compare_goes_on_where_it_was(models, walked, tmp_path, monkeyp
     assert not list((tmp_path / "second").rglob("report.json"))
 
 
+def test_damaged_partial_results_are_made_again(models, walked, tmp_path, monkeypatch, capsys):
+    whole = context(models, tmp_path / "whole", controllers=["torque"])
+    whole.scratch = tmp_path / "scratch"
+    run(whole)
+    part = whole.scratch / "torque" / "seed_3"
+    for path in (part / "trained" / "policy.safetensors", part / "walked_zero_action" / "results.json"):
+        data = bytearray(path.read_bytes())
+        data[len(data) // 2] ^= 1
+        path.write_bytes(data)
+    begun = []
+    monkeypatch.setattr(training, "Trainer", counted(training.Trainer, begun))
+    walked.clear()
+    again = context(models, tmp_path / "again", controllers=["torque"])
+    again.scratch = whole.scratch
+    run(again)
+    err = capsys.readouterr().err
+    assert "trained is damaged" in err and "trained again" in err and "walked_zero_action is damaged" in err
+    assert len(begun) == 1 and len(walked) == 1
+    for path in (tmp_path / "whole").rglob("*.json"):
+        assert (tmp_path / "again" / path.relative_to(tmp_path / "whole")).read_bytes() == path.read_bytes()
+
+
 def counted(trainer: type, begun: list) -> type:
     class Counted(trainer):
         def __init__(self, *arguments, **options) -> None:
