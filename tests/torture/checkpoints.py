@@ -29,7 +29,7 @@ def damage_checkpoint(chain: Chain, stage: str, folder: Path, random: Random, ta
     tally.count(KIND, stage)
     repeat = f"{stage}: {path.name}: {how.__name__}"
     ended = hqpipe(project, stage, "--json")
-    if ended.shows_traceback:
+    if ended.unforeseen:
         tally.problem("traceback", KIND, stage, ended.err, repeat)
     if ended.code != 0:
         tally.problem("blocked", KIND, stage, f"exit {ended.code}: {ended.err}", repeat)

@@ -133,7 +133,7 @@ def look_at_read_only_disk(folder: Path, random: Random, tally: Tally) -> None:
 def _judge(ended: Ended, kind: str, where: str, repeat: str, tally: Tally) -> None:
     if ended.code is None:
         tally.problem("hang", kind, where, ended.err, repeat)
-    elif ended.code not in (0, 1, 2, 3, 4, 5) or ended.shows_traceback:
+    elif ended.code not in (0, 1, 2, 3, 4, 5) or ended.unforeseen:
         tally.problem("traceback", kind, where, f"exit {ended.code}: {ended.err}", repeat)
     elif ended.code:
         tally.message(ended.error, ended.err)

@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from hqpipe.errors import HqpipeError
 
+from .processes import shows_fault
 from .tally import Tally
 
 LIMIT_S = 20.0
@@ -69,8 +70,7 @@ def try_case(target: Target, change: Any, folder: Path) -> dict[str, Any]:
 
 
 def _refusal(code: int, error: dict[str, Any] | None, text: str) -> dict[str, Any]:
-    inside = "site-packages" in text or "(--traceback shows" in text or "Traceback (most" in text
-    if inside or not 1 <= code <= 5:
+    if shows_fault(text) or not 1 <= code <= 5:
         return {"end": "exception", "text": f"exit {code}: {text}"}
     return {"end": "refused", "error": error, "text": text}
 

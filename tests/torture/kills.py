@@ -51,12 +51,23 @@ def _kill(chain: Chain, project: Path, command: list[str], stage: str, random: R
     number = signal.SIGKILL if random.random() < 0.6 else random.choice(CAUGHT)
     group = number != signal.SIGKILL and random.random() < 0.5
     run = Run(project, command)
+    if number != signal.SIGKILL:
+        _await_work(run, project)
     deadline = time.monotonic() + moment
     while time.monotonic() < deadline and run.process.poll() is None:
         time.sleep(0.02)
     run.signal(number, group)
     who = " to the group" if group else ""
     return f"{signal.Signals(number).name}{who} after {moment:.2f} s", run.wait(limit=60.0)
+
+
+def _await_work(run: Run, project: Path) -> None:
+    """Wait until the command holds the lock: while Python itself starts, no program can answer a signal in words."""
+    while run.process.poll() is None:
+        for record in (project / "artifacts").glob(".lock*"):
+            if str(run.process.pid) in record.read_text(errors="replace"):
+                return
+        time.sleep(0.02)
 
 
 def _judge(
@@ -68,7 +79,7 @@ def _judge(
         tally.problem("orphan", kind, stage, process, repeat)
     if ended.code is None:
         tally.problem("hang", kind, stage, "it went on for 60 s after the signal", repeat)
-    if ended.shows_traceback:
+    if ended.unforeseen:
         tally.problem("traceback", kind, stage, ended.err, repeat)
     for artifact in intact:
         if whole(project, artifact) != chain.outputs(artifact):

@@ -10,6 +10,7 @@ from random import Random
 
 from .chain import ARTIFACTS, Chain
 from .flips import command, verify
+from .processes import shows_fault
 from .tally import Tally
 
 LINKS, LOCKS = "damaged links and folders", "damaged locks"
@@ -84,7 +85,7 @@ def damage_link(chain: Chain, folder: Path, random: Random, tally: Tally) -> Non
         tally.problem("traceback", LINKS, artifact, f"verify: {type(error).__name__}: {error}", repeat)
     for arguments in (("status", "--json"), ("run", "all", "--json", "--from", "export")):
         _, _, err = command(project, *arguments)
-        if "Error: " in err and "--traceback" in err:
+        if shows_fault(err):
             tally.problem("traceback", LINKS, artifact, f"{arguments[0]}: {err}", repeat)
 
 
@@ -112,7 +113,7 @@ def damage_lock(chain: Chain, folder: Path, random: Random, tally: Tally) -> Non
     tally.count(LOCKS, f"{path.name}: {how}")
     repeat = f"{path.name}: {how}"
     code, out, err = command(project, "gc", "--json")
-    if "Error: " in err and "--traceback" in err:
+    if shows_fault(err):
         tally.problem("traceback", LOCKS, path.name, err, repeat)
     elif code != 0 and how != "folder" and how != "link":
         tally.problem("blocked", LOCKS, path.name, f"exit {code}: {err}", repeat)

@@ -29,7 +29,7 @@ def starve_stage(chain: Chain, stage: str, folder: Path, random: Random, tally: 
     tally.count("ends under a limit of memory", ends if ended.code is not None else "hung")
     if ended.code is None:
         tally.problem("hang", KIND, stage, ended.err, repeat)
-    if ended.shows_traceback:
+    if ended.unforeseen:
         tally.problem("traceback", KIND, stage, f"exit {ended.code}: {ended.err}", repeat)
     elif ended.told:
         tally.message(ended.error, ended.err)

@@ -19,7 +19,8 @@ LAUNCH = Path(__file__).with_name("launch")
 ROOT = Path(__file__).parents[2]
 LIMIT_S = 300.0  # no command of the small project takes a tenth of it on two idle cores
 GRACE_S = 3.0  # a process of the run that is there so long after its end is an orphan
-_TRACEBACK = "Traceback (most recent call last)"
+_FAULTS = ("Traceback (most recent call last)", "--traceback", "site-packages")
+"""What is printed only about an exception that nobody foresaw."""
 
 
 @dataclass
@@ -45,8 +46,8 @@ class Ended:
             return None
 
     @property
-    def shows_traceback(self) -> bool:
-        return _TRACEBACK in self.err or _TRACEBACK in self.out
+    def unforeseen(self) -> bool:
+        return shows_fault(self.err) or shows_fault(self.out)
 
 
 class Run:
@@ -104,6 +105,11 @@ class Run:
         for path in self._files:
             path.unlink()
         return Ended(code, out, err, orphans)
+
+
+def shows_fault(text: str) -> bool:
+    """Whether a command told of an exception that nobody foresaw."""
+    return any(sign in text for sign in _FAULTS)
 
 
 def hqpipe(project: Path, *arguments: str, limit: float = LIMIT_S, **how: Any) -> Ended:

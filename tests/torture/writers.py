@@ -73,7 +73,7 @@ def read_beside(folder: Path, random: Random, tally: Tally) -> None:
 def _judge(ended: Ended, kind: str, where: str, repeat: str, tally: Tally) -> None:
     if ended.code is None:
         tally.problem("hang", kind, where, ended.err, repeat)
-    elif ended.shows_traceback or "(--traceback shows" in ended.err:
+    elif ended.unforeseen:
         tally.problem("traceback", kind, where, f"exit {ended.code}: {ended.err}", repeat)
     elif ended.told and kind == WRITERS:
         tally.message(ended.error, ended.err)
