@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
+from contextlib import suppress
 from pathlib import Path
 from random import Random
 
@@ -65,8 +66,9 @@ def _await_work(run: Run, project: Path) -> None:
     """Wait until the command holds the lock: while Python itself starts, no program can answer a signal in words."""
     while run.process.poll() is None:
         for record in (project / "artifacts").glob(".lock*"):
-            if str(run.process.pid) in record.read_text(errors="replace"):
-                return
+            with suppress(FileNotFoundError):  # it has just been removed
+                if str(run.process.pid) in record.read_text(errors="replace"):
+                    return
         time.sleep(0.02)
 
 
