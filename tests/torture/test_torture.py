@@ -8,14 +8,14 @@ from .parts import run_part
 from .tally import Tally
 
 SEED = 20
-TRIALS = {"toy_kills": 14, "kills": 1, "checkpoints": 1, "flips": 12, "disks": 6, "memory": 1, "writers": 3, "fuzz": 20}
+TRIALS = {
     "toy_kills": 14,
-    "kills": 2,
+    "kills": 1,
     "checkpoints": 1,
     "flips": 12,
-    "disks": 12,
+    "disks": 6,
     "memory": 1,
-    "writers": 4,
+    "writers": 3,
     "fuzz": 20,
 }
 
