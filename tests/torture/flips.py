@@ -145,7 +145,9 @@ class Flips:
 
 def verify(project: Path) -> dict[str, list[str]]:
     """Artifact → what `hqpipe verify` says about it, without a new process."""
-    return {check.artifact: list(check.problems) for check in audit.verify(open_project(STAGES, project))}
+    return {
+        check.artifact: [str(each) for each in check.problems] for check in audit.verify(open_project(STAGES, project))
+    }
 
 
 def command(project: Path, *arguments: str) -> tuple[int | None, str, str]:

@@ -36,6 +36,7 @@ class Target:
         base: folder with a valid example.
         changes: what may be changed in it, as plain JSON.
         apply: changes a copy of the folder. read: raises HqpipeError, or is content.
+        place: what a refusal must name, see `Tally.message`.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Target:
     changes: st.SearchStrategy[Any]
     apply: Callable[[Path, Any], None]
     read: Callable[[Path], Any]
+    place: str = "file"
 
 
 class Refused(Exception):
@@ -129,7 +131,7 @@ def _tell(tally: Tally, kind: str, target: Target, message: dict, change: Any, i
     if message["end"] == "exception":
         _failed(tally, "traceback", kind, target, message["text"], change, inputs)
     elif message["end"] == "refused":
-        tally.message(message["error"], f"{target.name}: {message['text']}")
+        tally.message(message["error"], f"{target.name}: {message['text']}", target.place)
 
 
 def _failed(tally: Tally, failure: str, kind: str, target: Target, detail: str, change: Any, inputs: Path) -> None:

@@ -42,7 +42,7 @@ def document_targets(chain: Chain, folder: Path) -> list[Target]:
     project = _example(folder / "project", ROOT, "pipeline.yaml")
     return [
         _document("pipeline.yaml", project, "pipeline.yaml", _plan),
-        Target("--set", project, _settings(), _write_arguments, _plan),
+        Target("--set", project, _settings(), _write_arguments, _plan, place="field"),
         _document("robot.yaml", robot, "robot.yaml", _robot),
         Target("robot.urdf", robot, _urdf_changes(robot / "robot.urdf"), _change_urdf, _robot),
         _document("actuator.json", actuator, "actuator.json", _actuator),

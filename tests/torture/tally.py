@@ -64,11 +64,14 @@ class Tally:
         record = {"failure": failure, "kind": kind, "where": where, "detail": detail[-4 * LONGEST :], "repeat": repeat}
         self.problems.append(record)
 
-    def message(self, error: dict[str, Any] | None, text: str) -> None:
-        """Look at one error as scripts get it (`HqpipeError.to_json`, or None where they get nothing)."""
+    def message(self, error: dict[str, Any] | None, text: str, place: str = "file") -> None:
+        """Look at one error as scripts get it (`HqpipeError.to_json`, or None where they get nothing).
+
+        Args:
+            place: what it must name beside the fix: "file", or "field" of what is typed and stands in no file.
+        """
         self.told += 1
-        if not error or not error.get("file") or not error.get("fix"):
-            lacks = [name for name in ("file", "fix") if not (error or {}).get(name)]
+        if lacks := [name for name in (place, "fix") if not (error or {}).get(name)]:
             self.unhelpful[f"no {' and no '.join(lacks)}: {_general(text)}"] += 1
 
     def note(self, text: str) -> None:
