@@ -6,6 +6,7 @@ import os
 import sys
 import traceback
 from collections.abc import Sequence
+from typing import NoReturn
 
 import click
 
@@ -13,7 +14,9 @@ from hqpipe import __version__
 from hqpipe.errors import HqpipeError, UsageError, near_match
 from hqpipe.pipeline.options import traceback_option
 from hqpipe.pipeline.stage import StageTable
+from hqpipe.pipeline.streams import ReaderGone, prepare_streams
 from hqpipe.registry import load
+from hqpipe.signals import TOLD, Interrupted, end, ignore_signals, raise_on_signals
 
 HELP = "Close the sim-to-real gap of heavy hydraulic legged robots: collect, fit, diagnose, retrain, export, validate."
 
@@ -35,6 +38,9 @@ COMMANDS = {
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C: 128 + SIGINT, as shells have it."""
+
+READER_GONE = 141
+"""Exit code when nobody reads standard output any more: 128 + SIGPIPE."""
 
 # Spinning OpenMP threads slow the simulation beside them, and the number of threads changes the last bits of
 # sums; both must be set before the libraries are loaded. A user's own setting is kept.
@@ -116,21 +122,27 @@ def run_cli(table: StageTable, arguments: Sequence[str] | None = None) -> int:
         os.environ.setdefault(name, value)
     try:
         code = LazyGroup(table).main(arguments, prog_name="hqpipe", standalone_mode=False)
+        sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except click.ClickException as error:
         error.show()
         return UsageError.exit_code
+    except Interrupted as error:
+        ignore_signals()
+        return _tell_interrupted(error.exit_code)
     except (click.Abort, KeyboardInterrupt):
-        print("interrupted: nothing half-made was kept; the same command goes on from here", file=sys.stderr)
-        return INTERRUPTED
-    except BrokenPipeError:
-        # The reader of standard output has gone; keep Python from complaining about it again at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return HqpipeError.exit_code
+        return _tell_interrupted(INTERRUPTED)
+    except ReaderGone:
+        return READER_GONE
     except HqpipeError as error:
         return _tell(str(error), error.exit_code)
     except Exception as error:
         return _tell(f"{type(error).__name__}: {error} (--traceback shows where)", HqpipeError.exit_code)
+
+
+def _tell_interrupted(code: int) -> int:
+    print(TOLD, file=sys.stderr)
+    return code
 
 
 def _tell(message: str, code: int) -> int:
@@ -141,11 +153,22 @@ def _tell(message: str, code: int) -> int:
     return code
 
 
-def main() -> None:
-    """Entry point of the installed command."""
-    from hqpipe.stages import STAGES
+def main(table: StageTable | None = None) -> NoReturn:
+    """Run the process's command line and exit, with streams that can be written to and signals that end it in order.
 
-    sys.exit(run_cli(STAGES))
+    Args:
+        table: the stages; those of hqpipe by default.
+    """
+    raise_on_signals()
+    try:
+        prepare_streams()
+        if table is None:
+            from hqpipe.stages import STAGES as table
+        code = run_cli(table)
+        ignore_signals()
+    except Interrupted as error:
+        end(error)
+    sys.exit(code)
 
 
 if __name__ == "__main__":

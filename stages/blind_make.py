@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
 import shutil
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
 from hqpipe.errors import UsageError
+from hqpipe.processes import in_processes
 
 ROBOT = "hydraulic_quadruped"  # the cases are overrides of this machine
 FORMAT, ANSWERS = "hqpipe-blind/1", "answers.json"
@@ -41,7 +40,8 @@ def make(count: int, seed: int, out: Path, workers: int, progress: Progress, kin
     missing = [case for case in planned if not (out / case.name).is_dir()]
     progress(count - len(missing), count, "")
     if missing:
-        _run(missing, out, workers, lambda done, name: progress(count - len(missing) + done, count, name))
+        calls = {case.name: (case, out) for case in missing}
+        in_processes(make_case, calls, workers, lambda done, name: progress(count - len(missing) + done, count, name))
     shutil.rmtree(out / HALF_MADE, ignore_errors=True)
     return len(missing)
 
@@ -129,16 +129,3 @@ def _write_answers(out: Path, count: int, seed: int, kinds: Sequence[str], plann
     half = path.with_suffix(".half")
     half.write_text(text, encoding="utf-8")
     os.replace(half, path)
-
-
-def _run(missing: Sequence[Any], out: Path, workers: int, told: Callable[[int, str], None]) -> None:
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(missing)), mp_context=context) as pool:
-        futures = {pool.submit(make_case, case, out): case.name for case in missing}
-        try:
-            for done, future in enumerate(as_completed(futures), start=1):
-                future.result()
-                told(done, futures[future])
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise

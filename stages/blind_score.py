@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
 import shutil
 from collections.abc import Callable, Collection, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
 from hqpipe.errors import UsageError, near_match
+from hqpipe.processes import in_processes
 
 DIAGNOSIS, ORACLE, FAILED, CONTENT = "diagnosis", "oracle", "failed.json", "diagnosis.json"
 GAPS = "gaps.json"
@@ -70,7 +69,8 @@ def diagnose_all(
     """
     missing = [job for job in jobs if not (job[1] / CONTENT).is_file()]
     started = len(jobs) - len(missing)
-    _parallel(diagnose_case, missing, workers, lambda done: progress(started + done, len(jobs), text))
+    calls = {job[0].name: job for job in missing}
+    in_processes(diagnose_case, calls, workers, lambda done, name: progress(started + done, len(jobs), text))
 
 
 def all_but(effects: Collection[str]) -> tuple[str, ...]:
@@ -124,9 +124,9 @@ def gap_sets(truth: dict[str, Any]) -> dict[str, str]:
 
 
 def _gaps(folder: Path, answers: Sequence[Any], workers: int, progress: Progress) -> dict[str, Any]:
-    jobs = [(folder, answer.case, gap_sets(answer.truth)) for answer in answers if answer.truth["all"]]
-    found = _parallel(truth_gaps, jobs, workers, lambda done: progress(done, len(jobs), "true gaps"))
-    return {job[1]: gaps for job, gaps in zip(jobs, found, strict=True)}
+    calls = {a.case: (folder, a.case, gap_sets(a.truth)) for a in answers if a.truth["all"]}
+    found = in_processes(truth_gaps, calls, workers, lambda done, name: progress(done, len(calls), "true gaps"))
+    return dict(zip(calls, found, strict=True))
 
 
 def _judged(answer: Any, results: Path, gaps: Any, without: tuple[str, ...]) -> Any:
@@ -151,23 +151,6 @@ def _check_names(without: Sequence[str], answers: Sequence[Any]) -> None:
                 f"--without {name}{near_match(name, known)}: no case has this effect "
                 f"(they have: {', '.join(known) or 'none'})"
             )
-
-
-def _parallel(work: Callable[..., Any], jobs: Sequence[tuple], workers: int, told: Callable[[int], None]) -> list[Any]:
-    """Results in the order of the jobs."""
-    if not jobs:
-        return []
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context) as pool:
-        futures = [pool.submit(work, *job) for job in jobs]
-        try:
-            for done, future in enumerate(as_completed(futures), start=1):
-                future.result()
-                told(done)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    return [future.result() for future in futures]
 
 
 def _write(path: Path, content: Any) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from hqpipe.errors import ConfigError
 from hqpipe.stages.compare_train import Trained
 
 POLICY, ZERO = "policy", "zero_action"
@@ -62,10 +63,12 @@ def _without_beliefs(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def _walked(context: Any, trained: Trained, actor: str, progress: Progress) -> list[dict[str, Any]]:
     """Results of `run_scenarios`, kept in scratch so that a killed stage does not walk again."""
+    from hqpipe.documents import read_json
     from hqpipe.stages.scenarios import run_scenarios
 
     path, p = trained.scratch / f"{actor}.json", context.params
-    if not path.is_file():
+    results = _kept(path)
+    if results is None:
         folder = trained.folder if actor == POLICY else _zero_action(trained)
         # Seeds apart from those of collect and validate, so that no walk repeats one that was fitted to or judged by.
         results = run_scenarios(
@@ -84,7 +87,22 @@ def _walked(context: Any, trained: Trained, actor: str, progress: Progress) -> l
         fresh = path.with_suffix(".new")
         fresh.write_text(json.dumps(results, allow_nan=False), encoding="utf-8")
         os.replace(fresh, path)
-    return json.loads(path.read_text(encoding="utf-8"))
+        results = read_json(path, "run hqpipe compare again")
+    return results
+
+
+def _kept(path: Path) -> list[dict[str, Any]] | None:
+    """Walks that a killed stage had finished; None without them, or if they cannot be read any more."""
+    from hqpipe.documents import read_json
+    from hqpipe.stages.terminal import show
+
+    if not path.is_file():
+        return None
+    try:
+        return read_json(path, "it is walked again")
+    except ConfigError as error:
+        show(f"warning: {error}")
+        return None
 
 
 def _zero_action(trained: Trained) -> Path:

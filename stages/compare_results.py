@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -60,7 +59,7 @@ def loop_closed(rows: Rows, diagnosis: Path | None) -> dict[str, Any]:
         gap, as in diagnosis.json, None where none was measured; since_reference, whether it is about a change of the machine;
         against, the controller without a model; controllers: name → `_against`.
     """
-    content = json.loads((diagnosis / "diagnosis.json").read_text(encoding="utf-8")) if diagnosis else {}
+    content = _diagnosed(diagnosis / "diagnosis.json") if diagnosis else {}
     gap = content.get("gap")
     policies = [row for row in rows if row["actor"] == POLICY]
     names = {row["controller"] for row in policies}
@@ -72,6 +71,20 @@ def loop_closed(rows: Rows, diagnosis: Path | None) -> dict[str, Any]:
             name: _against(policies, name) for name in (FITTED, DIAGNOSED) if name in names and STIFF in names
         },
     }
+
+
+def _diagnosed(path: Path) -> dict[str, Any]:
+    """diagnosis.json, whose gap, if there is one, has what is shown of it."""
+    from hqpipe.documents import read_json
+    from hqpipe.entries import Entry
+
+    fix = "run hqpipe diagnose again"
+    document = Entry(read_json(path, fix), path, fix)
+    gap = document.table().get("gap")
+    fields = gap.or_none(Entry.table) if gap is not None else None
+    if fields and (missing := [name for name in _GAP if name not in fields]):
+        raise gap.error(f"missing field '{missing[0]}'")
+    return document.value
 
 
 def _against(rows: Rows, name: str) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hqpipe.errors import ConfigError
 from hqpipe.stages.controllers import Controller
 from hqpipe.stages.training import METRICS, write_rows, write_training
 
@@ -66,16 +67,32 @@ def train_all(
 def _trained(context: Any, controller: Controller, seed: int, progress: Progress) -> Trained:
     scratch = context.scratch / controller.name / f"seed_{seed}"
     folder = scratch / _DONE
-    if not folder.is_dir():
+    report = _kept(folder)
+    if report is None:
         fresh = scratch / f".{_DONE}.new"
         shutil.rmtree(fresh, ignore_errors=True)
         fresh.mkdir(parents=True)
         report = _train(context, controller, seed, scratch / _TRAINING, fresh, progress)
         (fresh / REPORT).write_text(json.dumps(report), encoding="utf-8")
+        shutil.rmtree(folder, ignore_errors=True)
         os.replace(fresh, folder)
         shutil.rmtree(scratch / _TRAINING, ignore_errors=True)
-    report = json.loads((folder / REPORT).read_text(encoding="utf-8"))
     return Trained(controller, seed, folder, report, scratch)
+
+
+def _kept(folder: Path) -> dict[str, Any] | None:
+    """The report of a training that a killed stage had finished; None without it, or if it cannot be read any more."""
+    from hqpipe.documents import read_json
+    from hqpipe.stages.terminal import show
+
+    if not folder.is_dir():
+        return None
+    try:
+        report = read_json(folder / REPORT, "it is trained again")
+    except ConfigError as error:
+        show(f"warning: {error}")
+        return None
+    return report if isinstance(report, dict) else None
 
 
 def _train(

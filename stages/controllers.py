@@ -84,7 +84,11 @@ def read_controllers(context: Any, names: Sequence[str], nets: NetKind) -> tuple
         else:
             found.append(_controller(context, robot, name, nets))
     if not found:
-        raise UsageError(f"compare: nothing to train; {'; '.join(left_out)}")
+        raise UsageError(
+            f"compare: nothing to train; {'; '.join(left_out)}",
+            field="compare.controllers",
+            fix="name other controllers as well",
+        )
     return found, left_out
 
 
@@ -125,9 +129,13 @@ def _net_folder(folder: Path, name: str, nets: NetKind) -> Path:
     rival = ACTUATOR_FOLDERS[name, nets]
     found = folder / "rivals" / rival
     if not (found / FILE).is_file():
+        others = " or ".join(kind for kind in get_args(NetKind) if kind != nets)
         raise UsageError(
-            f"{found}: no such actuator model: run hqpipe fit-actuator with '{rival}' among its rivals, or leave '{name}' "
-            f"out of compare.controllers, or set compare.nets to {' or '.join(k for k in get_args(NetKind) if k != nets)}"
+            f"{found}: no such actuator model",
+            file=found,
+            field=name,
+            fix=f"run hqpipe fit-actuator with '{rival}' among its rivals, or leave '{name}' out of "
+            f"compare.controllers, or set compare.nets to {others}",
         )
     return found
 

@@ -8,8 +8,6 @@ from pydantic import PositiveInt
 
 from hqpipe.pipeline.config import StageParams
 
-REFERENCE = "parity.npz"
-
 
 class Params(StageParams):
     """Attributes:
@@ -24,13 +22,14 @@ def run(context: Any) -> dict[str, Any]:
 
     from hqpipe.rl.onnx_export import export_onnx, sample_observations, torch_actions
     from hqpipe.rl.onnx_session import parity
+    from hqpipe.rl.parity_file import save_parity
     from hqpipe.rl.policy_io import load_policy
 
     spec, networks = load_policy(context.inputs["policy"])
     path = export_onnx(context.output, spec, networks)
     observations = sample_observations(spec, context.params.parity_samples, np.random.default_rng(context.seed))
     actions = torch_actions(spec, networks, observations)
-    np.savez(context.output / REFERENCE, observations=observations, actions=actions)
+    save_parity(context.output, observations, actions)
     difference = parity(path, observations, actions)
     return {
         "headline": f"obs {observations.shape[1]} → actions {actions.shape[1]}, parity {difference:.1e} rad",

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from hqpipe.errors import UsageError
+from hqpipe.errors import ConfigError, UsageError
 
 FIT = "fit.json"
 STRESS = "stress"  # a log set inside the log set, which models are judged on and never fitted to
@@ -74,18 +73,29 @@ def model_at(folder: Path, joints: tuple[str, ...], option: str = "--actuator") 
     model = load_actuator(folder)
     if missing := [joint for joint in joints if joint not in model.joints]:
         raise UsageError(
-            f"the actuator model was fitted to joints {', '.join(model.joints)} and has no '{missing[0]}': run "
-            f"hqpipe fit-actuator on logs of this machine first, or name another model with {option} DIR"
+            f"the actuator model was fitted to joints {', '.join(model.joints)} and has no '{missing[0]}'",
+            file=folder,
+            field=missing[0],
+            fix=f"run hqpipe fit-actuator on logs of this machine first, or name another model with {option} DIR",
         )
     return model.for_joints(joints)
 
 
 def foreign_fit(context: Any, log_set: Any) -> list[str]:
     """A warning if the actuator model was fitted to other logs than `log_set`; a model without fit.json says nothing."""
+    from hqpipe.documents import read_json
+    from hqpipe.entries import Entry
+
     path = context.inputs["actuator"] / FIT
     if not path.is_file():
         return []
-    fitted = json.loads(path.read_text(encoding="utf-8"))["logs"]
+    fix = "give the folder of hqpipe fit-actuator, or run it again"
+    logs = Entry(read_json(path, fix), path, fix).table().get("logs")
+    if logs is None:
+        raise ConfigError(f"{path}: missing field 'logs'", file=path, field="logs", fix=fix)
+    fitted = {name: entry.text() for name, entry in logs.table().items() if name in ("sha256", "path")}
+    if missing := [name for name in ("sha256", "path") if name not in fitted]:
+        raise logs.error(f"missing field '{missing[0]}'")
     if fitted["sha256"] == log_set.sha256:
         return []
     return [

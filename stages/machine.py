@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
+
+from hqpipe.processes import in_processes
 
 Progress = Callable[[float, float, str], None]
 Result = TypeVar("Result")
@@ -62,22 +62,13 @@ def run_jobs(
         A `PlantTrial` per job, in order.
     """
     trial = partial(run_job, robot_folder=robot_folder, policy=policy, overrides=overrides)
-    return in_processes(trial, jobs, workers, progress)
+    return run_each(trial, jobs, workers, progress)
 
 
-def in_processes(task: Callable[[Job], Result], jobs: Sequence[Job], workers: int, progress: Progress) -> list[Result]:
+def run_each(task: Callable[[Job], Result], jobs: Sequence[Job], workers: int, progress: Progress) -> list[Result]:
     """`task` of every job, in order; it must be a function of a module, and what it returns is copied between processes."""
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context) as pool:
-        futures = {pool.submit(task, job): job for job in jobs}
-        try:
-            for done, future in enumerate(as_completed(futures), start=1):
-                future.result()
-                progress(done, len(jobs), futures[future].name)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    return [future.result() for future in futures]
+    calls = {job.name: (job,) for job in jobs}
+    return in_processes(task, calls, workers, lambda done, name: progress(done, len(jobs), name))
 
 
 def run_job(job: Job, robot_folder: Path, policy: Path, overrides: Mapping[str, Any], record: Any | None = None) -> Any:

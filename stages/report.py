@@ -93,13 +93,35 @@ def _parts(context: Any, stages: Any) -> dict[str, Any]:
     for name in sorted(context.inputs, key=stages.artifacts.index):
         folder = context.inputs[name]
         path = folder / RECORD
-        record = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else None
+        record = _record(path) if path.is_file() else None
         shown = f"artifacts/{name}" if folder.parent.name == "store" else folder.name
         parts[name] = Part(name, folder, shown, f"hqpipe {stages.maker(name).name}", record)
     for name, part in parts.items():
         if part.record is not None and part.record["recipe"]["stage"] != stages.maker(name).name:
-            raise UsageError(f"{part.folder}: made by {part.record['recipe']['stage']}, expected {part.command}")
+            raise UsageError(
+                f"{part.folder}: made by {part.record['recipe']['stage']}, expected {part.command}",
+                file=part.folder,
+                field=stages.maker(name).name,
+                fix=f"give a folder that {part.command} made",
+            )
+    if "diagnosis" in parts:
+        from hqpipe.gap.schema import read_diagnosis
+
+        read_diagnosis(parts["diagnosis"].folder / "diagnosis.json")
     return parts
+
+
+def _record(path: Any) -> dict[str, Any]:
+    """A manifest as plain data; its hashes were compared before the stage began."""
+    from hqpipe.documents import read_json
+    from hqpipe.entries import Entry
+
+    fix = "give the folder as hqpipe wrote it, or make it again"
+    top = Entry(read_json(path, fix), path, fix, kind=UsageError).table()
+    for name in ("recipe", "provenance", "metrics", "sources", "outputs"):
+        if name not in top or not isinstance(top[name].value, dict):
+            raise UsageError(f"{path}: {name}: expected an object", file=path, field=name, fix=fix)
+    return {name: entry.value for name, entry in top.items()}
 
 
 def _command(stages: Any, artifact: str, parts: Mapping[str, Any]) -> str:

@@ -3,13 +3,13 @@ to the same trials."""
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, get_args
+
+from hqpipe.processes import WorkerPool, in_processes
 
 if TYPE_CHECKING:
     from hqpipe.actuators.base import ActuatorModel
@@ -63,17 +63,9 @@ def fit_rivals(
     Args:
         log_set: only its fit trials are used. names: of `Rival`. told: called with each title.
     """
-    found = {}
-    with _processes(names, settings) as pool:
-        futures = {name: pool.submit(fit_rival, name, log_set, settings) for name in names}
-        try:
-            for name, future in futures.items():
-                found[TITLES[name]] = future.result()
-                told(TITLES[name])
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    return found
+    calls = {TITLES[name]: (name, log_set, settings) for name in names}
+    found = in_processes(fit_rival, calls, settings.workers, lambda done, title: told(title))
+    return dict(zip(calls, found, strict=True))
 
 
 @contextmanager
@@ -81,21 +73,16 @@ def rival_fits(names: Sequence[str], settings: Settings) -> Iterator[dict[str, C
     """Title → fit in a process of its own, as `hqpipe.sysid.data_curve` asks for it."""
     from hqpipe.errors import IdentificationError
 
-    with _processes(names, settings) as pool:
+    with WorkerPool(min(settings.workers, len(names))) as pool:
 
         def fitted(name: str, log_set: Any) -> Any:
             needed = replace(log_set, trials=tuple(log_set.fit))
-            found = pool.submit(fit_rival, name, needed, settings).result()
+            found = pool.call(TITLES[name], fit_rival, name, needed, settings)
             if found.model is None:
                 raise IdentificationError(found.reason)
             return found.model
 
         yield {TITLES[name]: partial(fitted, name) for name in names}
-
-
-def _processes(names: Sequence[str], settings: Settings) -> ProcessPoolExecutor:
-    context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(max(1, min(settings.workers, len(names))), mp_context=context)
 
 
 def fit_rival(name: str, log_set: Any, settings: Settings) -> Fitted:

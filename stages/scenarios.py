@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from hqpipe.errors import UsageError, near_match
-from hqpipe.stages.machine import Job, Progress, in_processes, run_job
+from hqpipe.stages.machine import Job, Progress, run_each, run_job
 
 COURSE_M = 30.0  # length of the straight courses
 SETTLING_S = 2.0  # of `hqpipe.rl.walk_measures`, on top of that
@@ -146,7 +146,7 @@ def run_scenarios(
     }
     kept = {jobs[name][0].name for name in shown}
     task = partial(_measured_walk, robot_folder=robot_folder, policy=policy, overrides=plant, kept=kept)
-    results = iter(in_processes(task, [job for name in names for job in jobs[name]], workers, progress))
+    results = iter(run_each(task, [job for name in names for job in jobs[name]], workers, progress))
     return [_pooled(SCENARIOS[name], jobs[name], [next(results) for _ in jobs[name]]) for name in names]
 
 

@@ -157,11 +157,10 @@ def _torque_error(context: Any) -> dict[str, float]:
 
 
 def _parity(context: Any) -> float:
-    import numpy as np
-
+    from hqpipe.rl.controller import read_wiring
     from hqpipe.rl.onnx_session import parity
-    from hqpipe.stages.export import REFERENCE
+    from hqpipe.rl.parity_file import read_parity
 
     folder = context.inputs["onnx"]
-    with np.load(folder / REFERENCE, allow_pickle=False) as reference:
-        return parity(folder / "policy.onnx", reference["observations"], reference["actions"])
+    observations, actions = read_parity(folder, len(read_wiring(folder).joints))
+    return parity(folder / "policy.onnx", observations, actions)

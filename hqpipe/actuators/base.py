@@ -69,14 +69,19 @@ class ActuatorModel:
         table = np.array(self.parameters, dtype=np.float64)
         expected = (len(self.joints), len(self.FIELDS))
         if table.shape != expected:
-            raise UsageError(f"{self.NAME}: expected parameters of shape {expected}, got {table.shape}")
+            raise UsageError(
+                f"{self.NAME}: expected parameters of shape {expected}, got {table.shape}", field="parameters"
+            )
         if len(set(self.joints)) != len(self.joints) or not self.joints:
-            raise UsageError(f"{self.NAME}: expected distinct joint names, got {', '.join(self.joints) or 'none'}")
+            names = ", ".join(self.joints) or "none"
+            raise UsageError(f"{self.NAME}: expected distinct joint names, got {names}", field="joints")
         if self.scope not in ("per_joint", "shared"):
-            raise UsageError(f"{self.NAME}: scope '{self.scope}', expected per_joint or shared")
+            raise UsageError(f"{self.NAME}: scope '{self.scope}', expected per_joint or shared", field="scope")
         self._check_values(table)
         if self.DT_BOUND and not (self.dt is not None and np.isfinite(self.dt) and self.dt > 0):
-            raise UsageError(f"{self.NAME}: dt is {self.dt}, expected the sample time of the fit in seconds")
+            raise UsageError(
+                f"{self.NAME}: dt is {self.dt}, expected the sample time of the fit in seconds", field="dt"
+            )
         table.flags.writeable = False
         object.__setattr__(self, "parameters", table)
         object.__setattr__(self, "joints", tuple(self.joints))
@@ -88,7 +93,8 @@ class ActuatorModel:
                 if not finite or not spec.lower <= value <= spec.upper:
                     raise UsageError(
                         f"{self.NAME}: {name} of joint {joint} is {value}, "
-                        f"expected {spec.lower} … {spec.upper} {spec.unit}"
+                        f"expected {spec.lower} … {spec.upper} {spec.unit}",
+                        field=f"parameters.{name}",
                     )
 
     @classmethod
@@ -112,11 +118,12 @@ class ActuatorModel:
         """(J, P) from one number or one (J,) array per parameter."""
         for name in columns:
             if name not in cls.FIELDS:
-                raise UsageError(f"{cls.NAME}: unknown parameter '{name}'{near_match(name, cls.FIELDS)}")
+                raise UsageError(f"{cls.NAME}: unknown parameter '{name}'{near_match(name, cls.FIELDS)}", field=name)
         if missing := [name for name in cls.FIELDS if name not in columns]:
             raise UsageError(
-                f"{cls.NAME}: missing parameter{'s' * (len(missing) > 1)} {', '.join(repr(name) for name in missing)}; if an "
-                "older version wrote the file, run the same command again"
+                f"{cls.NAME}: missing parameter{'s' * (len(missing) > 1)} {', '.join(repr(name) for name in missing)}",
+                field=f"parameters.{missing[0]}",
+                fix="if an older version wrote the file, run the same command again",
             )
         table = np.empty((len(joints), len(cls.FIELDS)))
         for column, name in enumerate(cls.FIELDS):
@@ -141,7 +148,9 @@ class ActuatorModel:
         for name in joints:
             if name not in self.joints:
                 raise UsageError(
-                    f"{self.NAME}: no joint '{name}'{near_match(name, self.joints)} (has {', '.join(self.joints)})"
+                    f"{self.NAME}: no joint '{name}'{near_match(name, self.joints)} (has {', '.join(self.joints)})",
+                    field=name,
+                    fix="take a model that was fitted to this machine",
                 )
         return [self.joints.index(name) for name in joints]
 
@@ -162,8 +171,9 @@ class ActuatorModel:
         """
         if self.DT_BOUND and abs(dt / self.dt - 1.0) > DT_TOLERANCE:
             raise UsageError(
-                f"{self.NAME}: its coefficients are per sample of {self.dt:.6g} s and cannot be stepped "
-                f"at {dt:.6g} s; step it every {self.dt:.6g} s, or fit it again on logs of {1.0 / dt:.6g} Hz"
+                f"{self.NAME}: its coefficients are per sample of {self.dt:.6g} s and cannot be stepped at {dt:.6g} s",
+                field="dt",
+                fix=f"step it every {self.dt:.6g} s, or fit it again on logs of {1.0 / dt:.6g} Hz",
             )
 
     def fresh_memory(self, count: int) -> np.ndarray:
@@ -205,10 +215,13 @@ class ActuatorModel:
     @classmethod
     def from_dict(cls, raw: Mapping[str, Any]) -> Self:
         """Inverse of `to_dict`, for a mapping that `hqpipe.actuators.files` has checked."""
-        columns = {
-            name: [np.inf if v is None else v for v in entry["values"]] for name, entry in raw["parameters"].items()
-        }
-        return cls.build(raw["joints"], dt=raw["dt"], scope=raw["scope"], **columns)
+        return cls.build(raw["joints"], dt=raw["dt"], scope=raw["scope"], **cls._columns_of(raw))
+
+    @staticmethod
+    def _columns_of(raw: Mapping[str, Any]) -> dict[str, list[float]]:
+        """Parameter → (J,) values as `to_dict` writes them; null stands for "no limit"."""
+        table = raw["parameters"].items()
+        return {name: [np.inf if v is None else v for v in entry["values"]] for name, entry in table}
 
 
 def end_to_end(*arrays: np.ndarray) -> list[np.ndarray]:

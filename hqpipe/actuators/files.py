@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 from hqpipe.actuators import ACTUATOR_MODELS, weights_file
 from hqpipe.actuators.base import FORMAT, ActuatorModel
-from hqpipe.actuators.keys import check_keys
-from hqpipe.actuators.net import NetActuator, check_description
+from hqpipe.actuators.net import INPUTS, NetActuator
+from hqpipe.documents import read_json
+from hqpipe.entries import Entry
 from hqpipe.errors import ConfigError, UsageError, near_match
 
 FILE = "actuator.json"
 _KEYS = ("format", "model", "joints", "dt", "scope", "parameters")
+_FIX = "give the folder of hqpipe fit-actuator or diagnose, or run that again"
+LARGEST = (
+    1e15  # of a parameter: stiffnesses of rigid joints and inverses of tiny limits stay below, sums of it are finite
+)
+SLOWEST_S = 1.0  # of a sample: no log of an actuator is taken less often
+FASTEST_S = 1e-6
+MOST_HIDDEN = 4096  # units; the paper's net has 64. The weights of more would not fit into a processor's cache at 1 kHz
+MOST_TAPS = 4096  # samples ago; every robot remembers that many inputs of every joint
 
 
 def save_actuator(model: ActuatorModel, folder: Path) -> Path:
@@ -37,62 +45,57 @@ def load_actuator(folder: Path) -> ActuatorModel:
         ConfigError: a file is missing or broken, or a field or tensor is missing, unknown or out of bounds.
     """
     path = folder / FILE
-    if not path.is_file():
-        raise ConfigError(f"{path}: no such file; expected the output of hqpipe fit-actuator or diagnose")
+    document = Entry(read_json(path, _FIX), path, _FIX)
+    name = document.value.get("model") if isinstance(document.value, dict) else None
+    known = isinstance(name, str) and name in ACTUATOR_MODELS
+    fields = document.mapping(_KEYS + (ACTUATOR_MODELS[name].KEYS if known else ()))
+    fields["format"].text((FORMAT,))
+    fields["model"].text(tuple(ACTUATOR_MODELS))
+    model = ACTUATOR_MODELS[name]
+    _check_fields(fields, model)
     try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ConfigError(f"{path}: not JSON ({error}); write it with save_actuator") from error
-    return parse_actuator(raw, path)
-
-
-def parse_actuator(raw: Any, path: Path) -> ActuatorModel:
-    """Build the model that `raw` describes; `path` is where it was read, with the weights of a net beside it."""
-    name = str(raw.get("model")) if isinstance(raw, dict) else ""
-    try:
-        check_keys(raw, _KEYS + (ACTUATOR_MODELS[name].KEYS if name in ACTUATOR_MODELS else ()))
-        if raw["format"] != FORMAT:
-            raise UsageError(f"format is '{raw['format']}', expected {FORMAT}")
-        model = ACTUATOR_MODELS[name]
-        _check_types(raw, model)
         if issubclass(model, NetActuator):
-            return _with_weights(raw, model, path.with_name(weights_file.FILE))
-        return model.from_dict(raw)
+            return _with_weights(document, model)
+        return model.from_dict(document.value)
     except ConfigError:
         raise  # of the weights, which it names
     except UsageError as error:
-        raise ConfigError(f"{path}: {error}") from error
+        raise ConfigError(f"{path}: {error.message}", file=path, field=error.field, fix=error.fix or _FIX) from error
 
 
-def _with_weights(raw: dict[str, Any], model: type[NetActuator], path: Path) -> NetActuator:
-    check_description(raw["net"])
+def _with_weights(document: Entry, model: type[NetActuator]) -> NetActuator:
+    raw, net = document.value, document.inner("net")
+    _check_net(net)
     shapes = model.shapes(len(raw["joints"]), raw["net"]["hidden"], len(raw["net"]["taps"]))
-    return model.from_dict(raw, weights_file.load_weights(path, shapes))
+    return model.from_dict(raw, weights_file.load_weights(document.file.with_name(weights_file.FILE), shapes))
 
 
-def _check_types(raw: dict[str, Any], model: type[ActuatorModel]) -> None:
-    joints = raw["joints"]
-    if not isinstance(joints, list) or not all(isinstance(j, str) for j in joints):
-        raise UsageError("joints: expected a list of names")
-    if raw["dt"] is not None and not _is_number(raw["dt"]):
-        raise UsageError(f"dt: expected seconds or null, got {raw['dt']!r}")
-    if not isinstance(raw["parameters"], dict):
-        raise UsageError("parameters: expected an object of name → {unit, values}")
-    for name, entry in raw["parameters"].items():
+def _check_net(net: Entry) -> None:
+    """Refuse an entry "net" that `NetActuator.to_dict` would not write."""
+    fields = net.mapping(("inputs", "taps", "hidden", "delta"))
+    if fields["inputs"].value != list(INPUTS):
+        raise fields["inputs"].wrong(str(list(INPUTS)))
+    for tap in fields["taps"].items(1, MOST_TAPS):
+        tap.whole(0, MOST_TAPS, "every robot remembers that many inputs of every joint")
+    fields["hidden"].whole(1, MOST_HIDDEN, "larger nets cannot be stepped at 1 kHz")
+    fields["delta"].flag()
+
+
+def _check_fields(fields: dict[str, Entry], model: type[ActuatorModel]) -> None:
+    joints = [item.text() for item in fields["joints"].items(1)]
+    if "" in joints:
+        raise fields["joints"].error("holds an empty name")
+    fields["dt"].or_none(lambda entry: entry.number(FASTEST_S, SLOWEST_S, unit="s"))
+    fields["scope"].text(("per_joint", "shared"))
+    for name, entry in fields["parameters"].table().items():
         if name not in model.FIELDS:
-            raise UsageError(f"parameters: unknown '{name}'{near_match(name, model.FIELDS)}")
-        spec = model.FIELDS[name]
-        if not isinstance(entry, dict) or set(entry) != {"unit", "values"}:
-            raise UsageError(f"parameters.{name}: expected {{unit, values}}")
-        if entry["unit"] != spec.unit:
-            raise UsageError(f"parameters.{name}: unit is '{entry['unit']}', expected '{spec.unit}'")
-        values = entry["values"]
-        if not isinstance(values, list) or len(values) != len(joints):
-            raise UsageError(f"parameters.{name}: expected {len(joints)} values, one per joint")
-        for joint, value in zip(joints, values, strict=True):
-            if not (_is_number(value) or (value is None and spec.may_be_infinite)):
-                raise UsageError(f"parameters.{name}: joint {joint} is {value!r}, expected a number")
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+            raise entry.error(f"unknown parameter '{name[:80]}'{near_match(name[:80], model.FIELDS)}")
+        spec, given = model.FIELDS[name], entry.mapping(("unit", "values"))
+        if given["unit"].value != spec.unit:
+            raise given["unit"].wrong(f"'{spec.unit}'")
+        for joint, value in zip(joints, given["values"].items(len(joints), len(joints)), strict=True):
+            if value.value is None and spec.may_be_infinite:
+                continue
+            if isinstance(value.value, bool) or not isinstance(value.value, int | float):
+                raise value.error(f"of joint {joint}: expected a number, got {value.value!r}")
+            value.number(-LARGEST, LARGEST, unit=spec.unit)

@@ -10,7 +10,6 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from hqpipe.actuators.base import ActuatorModel, ParameterField
-from hqpipe.actuators.keys import check_keys
 from hqpipe.errors import UsageError, near_match
 from hqpipe.kernels.net_step import CHANNELS, RING
 
@@ -26,34 +25,19 @@ def check_tensors(tensors: Mapping[str, np.ndarray], shapes: Mapping[str, tuple[
     """
     for name in tensors:
         if name not in shapes:
-            raise UsageError(f"{where}: unknown tensor '{name}'{near_match(name, shapes)}")
+            raise UsageError(f"{where}: unknown tensor '{name}'{near_match(name, shapes)}", field=name)
     for name, shape in shapes.items():
         if name not in tensors:
-            raise UsageError(f"{where}: missing tensor '{name}' (needs {', '.join(shapes)})")
+            raise UsageError(f"{where}: missing tensor '{name}' (needs {', '.join(shapes)})", field=name)
         value = tensors[name]
         if value.shape != shape or 0 in shape:
-            raise UsageError(f"{where}: {name} has shape {value.shape}, expected {shape}")
+            raise UsageError(f"{where}: {name} has shape {value.shape}, expected {shape}", field=name)
         if not np.isfinite(value).all():
-            raise UsageError(f"{where}: {name} holds numbers that are not finite; train the net again")
+            raise UsageError(
+                f"{where}: {name} holds numbers that are not finite", field=name, fix="train the net again"
+            )
         if name in SPREADS and not (value > 0.0).all():
-            raise UsageError(f"{where}: {name} holds {value.min()}, expected spreads above 0")
-
-
-def check_description(net: Any) -> None:
-    """Refuse an entry "net" of actuator.json that `NetActuator.to_dict` would not write.
-
-    Raises:
-        UsageError: a field is missing, unknown or of the wrong type.
-    """
-    check_keys(net, ("inputs", "taps", "hidden", "delta"), "net")
-    if net["inputs"] != list(INPUTS):
-        raise UsageError(f"net.inputs: expected {list(INPUTS)}, got {net['inputs']!r}")
-    if not isinstance(net["taps"], list) or not all(type(tap) is int for tap in net["taps"]):
-        raise UsageError(f"net.taps: expected a list of samples, got {net['taps']!r}")
-    if type(net["hidden"]) is not int or net["hidden"] < 1:
-        raise UsageError(f"net.hidden: expected a number of units, got {net['hidden']!r}")
-    if type(net["delta"]) is not bool:
-        raise UsageError(f"net.delta: expected true or false, got {net['delta']!r}")
+            raise UsageError(f"{where}: {name} holds {value.min()}, expected spreads above 0", field=name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +85,13 @@ class NetActuator(ActuatorModel):
     def _check_taps(self) -> None:
         rising = all(a < b for a, b in zip(self.taps, self.taps[1:], strict=False))
         if not self.taps or self.taps[0] != 0 or not rising:
-            raise UsageError(f"{self.NAME}: taps are {list(self.taps)}, expected samples that increase from 0")
+            raise UsageError(
+                f"{self.NAME}: taps are {list(self.taps)}, expected samples that increase from 0", field="net.taps"
+            )
         if len(self.taps) > 1 and not self.LOOKS_BACK:
-            raise UsageError(f"{self.NAME}: taps are {list(self.taps)}, expected [0]: its memory is recurrent")
+            raise UsageError(
+                f"{self.NAME}: taps are {list(self.taps)}, expected [0]: its memory is recurrent", field="net.taps"
+            )
 
     @property
     def hidden(self) -> int:
@@ -176,7 +164,9 @@ class NetActuator(ActuatorModel):
         rows = np.array(self._rows(joints))
         if missing := [name for name in self.joints if name not in joints]:
             raise UsageError(
-                f"{self.NAME}: joint '{missing[0]}' is missing: the net reads all of {len(self.joints)} joints"
+                f"{self.NAME}: joint '{missing[0]}' is missing: the net reads all of {len(self.joints)} joints",
+                field=missing[0],
+                fix="give logs or a robot with all of them, or a model that was fitted without",
             )
         count = len(self.joints)
         wide = np.concatenate([rows + channel * count for channel in range(CHANNELS)])
@@ -197,6 +187,5 @@ class NetActuator(ActuatorModel):
     @classmethod
     def from_dict(cls, raw: Mapping[str, Any], tensors: Mapping[str, np.ndarray] | None = None) -> Self:
         """Inverse of `to_dict`, for a mapping that `hqpipe.actuators.files` has checked, and its tensors."""
-        limit = [np.inf if v is None else v for v in raw["parameters"]["effort_limit"]["values"]]
         net = {"tensors": tensors or {}, "taps": raw["net"]["taps"], "delta": raw["net"]["delta"]}
-        return cls.build(raw["joints"], dt=raw["dt"], scope=raw["scope"], effort_limit=limit, **net)
+        return cls.build(raw["joints"], dt=raw["dt"], scope=raw["scope"], **net, **cls._columns_of(raw))

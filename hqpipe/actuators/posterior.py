@@ -120,7 +120,7 @@ def check_fields(names: tuple[str, ...], fields: Mapping[str, ParameterField]) -
     """
     for name in names:
         if name not in fields or fields[name].certain:
-            raise UsageError(f"fields: '{name}' is no fitted parameter{near_match(name, fields)}")
+            raise UsageError(f"'{name[:80]}' is no fitted parameter{near_match(name[:80], fields)}", field="fields")
 
 
 def _truncated(centre: np.ndarray, covariance: np.ndarray, rng: np.random.Generator, group: Group) -> np.ndarray:
@@ -133,6 +133,8 @@ def _truncated(centre: np.ndarray, covariance: np.ndarray, rng: np.random.Genera
         if not len(outside):
             return drawn
     raise ConfigError(
-        f"posterior of {', '.join(group.joints)}: hardly a draw lies within the physical bounds; "
-        "lower randomisation.actuator.scale, or set randomisation.actuator.mode to half_range"
+        f"posterior of {', '.join(group.joints)}: hardly a draw lies within the physical bounds",
+        file="posterior.json",
+        field="randomisation.actuator.scale",
+        fix="lower randomisation.actuator.scale, or set randomisation.actuator.mode to half_range",
     )

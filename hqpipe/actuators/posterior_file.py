@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from hqpipe.actuators.base import ActuatorModel
-from hqpipe.actuators.keys import check_keys
 from hqpipe.actuators.posterior import Group, Posterior, Range, check_fields
-from hqpipe.errors import ConfigError, UsageError, near_match
+from hqpipe.documents import read_json
+from hqpipe.entries import Entry
+from hqpipe.errors import UsageError, near_match
 
 FILE = "posterior.json"
 FORMAT = "hqpipe-posterior/1"
 _KEYS = ("format", "model", "fields", "units", "groups")
 _GROUP_KEYS = ("joints", "mean", "scatter", "between", "sections", "lower", "upper", "ranges")
 _ROUNDING = 1e-6  # of a correlation
+_FIX = "run hqpipe fit-actuator again"
+_LARGEST = 1e30  # of a variance: that of a parameter of 1e15; its square is finite
+_MOST_SECTIONS = 1_000_000_000  # a count: what a list of joints in years of logs could have
 
 
 def save_posterior(posterior: Posterior, actuator: ActuatorModel, folder: Path) -> Path:
@@ -50,82 +53,76 @@ def load_posterior(folder: Path, actuator: ActuatorModel) -> Posterior | None:
         ConfigError: the file is broken, has a missing or unknown field, or belongs to another model than `actuator`.
     """
     path = folder / FILE
-    if not path.is_file():
+    if not path.exists() and not path.is_symlink():
         return None
+    parts = Entry(read_json(path, _FIX), path, _FIX).mapping(_KEYS)
+    parts["format"].text((FORMAT,))
+    model = parts["model"].text()
+    fields = tuple(item.text() for item in parts["fields"].items(1))
     try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ConfigError(f"{path}: not JSON ({error}); run hqpipe fit-actuator again") from error
-    try:
-        check_keys(raw, _KEYS)
-        if raw["format"] != FORMAT:
-            raise UsageError(f"format is '{raw['format']}', expected {FORMAT}")
-        fields = tuple(raw["fields"])
         check_fields(fields, actuator.FIELDS)
-        groups = tuple(_group(part, fields, f"groups[{i}]") for i, part in enumerate(raw["groups"]))
-        posterior = Posterior(raw["model"], fields, groups)
-        _check_belongs(posterior, actuator)
-    except (UsageError, TypeError, ValueError, AttributeError) as error:
-        raise ConfigError(f"{path}: {error}; run hqpipe fit-actuator again") from error
+    except UsageError as error:
+        raise parts["fields"].error(error.message) from error
+    units = [actuator.FIELDS[name].unit for name in fields]
+    if parts["units"].value != units:
+        raise parts["units"].wrong(str(units))
+    posterior = Posterior(model, fields, tuple(_group(part, fields) for part in parts["groups"].items(1)))
+    _check_belongs(posterior, actuator, parts)
     return posterior
 
 
-def _group(raw: Any, fields: tuple[str, ...], where: str) -> Group:
-    check_keys(raw, _GROUP_KEYS, where)
-    ranges = {}
-    for name, span in raw["ranges"].items():
-        check_keys(span, ("low", "high", "reason"), f"{where}.ranges.{name}")
-        if name not in fields:
-            raise UsageError(f"{where}.ranges: unknown '{name}'{near_match(name, fields)}")
-        ranges[name] = Range(float(span["low"]), float(span["high"]), str(span["reason"]))
-        if not ranges[name].low <= ranges[name].high:
-            raise UsageError(f"{where}.ranges.{name}: low {span['low']} is above high {span['high']}")
+def _group(part: Entry, fields: tuple[str, ...]) -> Group:
+    given = part.mapping(_GROUP_KEYS)
     size = len(fields)
-    between = raw["between"]
-    mean = _array(raw["mean"], (size,), f"{where}.mean")
-    lower = _array(raw["lower"], (size,), f"{where}.lower")
-    upper = _array([np.inf if value is None else value for value in raw["upper"]], (size,), f"{where}.upper")
+    mean, lower = (np.array(given[name].numbers(size), dtype=np.float64) for name in ("mean", "lower"))
+    upper = [item.or_none(Entry.number) for item in given["upper"].items(size, size)]
+    upper = np.array([np.inf if value is None else value for value in upper], dtype=np.float64)
     if not ((lower <= mean) & (mean <= upper)).all():
-        raise UsageError(f"{where}.mean: expected values between lower and upper")
+        raise given["mean"].error("expected values between lower and upper")
     return Group(
-        joints=tuple(raw["joints"]),
+        joints=tuple(item.text() for item in given["joints"].items(1)),
         mean=mean,
-        scatter=_covariance(raw["scatter"], size, f"{where}.scatter"),
-        between=None if between is None else _covariance(between, size, f"{where}.between"),
-        sections=int(raw["sections"]),
+        scatter=_covariance(given["scatter"], size),
+        between=given["between"].or_none(lambda entry: _covariance(entry, size)),
+        sections=given["sections"].whole(0, _MOST_SECTIONS),
         lower=lower,
         upper=upper,
-        ranges=ranges,
+        ranges={name: _range(name, span, fields) for name, span in given["ranges"].table().items()},
     )
 
 
-def _array(raw: Any, shape: tuple[int, ...], where: str) -> np.ndarray:
-    found = np.array(raw, dtype=np.float64)
-    if found.shape != shape or np.isnan(found).any():
-        raise UsageError(f"{where}: expected {' × '.join(map(str, shape))} numbers, got shape {found.shape}")
+def _range(name: str, span: Entry, fields: tuple[str, ...]) -> Range:
+    if name not in fields:
+        raise span.error(f"unknown '{name[:80]}'{near_match(name[:80], fields)}")
+    given = span.mapping(("low", "high", "reason"))
+    found = Range(given["low"].number(), given["high"].number(), given["reason"].text())
+    if not found.low <= found.high:
+        raise span.error(f"low {found.low:g} is above high {found.high:g}")
     return found
 
 
-def _covariance(raw: Any, size: int, where: str) -> np.ndarray:
-    found = _array(raw, (size, size), where)
-    if not np.isfinite(found).all():
-        raise UsageError(f"{where}: expected finite numbers")
+def _covariance(entry: Entry, size: int) -> np.ndarray:
+    found = np.array(entry.numbers(size, size, lower=-_LARGEST, upper=_LARGEST), dtype=np.float64)
     unit = np.sqrt(np.maximum(np.diag(found), 0.0))
     scaled = found / np.outer(np.where(unit > 0, unit, 1.0), np.where(unit > 0, unit, 1.0))
     if not np.allclose(scaled, scaled.T, rtol=0.0, atol=_ROUNDING) or np.linalg.eigvalsh(scaled).min() < -_ROUNDING:
-        raise UsageError(f"{where}: is no covariance: expected a symmetric matrix without negative eigenvalues")
+        raise entry.error("is no covariance: expected a symmetric matrix without negative eigenvalues")
     return found
 
 
-def _check_belongs(posterior: Posterior, actuator: ActuatorModel) -> None:
+def _check_belongs(posterior: Posterior, actuator: ActuatorModel, parts: dict[str, Entry]) -> None:
     if posterior.model != actuator.NAME:
-        raise UsageError(f"model is '{posterior.model}', the actuator.json beside it is {actuator.NAME}")
+        raise parts["model"].error(f"is '{posterior.model}', the actuator.json beside it is {actuator.NAME}")
     named = [joint for group in posterior.groups for joint in group.joints]
     if sorted(named) != sorted(actuator.joints):
-        raise UsageError(f"joints are {', '.join(named)}, those of actuator.json {', '.join(actuator.joints)}")
+        raise parts["groups"].error(
+            f"joints are {', '.join(named)}, those of actuator.json {', '.join(actuator.joints)}"
+        )
     columns = [list(actuator.FIELDS).index(name) for name in posterior.fields]
     for group in posterior.groups:
         for joint in group.joints:
             held = actuator.parameters[actuator.joints.index(joint), columns]
             if not np.array_equal(held, group.mean):
-                raise UsageError(f"the mean of joint '{joint}' is not what actuator.json holds: they are of two fits")
+                raise parts["groups"].error(
+                    f"the mean of joint '{joint}' is not what actuator.json holds: they are of two fits"
+                )

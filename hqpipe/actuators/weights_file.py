@@ -9,9 +9,11 @@ import numpy as np
 
 from hqpipe.actuators.net import check_tensors
 from hqpipe.errors import ConfigError, UsageError
+from hqpipe.tensors import read_tensors
 
 FILE = "weights.safetensors"
 _DTYPE = "F64"  # safetensors' name of float64
+_FIX = "run hqpipe fit-actuator again; a net needs its own weights beside actuator.json"
 
 
 def save_weights(tensors: Mapping[str, np.ndarray], path: Path) -> None:
@@ -25,22 +27,11 @@ def load_weights(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> dict[str,
     """Read the tensors named in `shapes`, and check that the file holds these and no others.
 
     Raises:
-        ConfigError: the file is missing or broken, or a tensor is missing, unknown, of another shape or type, or not finite.
+        ConfigError: as of `read_tensors`, or a spread is not positive.
     """
-    from safetensors import SafetensorError, safe_open
-
-    if not path.is_file():
-        raise ConfigError(f"{path}: no such file; a net needs its weights beside actuator.json")
-    try:
-        with safe_open(path, framework="numpy") as file:
-            types = {name: file.get_slice(name).get_dtype() for name in file.keys()}
-            if wrong := [name for name in types if types[name] != _DTYPE]:
-                raise ConfigError(f"{path}: {wrong[0]} is of type {types[wrong[0]]}, expected {_DTYPE}")
-            tensors = {name: file.get_tensor(name) for name in types}
-    except SafetensorError as error:
-        raise ConfigError(f"{path}: not a safetensors file ({error}); train the net again") from error
+    tensors = read_tensors(path, shapes, _DTYPE, _FIX)
     try:
         check_tensors(tensors, shapes, str(path))
     except UsageError as error:
-        raise ConfigError(str(error)) from error
+        raise ConfigError(error.message, file=path, field=error.field, fix=_FIX) from error
     return tensors

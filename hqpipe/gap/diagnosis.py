@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -13,6 +14,8 @@ import numpy as np
 
 from hqpipe.actuators.base import ActuatorModel
 from hqpipe.actuators.files import save_actuator
+from hqpipe.documents import read_table
+from hqpipe.errors import ConfigError
 from hqpipe.gap.accuse import accuse
 from hqpipe.gap.answer import answer, not_identifiable
 from hqpipe.gap.changes import SCALE, multiplied
@@ -23,7 +26,7 @@ from hqpipe.gap.reference import Explained
 from hqpipe.gap.replay import Replay, persistence_error
 from hqpipe.gap.rest import Rest
 from hqpipe.gap.row_model import RowModel
-from hqpipe.gap.schema import validate_diagnosis
+from hqpipe.gap.schema import FIX, validate_diagnosis
 from hqpipe.gap.second_channel import measured, scale_causes, settle_offsets
 from hqpipe.gap.since import Earlier
 from hqpipe.gap.tally import ALL, Tally, tally
@@ -224,22 +227,23 @@ def _cell(value: Any) -> Any:
     return f"{value:.6g}" if isinstance(value, float) else value
 
 
-def read_diagnosis(path: Path) -> dict[str, Any]:
-    """Read and check a diagnosis.json.
-
-    Raises:
-        ConfigError: a key is missing, unknown or of the wrong type.
-    """
-    content = json.loads(path.read_text(encoding="utf-8"))
-    validate_diagnosis(content)
-    return content
-
-
 def errors_left(folder: Path) -> dict[str, float]:
     """Joint → held-out RMSE with the causes in the model, from residuals.csv; empty without that file or without causes."""
     path = folder / TABLE
     if not path.is_file():
         return {}
-    with path.open(encoding="utf-8", newline="") as stream:
-        rows = [row for row in csv.DictReader(stream) if (row["trial"], row["family"]) == ("all", "all")]
-    return {row["joint"]: float(row["rmse_after"]) for row in rows if row["rmse_after"]}
+    rows = read_table(path, ("trial", "joint", "family", "rmse_after"), FIX)
+    found = {row["joint"]: row["rmse_after"] for row in rows if (row["trial"], row["family"]) == ("all", "all")}
+    return {joint: _number(path, text) for joint, text in found.items() if text}
+
+
+def _number(path: Path, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ConfigError(
+            f"{path}: rmse_after: expected a number, got '{text[:40]}'", file=path, field="rmse_after", fix=FIX
+        )
+    return value

@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from hqpipe.actuators.base import ActuatorModel
 from hqpipe.actuators.files import FILE
 from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.actuators.posterior_file import FILE as POSTERIOR
 from hqpipe.actuators.posterior_file import load_posterior
+from hqpipe.documents import read_json, read_table
 from hqpipe.effects.layout import slot
+from hqpipe.entries import Entry
 from hqpipe.errors import ConfigError
 from hqpipe.gap.estimate import Z95
 
 FIT, DIAGNOSIS, RESIDUALS = "fit.json", "diagnosis.json", "residuals.csv"
 COEFFICIENTS = ("k1", "k2", "k3", "k4")
 POWERS = (2, 0, 2, 1)  # of the sprocket's radius in joint space, eq. (7)
+LARGEST = 1e9  # N·m: no error of an actuator model is larger, and its square is finite
+LARGEST_COEFFICIENT = 1e15  # as in actuator.json
+_FIT_FIX, _DIAGNOSIS_FIX = "run hqpipe fit-actuator again", "run hqpipe diagnose again"
 
 
 @dataclass(frozen=True)
@@ -69,27 +72,37 @@ def left_of(folder: Path, model: ActuatorModel) -> dict[str, Left]:
     if isinstance(model, Hydraulic):
         found = {}
         for joint in model.joints:
-            if fit := _fit_of(folder, model.scope, joint):
-                where = f"{folder / FIT}: {model.scope}, joint {joint}"
+            if (fit := _fit_of(folder, model.scope, joint)) is not None:
                 swing = fit.get("persistence_rmse")
-                error = _beyond(_number(fit, "free_run_rmse", where), _number(fit, "noise", where))
-                found[joint] = Left(error, None if swing is None else _number(fit, "persistence_rmse", where) ** 2)
+                error = _beyond(_error(fit, "free_run_rmse"), _error(fit, "noise"))
+                known = swing is not None and swing.value is not None
+                found[joint] = Left(error, _error(fit, "persistence_rmse") ** 2 if known else None)
         return found
     if not all((folder / name).is_file() for name in (DIAGNOSIS, RESIDUALS)):
         return {}
-    gap = _json(folder / DIAGNOSIS, "diagnose").get("gap")
-    if gap is None:
+    noise = _noise(folder / DIAGNOSIS)
+    if noise is None:
         return {}
-    noise = _number(gap, "noise_floor", f"{folder / DIAGNOSIS}: gap")
-    found = {}
-    for row in _pooled_rows(folder / RESIDUALS):
-        where = f"{folder / RESIDUALS}: joint {row.get('joint')}"
-        after = row.get("rmse_after") or row.get("rmse")  # without causes the model is what it was before
-        swing = row.get("rmse_persistence")
-        error = _beyond(_number({"rmse_after": after}, "rmse_after", where), noise)
-        held = _number(row, "rmse_persistence", where) ** 2 if swing else None
-        found[str(row["joint"])] = Left(error, held)
+    path, found = folder / RESIDUALS, {}
+    for row in read_table(path, ("trial", "joint", "family", "rmse"), _DIAGNOSIS_FIX):
+        if (row["trial"], row["family"]) != ("all", "all"):
+            continue
+        # Without causes the model is what it was before.
+        after = _cell(path, row, "rmse_after" if row.get("rmse_after") else "rmse")
+        held = _cell(path, row, "rmse_persistence") ** 2 if row.get("rmse_persistence") else None
+        found[row["joint"]] = Left(_beyond(after, noise), held)
     return found
+
+
+def _noise(path: Path) -> float | None:
+    """The noise floor of diagnosis.json, N·m; None where it has no gap."""
+    gap = Entry(read_json(path, _DIAGNOSIS_FIX), path, _DIAGNOSIS_FIX).table().get("gap")
+    if gap is None or gap.value is None:
+        return None
+    fields = gap.table()
+    if "noise_floor" not in fields:
+        raise gap.error("missing field 'noise_floor'")
+    return fields["noise_floor"].number(0.0, LARGEST, unit="N·m")
 
 
 def _coefficients(folder: Path, model: Hydraulic, joint: str) -> Iterator[tuple[str, float]]:
@@ -101,58 +114,56 @@ def _coefficients(folder: Path, model: Hydraulic, joint: str) -> Iterator[tuple[
             if group.scatter[i, i] > 0.0:
                 yield name, float(group.scatter[i, i])
         return
-    for each in _fit_of(folder, model.scope, joint).get("coefficients", ()):
-        where = f"{folder / FIT}: {model.scope}, joint {joint}, coefficients"
-        if not isinstance(each, Mapping) or each.get("name") not in COEFFICIENTS:
-            raise ConfigError(
-                f"{where}: expected objects with a name of {', '.join(COEFFICIENTS)}; {_again('fit-actuator')}"
-            )
-        if each.get("ci95"):
-            low, high = each["ci95"]
-            yield each["name"], ((high - low) / (2.0 * Z95)) ** 2
+    fit = _fit_of(folder, model.scope, joint)
+    for each in fit["coefficients"].items() if fit is not None and "coefficients" in fit else ():
+        fields = each.table()
+        if "name" not in fields:
+            raise each.wrong(f"an object with a name of {', '.join(COEFFICIENTS)}")
+        name, interval = fields["name"].text(COEFFICIENTS), fields.get("ci95")
+        if interval is not None and interval.value:
+            low, high = interval.numbers(2, lower=-LARGEST_COEFFICIENT, upper=LARGEST_COEFFICIENT)
+            if not low <= high:
+                raise interval.error(f"low {low:g} is above high {high:g}")
+            yield name, ((high - low) / (2.0 * Z95)) ** 2
 
 
-def _fit_of(folder: Path, scope: str, joint: str) -> Mapping[str, Any]:
-    """The entry of fit.json for a joint; empty without it."""
+def _fit_of(folder: Path, scope: str, joint: str) -> dict[str, Entry] | None:
+    """The entry of fit.json for a joint; None without it."""
     path = folder / FIT
-    if not path.is_file():
-        return {}
-    part = _json(path, "fit-actuator").get(scope, {})
-    fits = part.get("fits", []) if isinstance(part, Mapping) else None
-    if not isinstance(fits, list) or not all(isinstance(fit, Mapping) and "joint" in fit for fit in fits):
-        raise ConfigError(f"{path}: {scope}.fits: expected a list of objects with a joint; {_again('fit-actuator')}")
-    return next((fit for fit in fits if fit["joint"] in (joint, "all")), {})
+    if not path.exists():
+        return None
+    part = Entry(read_json(path, _FIT_FIX), path, _FIT_FIX).table().get(scope)
+    fits = part.table().get("fits") if part is not None else None
+    for fit in fits.items() if fits is not None else ():
+        fields = fit.table()
+        if "joint" not in fields:
+            raise fit.error("missing field 'joint'")
+        if fields["joint"].text() in (joint, "all"):
+            return fields
+    return None
 
 
-def _json(path: Path, command: str) -> dict[str, Any]:
+def _error(fit: dict[str, Entry], name: str) -> float:
+    """A root mean squared error of a fit, N·m."""
+    if name not in fit:
+        raise fit["joint"].error(f"missing field '{name}' beside it")
+    return fit[name].number(0.0, LARGEST, unit="N·m")
+
+
+def _cell(path: Path, row: dict[str, str], column: str) -> float:
+    """A root mean squared error of residuals.csv, N·m."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ConfigError(f"{path}: not JSON ({error}); {_again(command)}") from error
-    if not isinstance(content, dict):
-        raise ConfigError(f"{path}: expected an object, got {type(content).__name__}; {_again(command)}")
-    return content
-
-
-def _pooled_rows(path: Path) -> list[dict[str, str]]:
-    """The rows of residuals.csv for whole joints in all trials."""
-    with path.open(newline="", encoding="utf-8") as stream:
-        reader = csv.DictReader(stream)
-        lacking = [name for name in ("trial", "joint", "family", "rmse") if name not in (reader.fieldnames or ())]
-        if lacking:
-            raise ConfigError(f"{path}: no column '{lacking[0]}'; {_again('diagnose')}")
-        return [row for row in reader if (row["trial"], row["family"]) == ("all", "all")]
-
-
-def _number(raw: Mapping[str, Any], name: str, where: str) -> float:
-    try:
-        return float(raw[name])
-    except (KeyError, TypeError, ValueError):
-        raise ConfigError(f"{where}: {name}: expected a number, got {raw.get(name)!r}; make the model again") from None
-
-
-def _again(command: str) -> str:
-    return f"run hqpipe {command} again"
+        value = float(row[column])
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= LARGEST:
+        raise ConfigError(
+            f"{path}: joint {row['joint'][:80]}: {column}: expected a number, got '{row[column][:40]}'",
+            file=path,
+            field=column,
+            fix=_DIAGNOSIS_FIX,
+        )
+    return value
 
 
 def _beyond(error: float, noise: float) -> float:

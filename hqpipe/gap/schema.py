@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from hqpipe.documents import read_json
 from hqpipe.errors import ConfigError, near_match
 
 FORMAT = "hqpipe-diagnosis/1"
+FIX = "run hqpipe diagnose again"
 VERDICTS = ("explained", "partly_explained", "unknown", "no_gap", "not_identifiable")
 LAYERS = ("actuator", "rigid_body", "contact", "sensing")
 SCOPES = ("joint", "group", "machine")
@@ -132,6 +135,20 @@ DIAGNOSIS = {
 }
 
 
+def read_diagnosis(path: Path) -> dict[str, Any]:
+    """Read and check a diagnosis.json.
+
+    Raises:
+        ConfigError: a key is missing, unknown or of the wrong type.
+    """
+    content = read_json(path, FIX)
+    try:
+        validate_diagnosis(content)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error.message}", file=path, field=error.field, fix=FIX) from error
+    return content
+
+
 def validate_diagnosis(raw: Any) -> None:
     """Check a decoded diagnosis.json.
 
@@ -140,23 +157,23 @@ def validate_diagnosis(raw: Any) -> None:
     """
     _check(raw, DIAGNOSIS, "diagnosis")
     if raw["gap"] is None and raw["verdict"] != "not_identifiable":
-        raise ConfigError(f"diagnosis.gap: null, expected an object with the verdict {raw['verdict']}")
+        raise _wrong("diagnosis.gap", f"null, expected an object with the verdict {raw['verdict']}")
 
 
 def _check(value: Any, shape: Any, key: str) -> None:
     if isinstance(shape, Check):
         if not shape.passes(value):
-            raise ConfigError(f"{key}: expected {shape.expected}, got {value!r}")
+            raise _wrong(key, f"expected {shape.expected}, got {value!r:.80}")
     elif isinstance(shape, Maybe):
         if value is not None:
             _check(value, shape.shape, key)
     elif isinstance(shape, list):
         if not isinstance(value, list):
-            raise ConfigError(f"{key}: expected a list, got {type(value).__name__}")
+            raise _wrong(key, f"expected a list, got {type(value).__name__}")
         for index, item in enumerate(value):
             _check(item, shape[0], f"{key}[{index}]")
     elif not isinstance(value, dict):
-        raise ConfigError(f"{key}: expected an object, got {type(value).__name__}")
+        raise _wrong(key, f"expected an object, got {type(value).__name__}")
     elif isinstance(shape, Named):
         for name, item in value.items():
             _check(item, shape.shape, f"{key}.{name}")
@@ -167,12 +184,16 @@ def _check(value: Any, shape: Any, key: str) -> None:
 def _check_keys(value: Mapping[str, Any], shape: Shape, key: str) -> None:
     for name in value:
         if name not in shape:
-            raise ConfigError(f"{key}.{name}: unknown key{near_match(name, shape)}")
+            raise _wrong(f"{key}.{name[:80]}", f"unknown key{near_match(name[:80], shape)}")
     for name, inner in shape.items():
         if name in value:
             _check(value[name], inner, f"{key}.{name}")
         elif not (isinstance(inner, Maybe) and inner.absent):
-            raise ConfigError(f"{key}.{name}: missing, expected {_expectation(inner)}")
+            raise _wrong(f"{key}.{name}", f"missing, expected {_expectation(inner)}")
+
+
+def _wrong(key: str, problem: str) -> ConfigError:
+    return ConfigError(f"{key}: {problem}", field=key)
 
 
 def _expectation(shape: Any) -> str:

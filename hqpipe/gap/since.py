@@ -81,27 +81,39 @@ def check_alike(
     if log_set.control_mode != MODE:
         raise UsageError(
             f"{log_set.path}: control mode {log_set.control_mode or 'not given'}; what changed since a reference can be asked "
-            f"in {MODE} mode only: diagnose such logs without --reference"
+            f"in {MODE} mode only",
+            file=log_set.path,
+            field="control_mode",
+            fix="diagnose such logs without --reference",
         )
     if log_set.control_mode != mode:
         raise UsageError(
-            f"{pair}: control modes {log_set.control_mode} and {mode or 'not given'}; give a reference of the same mode"
+            f"{pair}: control modes {log_set.control_mode} and {mode or 'not given'}",
+            file=path,
+            field="control_mode",
+            fix="give a reference of the same mode",
         )
     if lacking := [joint for joint in log_set.joints if joint not in joints]:
         raise UsageError(
-            f"{pair}: joints {', '.join(log_set.joints)} and {', '.join(joints)}, without '{lacking[0]}'; "
-            "give a reference of the same machine"
+            f"{pair}: joints {', '.join(log_set.joints)} and {', '.join(joints)}, without '{lacking[0]}'",
+            file=path,
+            field=lacking[0],
+            fix="give a reference of the same machine",
         )
     now = sample_time(log_set)
     if abs(now / dt - 1.0) > DT_TOLERANCE:
         raise UsageError(
-            f"{pair}: sample times {now:.6g} s and {dt:.6g} s, and coefficients are per sample; give a reference of the same "
-            "rate"
+            f"{pair}: sample times {now:.6g} s and {dt:.6g} s, and coefficients are per sample",
+            file=path,
+            field="dt",
+            fix="give a reference of the same rate",
         )
     if source and log_set.effort_source and source != log_set.effort_source:
         raise UsageError(
-            f"{pair}: torques from {log_set.effort_source} and from {source}, which do not mean the same; give a reference "
-            "with the same sensor"
+            f"{pair}: torques from {log_set.effort_source} and from {source}, which do not mean the same",
+            file=path,
+            field="effort_source",
+            fix="give a reference with the same sensor",
         )
 
 
@@ -133,8 +145,10 @@ def earlier_actuator(folder: Path, shown: str | None = None) -> Earlier:
     model = load_actuator(folder)
     if not isinstance(model, Hydraulic | Augmented):
         raise UsageError(
-            f"{folder / FILE}: a model of kind '{model.NAME}' has no coefficients to compare; give artifacts/actuator, "
-            "artifacts/diagnosis or the logs that it was fitted to"
+            f"{folder / FILE}: a model of kind '{model.NAME}' has no coefficients to compare",
+            file=folder / FILE,
+            field="model",
+            fix="give artifacts/actuator, artifacts/diagnosis or the logs that it was fitted to",
         )
     shown = shown or str(folder)
     fitted, left = variances(folder, model), left_of(folder, model)

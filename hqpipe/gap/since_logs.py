@@ -67,7 +67,9 @@ def earlier_logs(
 
 
 def _refused(log_set: LogSet, reason: str, advice: str | None) -> IdentificationError:
-    return IdentificationError(f"reference {log_set.path}: {reason}; {advice or 'give other logs'}")
+    return IdentificationError(
+        f"reference {log_set.path}: {reason}", file=log_set.path, fix=advice or "give other logs"
+    )
 
 
 def _then(state: JointState, row: np.ndarray, noise: float, swing: float) -> Then:

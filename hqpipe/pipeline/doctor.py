@@ -11,6 +11,8 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
+from hqpipe.kernel_cache import VARIABLE, is_writable
+
 MIN_PYTHON = (3, 11)
 # A default chain with a few alternatives kept stays below this; assumption, generous.
 MIN_FREE_BYTES = 2 * 10**9
@@ -89,10 +91,11 @@ def _disk(home: Path) -> Finding:
 
 def _kernel_cache() -> Finding:
     """Compiled kernels can be kept, so that they are not compiled again in every process."""
-    import hqpipe
-
-    configured = os.environ.get("NUMBA_CACHE_DIR")
-    folder = Path(configured) if configured else Path(hqpipe.__file__).parent / "kernels"
-    if os.access(folder, os.W_OK):
-        return Finding("kernel cache", True, f"{folder} is writable")
-    return Finding("kernel cache", False, f"{folder} is not writable: set NUMBA_CACHE_DIR to a folder that is")
+    folder = os.environ.get(VARIABLE)
+    if folder is None:
+        return Finding("kernel cache", False, f"no folder for it is writable: set {VARIABLE} to one that is")
+    if not is_writable(Path(folder)):
+        return Finding(
+            "kernel cache", False, f"{folder} is not writable: set {VARIABLE} to a folder that is, or unset it"
+        )
+    return Finding("kernel cache", True, f"{folder} is writable")

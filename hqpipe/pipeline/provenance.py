@@ -74,7 +74,7 @@ def _git(root: Path) -> dict[str, Any] | None:
 
 def _run_git(root: Path, *arguments: str) -> str:
     command = ["git", "-C", str(root), *arguments]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    return subprocess.run(command, check=True, capture_output=True, text=True, errors="replace").stdout
 
 
 @cache

@@ -121,6 +121,7 @@ def _flat(params: dict[str, Any], above: str = "") -> list[tuple[str, str]]:
 
 def _execute(planner: Any, stages: list[Stage], *, force: bool, dry_run: bool, explain: bool, as_json: bool) -> None:
     """Preview or run `stages`, and tell the result."""
+    planner.project.table.check_robot(planner.project.robot_folder(), stages)
     if dry_run:
         _preview(planner, stages, explain, as_json)
         return

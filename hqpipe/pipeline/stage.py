@@ -88,10 +88,12 @@ class StageTable(Mapping[str, Stage]):
     Args:
         stages: each after the stages whose artifacts it reads.
         template: the ``pipeline.yaml`` that ``hqpipe init`` writes.
+        robot_check: ``"module:function"`` that refuses a robot before a stage starts: (its folder, names of the stages).
     """
 
-    def __init__(self, stages: Iterable[Stage], template: Path) -> None:
+    def __init__(self, stages: Iterable[Stage], template: Path, robot_check: str | None = None) -> None:
         self.template = template
+        self._robot_check = robot_check
         self._stages: dict[str, Stage] = {}
         self._makers: dict[str, Stage] = {}
         for stage in stages:
@@ -122,6 +124,15 @@ class StageTable(Mapping[str, Stage]):
     def artifacts(self) -> tuple[str, ...]:
         """Names of the artifacts, in the order in which they are made."""
         return tuple(self._makers)
+
+    def check_robot(self, folder: Path, stages: Iterable[Stage]) -> None:
+        """Refuse a robot that `stages` cannot work with, as far as that is known before they start.
+
+        Raises:
+            ConfigError: names the file and the field of the robot.
+        """
+        if self._robot_check is not None:
+            load(self._robot_check)(folder, [stage.name for stage in stages])
 
     def maker(self, artifact: str) -> Stage:
         """The stage that makes `artifact`."""

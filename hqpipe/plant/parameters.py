@@ -86,6 +86,8 @@ def check_stability(schedule: list[Parameters], robot: RobotSpec, substep: float
             if number[worst] > STABLE:
                 raise ConfigError(
                     f"plant: joint {robot.joints[worst]}: too stiff for substeps of {substep:g} s: {part} has "
-                    f"k h²/m + 2 c h/m = {number[worst]:.2g}, expected at most {STABLE:g}; raise the mass, lower "
-                    "stiffness or damping, or pass a smaller `substep`"
+                    f"k h²/m + 2 c h/m = {number[worst]:.2g}, expected at most {STABLE:g}",
+                    file=robot.folder / "robot.yaml",
+                    field=part.partition(" ")[0],
+                    fix="raise the mass, lower stiffness or damping, or pass a smaller `substep`",
                 )

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-INF = float("inf")
+LARGEST = 1e12
+"""Of any number here, in SI units: a thousand times the stiffest oil; products of several stay finite."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class Field:
     meaning: str
     default: float | None = None
     lower: float = 0.0
-    upper: float = INF
+    upper: float = LARGEST
 
     @property
     def column(self) -> str:
@@ -43,20 +44,26 @@ _POSITIVE = 1e-30  # a lower bound that excludes zero
 
 FIELDS: tuple[Field, ...] = (
     # fluid
-    _joint("fluid.bulk_modulus", "Pa", "effective, oil with hoses and dissolved air", lower=1e7),
-    _machine("fluid.temperature", "°C", "oil at the start; all other numbers hold at this temperature", lower=-40.0),
+    _joint("fluid.bulk_modulus", "Pa", "effective, oil with hoses and dissolved air", lower=1e7, upper=1e10),
+    _machine(
+        "fluid.temperature",
+        "°C",
+        "oil at the start; all other numbers hold at this temperature",
+        lower=-40.0,
+        upper=200.0,
+    ),
     _machine("fluid.bulk_modulus_per_kelvin", "1/K", "relative loss of stiffness", upper=0.02),
     _machine("fluid.viscosity_per_kelvin", "1/K", "exponent: leakage grows, viscous friction falls", upper=0.1),
     _machine("fluid.heating_rate", "K/s", "oil warms through the trial", default=0.0, lower=-5.0, upper=5.0),
     # supply
     _machine("supply.pressure", "Pa", "with the pump idling over the relief valve", lower=1e6, upper=7e7),
     _machine("supply.return_pressure", "Pa", "tank line", upper=5e6),
-    _machine("supply.pump_flow", "m³/s", "of the one pump", lower=1e-6),
+    _machine("supply.pump_flow", "m³/s", "of the one pump", lower=1e-6, upper=1.0),
     _machine("supply.relief_override", "Pa", "pressure from cracking to full pump flow", lower=1e4),
-    _machine("supply.accumulator_volume", "m³", "gas volume at precharge", lower=1e-6),
-    _machine("supply.accumulator_precharge", "Pa", "gas", lower=1e5),
+    _machine("supply.accumulator_volume", "m³", "gas volume at precharge", lower=1e-6, upper=10.0),
+    _machine("supply.accumulator_precharge", "Pa", "gas", lower=1e5, upper=1e8),
     _machine("supply.gas_exponent", "1", "adiabatic", lower=1.0, upper=2.0),
-    _machine("supply.line_volume", "m³", "oil in the supply lines", lower=1e-6),
+    _machine("supply.line_volume", "m³", "oil in the supply lines", lower=1e-6, upper=10.0),
     _machine(
         "supply.ripple_pressure",
         "Pa",
@@ -66,14 +73,14 @@ FIELDS: tuple[Field, ...] = (
     ),
     _machine("supply.ripple_hz", "Hz", "of that pulsation", default=9.0, upper=500.0),
     # the pair of pulling cylinders of a joint
-    _joint("cylinder.area_a", "m²", "piston that pulls the joint to positive angles", lower=_POSITIVE),
-    _joint("cylinder.area_b", "m²", "piston that pulls it back", lower=_POSITIVE),
-    _joint("cylinder.stroke", "m", "between the end stops", lower=1e-3),
+    _joint("cylinder.area_a", "m²", "piston that pulls the joint to positive angles", lower=_POSITIVE, upper=1.0),
+    _joint("cylinder.area_b", "m²", "piston that pulls it back", lower=_POSITIVE, upper=1.0),
+    _joint("cylinder.stroke", "m", "between the end stops", lower=1e-3, upper=10.0),
     _joint("cylinder.stop_stiffness", "N/m", "end stop", lower=1e5, upper=1e8),
-    _joint("cylinder.dead_volume_a", "m³", "chamber A at zero stroke, hose included", lower=1e-6),
-    _joint("cylinder.dead_volume_b", "m³", "chamber B, likewise", lower=1e-6),
+    _joint("cylinder.dead_volume_a", "m³", "chamber A at zero stroke, hose included", lower=1e-6, upper=1.0),
+    _joint("cylinder.dead_volume_b", "m³", "chamber B, likewise", lower=1e-6, upper=1.0),
     _joint("cylinder.hose_compliance", "m³/Pa", "extra swelling of each hose", default=0.0, upper=1e-10),
-    _joint("cylinder.piston_mass", "kg", "each, with its rod", lower=0.2),
+    _joint("cylinder.piston_mass", "kg", "each, with its rod", lower=0.2, upper=1e4),
     _joint("cylinder.leakage", "m³/s/Pa", "laminar, from one chamber to the other"),
     _joint("cylinder.coulomb_friction", "N", "each piston"),
     _joint("cylinder.coulomb_asymmetry", "N", "more when q rises, less when it falls", default=0.0, lower=-1e4),
@@ -84,7 +91,7 @@ FIELDS: tuple[Field, ...] = (
     # chain and sprocket
     _joint("chain.stiffness", "N/m", "each strand", lower=1e4, upper=5e7),
     _joint("chain.damping", "N·s/m", "each strand"),
-    _joint("chain.mass", "kg", "the part round the sprocket", lower=0.2),
+    _joint("chain.mass", "kg", "the part round the sprocket", lower=0.2, upper=1e4),
     _joint("chain.tooth_stiffness", "N/m", "chain on sprocket and shaft", lower=1e4, upper=1e8),
     _joint("chain.tooth_damping", "N·s/m", "likewise"),
     _joint(
@@ -95,7 +102,7 @@ FIELDS: tuple[Field, ...] = (
         upper=0.05,
     ),
     # 4-way servo valve; an opening of 1 is the rated stroke
-    _joint("valve.rated_flow", "m³/s", "at full opening and rated_drop", lower=_POSITIVE),
+    _joint("valve.rated_flow", "m³/s", "at full opening and rated_drop", lower=_POSITIVE, upper=1.0),
     _joint("valve.rated_drop", "Pa", "over both lands", lower=1e5),
     _joint("valve.bandwidth_hz", "Hz", "natural frequency of the spool", lower=0.5, upper=1000.0),
     _joint("valve.damping_ratio", "1", "of the spool", lower=0.05, upper=5.0),

@@ -22,7 +22,7 @@ def write_report(folder: Path, chain: Chain) -> Path:
     Raises:
         UsageError: a result's record or file does not hold what its section shows.
     """
-    parts = [_top(chain), *(_section(section, chain) for section in SECTIONS), _sources(chain)]
+    parts = [_top(chain), *(_checked_section(section, chain) for section in SECTIONS), _sources(chain)]
     path = folder / PAGE
     path.write_text(page(f"{chain.walk.robot}: walk and results", parts), encoding="utf-8")
     return path
@@ -116,6 +116,19 @@ def _run_time(chain: Chain) -> tuple[str, str, str]:
 
 def _tile(name: str, value: str, note: str) -> str:
     return f"<div><dt>{name}</dt><dd>{value}</dd><p>{note}</p></div>"
+
+
+def _checked_section(section: Section, chain: Chain) -> str:
+    """`_section`; a record whose metrics are of another form than this version writes is an error that names it."""
+    try:
+        return _section(section, chain)
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
+        part = chain.parts.get(section.artifact)
+        if part is None:
+            raise
+        raise part.wrong(
+            f"its metrics are not of the form that this version shows ({type(error).__name__}: {error})"
+        ) from error
 
 
 def _section(section: Section, chain: Chain) -> str:

@@ -42,11 +42,18 @@ class Part:
         for depth, key in enumerate(keys, start=1):
             if not isinstance(value, Mapping) or key not in value:
                 name = ".".join(("metrics", *keys[:depth]))
-                raise UsageError(
-                    f"{self.folder}: manifest.json: expected {name}: make it again with `{self.command} --force`"
-                )
+                raise self.wrong(f"expected {name}", name)
             value = value[key]
         return value
+
+    def wrong(self, problem: str, field: str | None = None) -> UsageError:
+        """An error about the record of this result."""
+        return UsageError(
+            f"{self.folder}: manifest.json: {problem}",
+            file=self.folder / "manifest.json",
+            field=field,
+            fix=f"make it again with `{self.command} --force`",
+        )
 
     def parameter(self, name: str) -> Any:
         """A resolved parameter of the stage that made it; None where the record has none of that name."""

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import csv
-import json
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hqpipe.documents import read_json, read_table
+from hqpipe.entries import Entry
 from hqpipe.errors import UsageError
 
 CONTENT, TABLE, TRACES, MODEL = "diagnosis.json", "residuals.csv", "traces.json", "actuator.json"
 FORMAT = "hqpipe-diagnosis/1"
+_FIX = "run `hqpipe diagnose` again, or give a folder that it wrote"
 _SERIES = ("measured", "before", "after", "command", "position")
 
 
@@ -81,72 +81,68 @@ def read_files(folder: Path) -> DiagnosisFiles:
     Raises:
         UsageError: there is no diagnosis.json, or a file is not what its name says.
     """
-    content = _read_json(folder / CONTENT, f"expected a folder that `hqpipe diagnose` wrote, such as {folder}")
-    if content.get("format") != FORMAT:
-        raise UsageError(f"{folder / CONTENT}: format: expected {FORMAT}, got {content.get('format')!r}")
+    content = _document(folder / CONTENT)
+    content.inner("format").text((FORMAT,))
     cells = _read_cells(folder / TABLE) if (folder / TABLE).exists() else ()
     traces, unit = _read_traces(folder / TRACES) if (folder / TRACES).exists() else ((), "")
-    unit = unit or (content["gap"] or {}).get("unit", "")
-    return DiagnosisFiles(content, cells, traces, unit, (folder / MODEL).exists())
+    gap = content.inner("gap").or_none(Entry.table) or {}
+    unit = unit or (gap["unit"].text() if "unit" in gap else "")
+    return DiagnosisFiles(content.value, cells, traces, unit, (folder / MODEL).exists())
 
 
-def _read_json(path: Path, mend: str) -> dict[str, Any]:
-    try:
-        value = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise UsageError(f"{path}: no such file; {mend}") from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path}: not JSON ({error}); run `hqpipe diagnose` again") from error
-    if not isinstance(value, dict):
-        raise UsageError(f"{path}: expected an object, got {type(value).__name__}; run `hqpipe diagnose` again")
-    return value
+def _document(path: Path) -> Entry:
+    document = Entry(read_json(path, _FIX, UsageError), path, _FIX, kind=UsageError)
+    document.table()
+    return document
 
 
 def _read_cells(path: Path) -> tuple[Cell, ...]:
-    with path.open(newline="", encoding="utf-8") as stream:
-        rows = [row for row in csv.DictReader(stream) if row.get("trial") == "all"]
+    rows = read_table(path, ("trial", "joint", "family", "regime", "n", "share"), _FIX, UsageError)
     cells = []
-    for number, row in enumerate(rows, start=1):
-        try:
-            names = {key: row[key] for key in ("joint", "family", "regime")}
-            share, samples = float(row["share"]), float(row["n"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise UsageError(
-                f"{path}: row {number} of the trial 'all': expected joint, family, regime and the numbers n and "
-                f"share ({error}); run `hqpipe diagnose` again"
-            ) from error
+    for row in (row for row in rows if row["trial"] == "all"):
+        names = {key: row[key] for key in ("joint", "family", "regime")}
+        share, samples = (_number(row, key, path) for key in ("share", "n"))
         rest = ("share_low", "share_high", "rmse", "rmse_after", "share_after")
-        optional = {key: _optional(row.get(key), path, key) for key in rest}
+        optional = {key: _optional(row, key, path) for key in rest}
         cells.append(Cell(**names, share=share if math.isfinite(share) else 0.0, samples=samples, **optional))
     return tuple(cells)
 
 
-def _optional(text: str | None, path: Path, column: str) -> float | None:
-    """A number, or None where the column or the cell is empty."""
-    if not text:
-        return None
+def _number(row: dict[str, str], column: str, path: Path) -> float:
     try:
-        value = float(text)
+        return float(row[column])
     except ValueError as error:
-        raise UsageError(f"{path}: column {column}: expected a number, got {text!r}") from error
+        raise UsageError(
+            f"{path}: column {column}: expected a number, got {row[column][:40]!r}", file=path, field=column, fix=_FIX
+        ) from error
+
+
+def _optional(row: dict[str, str], column: str, path: Path) -> float | None:
+    """A number, or None where the column or the cell is empty."""
+    if not row.get(column):
+        return None
+    value = _number(row, column, path)
     return value if math.isfinite(value) else None
 
 
 def _read_traces(path: Path) -> tuple[tuple[Trace, ...], str]:
-    raw = _read_json(path, "run `hqpipe diagnose` again")
-    if not isinstance(raw.get("joints"), dict):
-        raise UsageError(f"{path}: joints: expected an object, got {type(raw.get('joints')).__name__}")
-    return tuple(_trace(path, joint, entry) for joint, entry in raw["joints"].items()), str(raw.get("unit", ""))
+    top = _document(path).table()
+    if "joints" not in top:
+        raise UsageError(f"{path}: missing field 'joints'", file=path, field="joints", fix=_FIX)
+    unit = top["unit"].text() if "unit" in top else ""
+    return tuple(_trace(joint, entry) for joint, entry in top["joints"].table().items()), unit
 
 
-def _trace(path: Path, joint: str, entry: Mapping[str, Any]) -> Trace:
+def _trace(joint: str, entry: Entry) -> Trace:
+    fields = entry.table()
     for name in ("time", "measured", "before"):
-        if not isinstance(entry.get(name), list):
-            raise UsageError(f"{path}: joints.{joint}.{name}: missing, expected a list of numbers")
-    series = {name: entry[name] for name in _SERIES if isinstance(entry.get(name), list)}
-    for name, values in series.items():
-        if len(values) != len(entry["time"]):
-            raise UsageError(
-                f"{path}: joints.{joint}.{name}: expected {len(entry['time'])} numbers as in time, got {len(values)}"
-            )
-    return Trace(joint, str(entry.get("trial", "")), entry["time"], list(entry.get("restarts", [])), series)
+        if name not in fields:
+            raise entry.error(f"missing field '{name}'")
+    time = fields["time"].numbers(None)
+    series = {
+        name: [item.or_none(Entry.number) for item in fields[name].items(len(time), len(time))]
+        for name in _SERIES
+        if name in fields and fields[name].value is not None
+    }
+    trial = fields["trial"].text() if "trial" in fields else ""
+    return Trace(joint, trial, time, fields["restarts"].numbers(None) if "restarts" in fields else [], series)

@@ -186,11 +186,16 @@ def _check(trial: LoggedWalk, robot: RobotSpec, settling_s: float) -> None:
     walk, least = trial.walk, settling_s + LEAST_S
     if walk.position.shape[1] != len(robot.joints):
         raise UsageError(
-            f"{trial.name}: {walk.position.shape[1]} joints, expected those of {robot.name}: {', '.join(robot.joints)}"
+            f"{trial.name}: {walk.position.shape[1]} joints, expected those of {robot.name}: {', '.join(robot.joints)}",
+            file=trial.name,
+            field="joints",
+            fix="give walks of this robot",
         )
     if walk.seconds < least:
         raise UsageError(
-            f"{trial.name}: the walk lasts {walk.seconds:.1f} s, expected at least {least:g} s; leave it out"
+            f"{trial.name}: the walk lasts {walk.seconds:.1f} s, expected at least {least:g} s",
+            file=trial.name,
+            fix="leave it out",
         )
 
 

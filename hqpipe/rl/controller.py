@@ -8,14 +8,21 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-import yaml
 
+from hqpipe.documents import read_yaml_mapping
+from hqpipe.entries import Entry
 from hqpipe.errors import ConfigError, UsageError
 from hqpipe.rl import gait
 from hqpipe.rl.observation import build_observation
 
-ACTIONS, ESTIMATE = "actions", "estimate"  # outputs of the graph, in this order
+INPUT, ACTIONS, ESTIMATE = "obs", "actions", "estimate"  # of the graph; its outputs in this order
 _TERMS = ("base_angular_velocity", "joint_position", "joint_velocity", "previous_target", "velocity_command")
+_BY_JOINT = ("joint_position", "joint_velocity", "previous_target")
+DEPLOY_FORMAT = "hqpipe-deploy/1"
+FASTEST_HZ = 1000.0  # of a policy: the joint controllers' own rate
+SLOWEST_HZ = 1.0  # of a policy: below, the robot has fallen between two calls
+_HIGHEST_CLOCK_HZ = 50.0  # of a gait: ten times that of any legged machine
+_DEPLOY_FIX = "give the folder that hqpipe export wrote, or run it again"
 Infer = Callable[[np.ndarray], Sequence[np.ndarray]]
 
 
@@ -102,7 +109,9 @@ class PolicyController:
     ) -> None:
         if joints is not None and sorted(joints) != sorted(wiring.joints):
             raise UsageError(
-                f"policy for joints {', '.join(wiring.joints)} cannot drive {', '.join(joints)}: expected the same names"
+                f"policy for joints {', '.join(wiring.joints)} cannot drive {', '.join(joints)}: expected the same names",
+                field="joints",
+                fix="take a policy that was trained for this robot",
             )
         order = wiring.joints if joints is None else joints
         self.wiring, self.infer, self.heading_hold = wiring, infer, heading_hold
@@ -164,14 +173,15 @@ def torch_controller(
     import torch
 
     from hqpipe.rl.networks import DeployedPolicy
-    from hqpipe.rl.policy_io import load_policy
+    from hqpipe.rl.policy_io import WEIGHTS, load_policy
 
     spec, networks = load_policy(folder)
+    weights = folder / WEIGHTS
     deployed = DeployedPolicy(spec, networks).eval()
 
     def infer(observation: np.ndarray) -> list[np.ndarray]:
         with torch.no_grad():
-            return [output.numpy() for output in deployed(torch.as_tensor(observation))]
+            return _finite([output.numpy() for output in deployed(torch.as_tensor(observation))], weights)
 
     wiring = Wiring(
         joints=spec.joints,
@@ -191,15 +201,43 @@ def onnx_controller(
     Raises:
         ConfigError: deploy.yaml is missing or describes another observation than this code builds.
     """
-    from hqpipe.rl.onnx_session import open_session
+    from hqpipe.rl.onnx_session import open_session, run
 
-    session, wiring = open_session(folder / "policy.onnx"), read_wiring(folder)
+    path = folder / "policy.onnx"
+    session, wiring = open_session(path), read_wiring(folder)
     outputs = [ACTIONS, ESTIMATE] if wiring.estimate else [ACTIONS]
+    sizes = (len(wiring.joints), len(wiring.estimate))
+    known = [end.name for end in session.get_outputs()]
+    if wiring.estimate and ESTIMATE not in known:
+        raise _mismatch(path, ESTIMATE, f"outputs are {', '.join(known)[:200]}, but deploy.yaml tells of {ESTIMATE}")
 
     def infer(observation: np.ndarray) -> list[np.ndarray]:
-        return session.run(outputs, {"obs": observation})
+        return session.run(outputs, {INPUT: observation})
 
-    return PolicyController(wiring, infer, joints=joints, heading_hold=heading_hold)
+    width = sum((len(wiring.joints) * 3, 6, 2 if wiring.clock_hz is not None else 0))
+    first = run(session, outputs, np.zeros((1, width), dtype=np.float32), path)
+    for name, output, size in zip(outputs, first, sizes[: len(outputs)], strict=True):
+        if output.shape != (1, size):
+            raise _mismatch(path, name, f"{name} has shape {output.shape}, expected {(1, size)} as deploy.yaml says")
+    return PolicyController(
+        wiring, lambda observation: _finite(infer(observation), path), joints=joints, heading_hold=heading_hold
+    )
+
+
+def _mismatch(path: Path, field: str, problem: str) -> ConfigError:
+    return ConfigError(f"{path}: {problem}", file=path, field=field, fix=_DEPLOY_FIX)
+
+
+def _finite(outputs: list[np.ndarray], path: Path) -> list[np.ndarray]:
+    """The outputs of a policy; a machine must never get a target that is no number."""
+    if not np.isfinite(outputs[0]).all():
+        raise ConfigError(
+            f"{path}: {ACTIONS} are not finite",
+            file=path,
+            field=ACTIONS,
+            fix="train the policy again, or give another one",
+        )
+    return outputs
 
 
 def read_wiring(folder: Path) -> Wiring:
@@ -209,19 +247,57 @@ def read_wiring(folder: Path) -> Wiring:
         ConfigError: the file is missing or describes another observation than `build_observation` makes.
     """
     path = folder / "deploy.yaml"
-    if not path.is_file():
-        raise ConfigError(f"{path}: no such file; expected the folder that hqpipe export wrote")
-    raw = yaml.safe_load(path.read_text(encoding="utf-8"))
-    names = [term["name"] for term in raw["observation"]]
-    clock = raw["clock"]
-    expected = [*_TERMS, "clock"] if clock else list(_TERMS)
-    if names != expected:
-        raise ConfigError(f"{path}: observation is {', '.join(names)}, expected {', '.join(expected)}")
-    return Wiring(
-        joints=tuple(raw["actions"]["joints"]),
-        period_s=1.0 / raw["rates"]["policy_hz"],
-        clock_hz=clock["frequency_hz"] if clock else None,
-        control_mode=raw["control_mode"],
-        # A graph from elsewhere may keep its x̃_t to itself, or have none.
-        estimate=tuple(f"{term['name']}/{name}" for term in raw.get("estimate", ()) for name in term["elements"]),
+    top = Entry(read_yaml_mapping(path, _DEPLOY_FIX), path, _DEPLOY_FIX).table()
+
+    def field(entry: Mapping[str, Entry], name: str, place: str = "") -> Entry:
+        if name not in entry:
+            where = f"{place}.{name}" if place else name
+            raise ConfigError(f"{path}: missing field '{where}'", file=path, field=where, fix=_DEPLOY_FIX)
+        return entry[name]
+
+    field(top, "format").text((DEPLOY_FORMAT,))
+    joints = field(field(top, "actions").table(), "joints", "actions").names()
+    clock = field(top, "clock").or_none(
+        lambda entry: field(entry.table(), "frequency_hz", "clock").number(1e-3, _HIGHEST_CLOCK_HZ, unit="Hz")
     )
+    observation = _terms(field(top, "observation"), joints)
+    expected = [*_TERMS, "clock"] if clock is not None else list(_TERMS)
+    if observation != expected:
+        found = ", ".join(observation)[:300]
+        raise top["observation"].error(f"observation is {found}, expected {', '.join(expected)}")
+    rate = field(field(top, "rates").table(), "policy_hz", "rates").number(SLOWEST_HZ, FASTEST_HZ, unit="Hz")
+    return Wiring(
+        joints=joints,
+        period_s=1.0 / rate,
+        clock_hz=clock,
+        control_mode=field(top, "control_mode").text(("position", "torque")),
+        # A graph from elsewhere may keep its x̃_t to itself, or have none.
+        estimate=_elements(top["estimate"]) if "estimate" in top else (),
+    )
+
+
+def _terms(entry: Entry, joints: tuple[str, ...]) -> list[str]:
+    """Names of the terms of an observation; terms of joints must list them in the order of the actions."""
+    found = []
+    for term in entry.items(1, 100):
+        fields = term.table()
+        for name in ("name", "elements"):
+            if name not in fields:
+                raise term.error(f"missing field '{name}'")
+        found.append(fields["name"].text())
+        elements = [item.text() for item in fields["elements"].items(1, 1000)]
+        if found[-1] in _BY_JOINT and tuple(elements) != joints:
+            raise fields["elements"].error("are not the joints of actions.joints in their order")
+    return found
+
+
+def _elements(entry: Entry) -> tuple[str, ...]:
+    """Elements of x̃_t as term/element."""
+    found = []
+    for term in entry.items(0, 100):
+        fields = term.table()
+        for name in ("name", "elements"):
+            if name not in fields:
+                raise term.error(f"missing field '{name}'")
+        found += [f"{fields['name'].text()}/{item.text()}" for item in fields["elements"].items(1, 1000)]
+    return tuple(found)

@@ -107,7 +107,12 @@ def read_leg_geometry(robot: RobotSpec) -> LegGeometry:
         ConfigError: a joint is missing or the legs are not built alike.
     """
     if robot.joints != tuple(f"{leg}{kind}" for leg in robot.feet for kind in "RPK"):
-        raise ConfigError(f"{robot.folder}/robot.yaml: joints: expected roll, pitch, knee of each leg in turn")
+        raise ConfigError(
+            f"{robot.folder}/robot.yaml: joints: expected roll, pitch, knee of each leg in turn",
+            file=robot.folder / "robot.yaml",
+            field="joints",
+            fix="list <leg>R, <leg>P, <leg>K for every leg in the order of `feet`",
+        )
     root = ElementTree.parse(robot.urdf).getroot()
     origin = {}
     for joint in root.iter("joint"):
@@ -122,11 +127,26 @@ def read_leg_geometry(robot: RobotSpec) -> LegGeometry:
         foot = np.stack([origin[f"{leg}_foot"] for leg in robot.feet])
     except KeyError as error:
         raise ConfigError(
-            f"{robot.urdf}: no joint or link {error}, expected <leg>R, <leg>P, <leg>K, <leg>_foot"
+            f"{robot.urdf}: joint or link {error} has no origin, expected one of <leg>R, <leg>P, <leg>K and <leg>_foot",
+            file=robot.urdf,
+            field=str(error.args[0]),
+            fix="give the joint an <origin>",
         ) from error
     planar = np.concatenate([pitch[:, [0, 2]], knee[:, :2], foot[:, :2]], axis=1)
     if np.abs(planar).max() > 1e-9 or np.ptp(knee[:, 2]) > 1e-9 or np.ptp(foot[:, 2]) > 1e-9:
-        raise ConfigError(f"{robot.urdf}: the analytic leg expects equal straight legs, offset sideways only")
+        raise ConfigError(
+            f"{robot.urdf}: the analytic leg expects equal straight legs, offset sideways only",
+            file=robot.urdf,
+            field="origin",
+            fix="correct the origins of the pitch and knee joints and of the feet",
+        )
+    if not (knee[0, 2] < 0.0 and foot[0, 2] < 0.0):
+        raise ConfigError(
+            f"{robot.urdf}: thigh and shank are {-knee[0, 2]:g} and {-foot[0, 2]:g} m long, expected lengths above 0",
+            file=robot.urdf,
+            field="origin",
+            fix="give the knee joints and the feet origins below their parents",
+        )
     nominal_knee = robot.nominal_position[robot.joints.index(f"{robot.feet[0]}K")]
     return LegGeometry(
         hip=hip,
@@ -141,7 +161,12 @@ def read_leg_geometry(robot: RobotSpec) -> LegGeometry:
 def _foot_radius(root: ElementTree.Element, robot: RobotSpec) -> float:
     sphere = root.find(f"./link[@name='{robot.foot_links[0]}']/collision/geometry/sphere")
     if sphere is None:
-        raise ConfigError(f"{robot.urdf}: link {robot.foot_links[0]} has no collision sphere")
+        raise ConfigError(
+            f"{robot.urdf}: link {robot.foot_links[0]} has no collision sphere",
+            file=robot.urdf,
+            field=robot.foot_links[0],
+            fix="give every foot a <sphere> as its collision shape",
+        )
     return float(sphere.get("radius"))
 
 

@@ -92,7 +92,10 @@ def check_alike(robot: str, feet: Sequence[str], geometry: LegGeometry, nominal:
     if set(feet) != set(_OTHER_SIDE):
         raise ConfigError(
             f"policy.symmetric: the feet of {robot} are {', '.join(feet)}, expected {', '.join(_OTHER_SIDE)}, "
-            "so that it is known which leg mirrors which: name them so in robot.yaml, or set policy.symmetric to false"
+            "so that it is known which leg mirrors which",
+            file="robot.yaml",
+            field="feet",
+            fix="name them so in robot.yaml, or set policy.symmetric to false",
         )
     legs = mirror_feet(feet).order
     sides = {
@@ -103,6 +106,8 @@ def check_alike(robot: str, feet: Sequence[str], geometry: LegGeometry, nominal:
     for what, (image, own) in sides.items():
         if not np.allclose(image, own, atol=ALIKE):
             raise ConfigError(
-                f"policy.symmetric: the {what} of {robot} differ between left and right, expected mirror images: "
-                "set policy.symmetric to false"
+                f"policy.symmetric: the {what} of {robot} differ between left and right, expected mirror images",
+                file="robot.urdf",
+                field="policy.symmetric",
+                fix="set policy.symmetric to false",
             )

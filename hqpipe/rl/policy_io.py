@@ -5,13 +5,18 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from safetensors.torch import load_file, save_file
+import torch
+from safetensors.torch import save_file
 
-from hqpipe.errors import ConfigError
+from hqpipe.documents import read_json
+from hqpipe.entries import Entry
 from hqpipe.rl.networks import LocomotionNetworks
+from hqpipe.rl.policy_fields import read_spec
 from hqpipe.rl.policy_spec import PolicySpec
+from hqpipe.tensors import read_tensors
 
 WEIGHTS, SPEC = "policy.safetensors", "policy.json"
+_FIX = "give the folder of a trained policy, or train it again"
 
 
 def save_policy(folder: Path, spec: PolicySpec, networks: LocomotionNetworks) -> None:
@@ -27,19 +32,13 @@ def load_policy(folder: Path) -> tuple[PolicySpec, LocomotionNetworks]:
     """Read a folder of `save_policy`; the networks are in evaluation mode.
 
     Raises:
-        ConfigError: a file is missing, or weights and spec do not fit together.
+        ConfigError: a file is missing or broken, or weights and spec do not fit together.
     """
-    for name in (SPEC, WEIGHTS):
-        if not (folder / name).is_file():
-            raise ConfigError(f"{folder / name}: no such file; expected the folder of a trained policy")
-    try:
-        raw = json.loads((folder / SPEC).read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ConfigError(f"{folder / SPEC}: not JSON ({error})") from error
-    spec = PolicySpec.from_dict(raw, str(folder / SPEC))
+    path = folder / SPEC
+    spec = read_spec(Entry(read_json(path, _FIX), path, _FIX))
+    with torch.device("meta"):  # shapes alone: nothing is made before the weights are known to have them
+        shapes = {name: tuple(value.shape) for name, value in LocomotionNetworks(spec).state_dict().items()}
+    tensors = read_tensors(folder / WEIGHTS, shapes, "F32", f"{_FIX}; it does not fit {SPEC}")
     networks = LocomotionNetworks(spec)
-    try:
-        networks.load_state_dict(load_file(folder / WEIGHTS))
-    except RuntimeError as error:
-        raise ConfigError(f"{folder / WEIGHTS}: does not fit {SPEC}: {error}") from error
+    networks.load_state_dict({name: torch.from_numpy(value) for name, value in tensors.items()})
     return spec, networks.eval()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -17,7 +16,7 @@ from hqpipe.rl.config import CONTROL_PERIOD_S, GaitConfig, TrainConfig
 from hqpipe.rl.gait import Trot
 from hqpipe.rl.leg import LegGeometry, read_leg_geometry, total_mass
 from hqpipe.rl.mirror import check_alike
-from hqpipe.rl.observation import Layout, Term, observation_layout, state_layout
+from hqpipe.rl.observation import Layout, observation_layout, state_layout
 from hqpipe.rl.targets import TargetRule
 from hqpipe.robots import RobotSpec
 
@@ -105,13 +104,16 @@ class PolicySpec:
                 that is to be symmetric.
         """
         if control_mode not in CONTROL_MODES:
-            raise ConfigError(f"control_mode: '{control_mode}', expected {' or '.join(CONTROL_MODES)}")
+            raise ConfigError(
+                f"control_mode: '{control_mode}', expected {' or '.join(CONTROL_MODES)}", field="control_mode"
+            )
         if stiffness is None:
             stiffness = position_stiffness(actuator.for_joints(robot.joints))
         if limp := [joint for joint, value in zip(robot.joints, stiffness, strict=True) if not value > 0]:
             raise ConfigError(
-                f"the actuator model does not push a held joint back at {', '.join(limp)}, as if that had not been identified: "
-                "fit it on logs in which these joints move under load, or take another model"
+                f"the actuator model does not push a held joint back at {', '.join(limp)}, as if that had not been identified",
+                field=limp[0],
+                fix="fit it on logs in which these joints move under load, or take another model",
             )
         gains = robot.torque_pd if control_mode == "torque" else None
         count = len(robot.joints)
@@ -152,47 +154,9 @@ class PolicySpec:
         return TargetRule(self.nominal, self.lower, self.upper, self.action_scale, trot)
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON-able form; `from_dict` restores equal numbers."""
+        """JSON-able form; `hqpipe.rl.policy_fields.read_spec` restores equal numbers."""
         raw = _plain(asdict(self))
         return {"format": FORMAT, **raw}
-
-    @classmethod
-    def from_dict(cls, raw: Mapping[str, Any], where: str = "policy.json") -> PolicySpec:
-        """Inverse of `to_dict`.
-
-        Raises:
-            ConfigError: another format, or a field is missing or malformed.
-        """
-        if raw.get("format") != FORMAT:
-            raise ConfigError(f"{where}: format is {raw.get('format')!r}, expected '{FORMAT}'")
-        try:
-            geometry = dict(raw["geometry"])
-            for key in ("hip", "side_offset"):
-                geometry[key] = np.array(geometry[key], dtype=float)
-            arrays = ("kp", "kd", "position_stiffness", "nominal", "lower", "upper", "command_range")
-            return cls(
-                **{key: np.array(raw[key], dtype=float) for key in arrays},
-                **{key: tuple(raw[key]) for key in ("joints", "feet", "hidden")},
-                **{
-                    key: raw[key]
-                    for key in ("robot", "control_mode", "weight", "action_scale", "period_s", "symmetric")
-                },
-                gait=GaitConfig(**raw["gait"]),
-                geometry=LegGeometry(**geometry),
-                observation=_layout(raw["observation"]),
-                state=_layout(raw["state"]),
-            )
-        except (KeyError, TypeError, ValueError) as error:
-            raise ConfigError(f"{where}: {type(error).__name__}: {error}; write it with save_policy") from error
-
-
-def _layout(raw: Mapping[str, Any]) -> Layout:
-    return Layout(
-        tuple(
-            Term(t["name"], tuple(t["names"]), t["unit"], np.array(t["offset"], dtype=float), t["scale"])
-            for t in raw["terms"]
-        )
-    )
 
 
 def _plain(value: Any) -> Any:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from hqpipe.errors import UsageError
+from hqpipe.processes import in_processes
 from hqpipe.robots import load_robot
 from hqpipe.sim.render import Camera, Renderer
 
@@ -70,17 +69,9 @@ def draw_poses(
             drawn += _draw(*job)
             progress(len(drawn), many, "frames")
         return drawn
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context) as pool:
-        futures = [pool.submit(_draw, *job) for job in jobs]
-        try:
-            for done, future in enumerate(as_completed(futures), start=1):
-                future.result()
-                progress(min(many, done * CHUNK), many, "frames")
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-    return [frame for future in futures for frame in future.result()]
+    calls = {f"frames from {number * CHUNK}": job for number, job in enumerate(jobs)}
+    parts = in_processes(_draw, calls, workers, lambda done, name: progress(min(many, done * CHUNK), many, "frames"))
+    return [frame for part in parts for frame in part]
 
 
 def _draw(robot_folder: Path, poses: Poses, width: int, height: int, camera: Camera) -> list[np.ndarray]:

@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+import hqpipe.checked_cache  # noqa: F401 (before any function is compiled)
+
 
 @njit(cache=True)
 def rotate(q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:

@@ -5,15 +5,14 @@ Nothing here knows of hydraulics. The state is read in the order of `RobotSpec.j
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-
 import mujoco
 import numpy as np
 from numba import njit
 
+import hqpipe.checked_cache  # noqa: F401 (before any function is compiled)
 from hqpipe.errors import ConfigError, near_match
 from hqpipe.robots import RobotSpec
+from hqpipe.sim.body_changes import BodyChanges, Ground, LinkChange
 
 GRAVITY = 9.81  # m/s², standard gravity to three digits
 GANTRY_HEIGHT = 1.6  # m, base above ground when welded: the feet hang free at every pose
@@ -23,56 +22,6 @@ SPIN_ROLL_FRICTION = (0.005, 0.0001)  # m, MuJoCo's defaults; unused by 3-dimens
 PAYLOAD_EDGE = 0.3  # m, a payload is a cube of this edge; assumption
 HFIELD_HALF_SIZE = (25.0, 8.0)  # m, half extent of uneven ground
 HFIELD_CELL = 0.25  # m, grid spacing of uneven ground; assumption
-
-
-@dataclass(frozen=True)
-class Ground:
-    """The floor.
-
-    Attributes:
-        friction: Coulomb coefficient; rubber on dry concrete 0.6–0.9 (assumption 0.8).
-        stiffness: static normal stiffness of one foot contact, N/m (assumption 4e5: solid rubber foot).
-        damping_ratio: of that contact.
-        slope: rad, rising towards `slope_heading`.
-        slope_heading: rad about world z, 0 = uphill towards +x.
-        roughness: m, peak-to-valley height of random bumps.
-        roughness_seed: draws the bumps.
-    """
-
-    friction: float = 0.8
-    stiffness: float = 4.0e5
-    damping_ratio: float = 1.0
-    slope: float = 0.0
-    slope_heading: float = 0.0
-    roughness: float = 0.0
-    roughness_seed: int = 0
-
-
-@dataclass(frozen=True)
-class Payload:
-    """A mass fixed to a link: kg, centre in the link frame, m."""
-
-    link: str
-    mass: float
-    com: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class LinkChange:
-    """How a real link differs from its URDF entry: ratios, and a shift of the centre of mass in m."""
-
-    mass_scale: float = 1.0
-    inertia_scale: float = 1.0
-    com_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class BodyChanges:
-    """Everything that sets the machine's body and floor apart from URDF and default floor."""
-
-    ground: Ground = field(default_factory=Ground)
-    payloads: tuple[Payload, ...] = ()
-    links: Mapping[str, LinkChange] = field(default_factory=dict)
 
 
 class MujocoBody:
@@ -98,7 +47,8 @@ class MujocoBody:
     ) -> None:
         if base not in ("floating", "fixed"):
             raise ConfigError(
-                f"base: expected 'floating' or 'fixed', got '{base}'{near_match(base, ('floating', 'fixed'))}"
+                f"base: expected 'floating' or 'fixed', got '{base}'{near_match(base, ('floating', 'fixed'))}",
+                field="base",
             )
         changes = changes or BodyChanges()
         self.robot, self.floating, self.ground = robot, base == "floating", changes.ground
@@ -292,7 +242,14 @@ def _compile(robot: RobotSpec, floating: bool, timestep: float, changes: BodyCha
             explicitinertial=True,
         )
     _add_floor(spec, changes.ground)
-    model = spec.compile()
+    try:
+        model = spec.compile()
+    except ValueError as error:  # what MuJoCo alone refuses, such as numbers that are too small for it
+        raise ConfigError(
+            f"{robot.urdf}: MuJoCo cannot make a body of it ({' '.join(str(error).split())[:300]})",
+            file=robot.urdf,
+            fix="correct what it names, or the section `body` of the plant",
+        ) from error
     _set_contact_stiffness(model, robot, changes.ground)
     return model
 
@@ -301,7 +258,11 @@ def _link(spec: mujoco.MjSpec, name: str) -> mujoco.MjsBody:
     body = spec.body(name)
     if body is None or name == "world":
         known = [other.name for other in spec.bodies if other.name != "world"]
-        raise ConfigError(f"body: no link '{name}'{near_match(name, known)} (known: {', '.join(known)})")
+        raise ConfigError(
+            f"plant.body: no link '{name[:80]}'{near_match(name, known)} (known: {', '.join(known)})",
+            field="plant.body",
+            fix="name a link of robot.urdf",
+        )
     return body
 
 

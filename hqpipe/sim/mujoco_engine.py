@@ -20,7 +20,7 @@ from hqpipe.sim.mujoco_loop import (
     read_bodies,
     step_robots,
 )
-from hqpipe.sim.mujoco_model import robot_spec
+from hqpipe.sim.mujoco_model import robot_model
 from hqpipe.sim.state import WorldArrays
 
 
@@ -33,7 +33,7 @@ class MujocoEngine:
     def __init__(self, setup: EngineSetup, arrays: WorldArrays, first: int) -> None:
         self.setup, self.arrays = setup, arrays
         count = len(arrays.reset_flag)
-        family = [robot_spec(setup, variant).compile() for variant in setup.variants[: first + count]]
+        family = [robot_model(setup, variant) for variant in setup.variants[: first + count]]
         self._models = [family[(first + n) % len(setup.variants)] for n in range(count)]
         self._data = [mujoco.MjData(model) for model in self._models]
         self._functions = _functions()

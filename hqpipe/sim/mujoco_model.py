@@ -15,6 +15,22 @@ FRICTION_IMPEDANCE_RATIO = 10.0
 SLIDING_ONLY = 3  # dimension of a contact without torsional and rolling friction
 
 
+def robot_model(setup: EngineSetup, variant: RobotVariant) -> mujoco.MjModel:
+    """The compiled robot on its floor.
+
+    Raises:
+        ConfigError: MuJoCo refuses the URDF, or a link or joint that the setup names is not in it.
+    """
+    try:
+        return robot_spec(setup, variant).compile()
+    except ValueError as error:
+        raise ConfigError(
+            f"robot.urdf: MuJoCo cannot make a body of it ({' '.join(str(error).split())[:300]})",
+            file="robot.urdf",
+            fix="correct what it names, or lower randomisation.kinematics",
+        ) from error
+
+
 def robot_spec(setup: EngineSetup, variant: RobotVariant) -> mujoco.MjSpec:
     """The robot on its floor; joints, links and the free joint "base" keep their names.
 
@@ -50,4 +66,9 @@ def _check_names(spec: mujoco.MjSpec, setup: EngineSetup) -> None:
     ):
         for name in wanted:
             if name not in known:
-                raise ConfigError(f"robot.urdf: no {kind} '{name}', expected one of {', '.join(known)}")
+                raise ConfigError(
+                    f"robot.urdf: no {kind} '{name}', expected one of {', '.join(known)}",
+                    file="robot.urdf",
+                    field=name,
+                    fix="correct the name in robot.yaml or robot.urdf",
+                )

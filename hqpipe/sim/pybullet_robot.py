@@ -71,7 +71,11 @@ def load_robot_into(
             flags = pybullet.URDF_USE_INERTIA_FROM_FILE
             body = pybullet.loadURDF(str(urdf), position, flags=flags, physicsClientId=client)
     except pybullet.error as error:
-        raise ConfigError("robot.urdf: pybullet cannot read it, expected one tree of links and joints") from error
+        raise ConfigError(
+            "robot.urdf: pybullet cannot read it, expected one tree of links and joints",
+            file="robot.urdf",
+            fix="open it in a viewer of URDF files and correct what that names, or set engine to mujoco",
+        ) from error
     robot = _parts(client, body, setup)
     for link in robot.links:
         pybullet.changeDynamics(
@@ -114,10 +118,20 @@ def _parts(client: int, body: int, setup: EngineSetup) -> LoadedRobot:
     ):
         for name in names:
             if name not in table:
-                raise ConfigError(f"robot.urdf: no {kind} '{name}', expected one of {', '.join(table)}")
+                raise ConfigError(
+                    f"robot.urdf: no {kind} '{name}', expected one of {', '.join(table)}",
+                    file="robot.urdf",
+                    field=name,
+                    fix="correct the name in robot.yaml or robot.urdf",
+                )
     base = pybullet.getBodyInfo(body, physicsClientId=client)[0].decode()
     if base != setup.base_link:
-        raise ConfigError(f"robot.urdf: the root link is '{base}', expected base_link '{setup.base_link}'")
+        raise ConfigError(
+            f"robot.urdf: the root link is '{base}', expected base_link '{setup.base_link}'",
+            file="robot.yaml",
+            field="base_link",
+            fix=f"write base_link: {base}",
+        )
     feet = tuple(links[name] for name in setup.foot_links)
     return LoadedRobot(
         body=body,

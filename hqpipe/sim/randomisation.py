@@ -38,10 +38,10 @@ class KinematicsRandomisation:
 
     def __post_init__(self) -> None:
         if self.variants < 1:
-            raise UsageError(f"variants is {self.variants}, expected at least 1")
+            raise UsageError(f"variants is {self.variants}, expected at least 1", field="variants")
         for f in fields(self):
             if f.name != "variants" and not 0.0 <= getattr(self, f.name) < 1.0:
-                raise UsageError(f"{f.name} is {getattr(self, f.name)}, expected 0 … 1 (not 1)")
+                raise UsageError(f"{f.name} is {getattr(self, f.name)}, expected 0 … 1 (not 1)", field=f.name)
 
 
 def robot_variants(

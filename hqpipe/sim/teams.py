@@ -12,10 +12,11 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol
 
 from hqpipe.errors import HqpipeError
+from hqpipe.signals import without_ctrl_c
 from hqpipe.sim.engine import Engine, EngineSetup
 from hqpipe.sim.memory import share
 from hqpipe.sim.state import ArraySizes, WorldArrays
-from hqpipe.sim.worker import DONE, QUIT, RESET, STEP, describe, receive_text, send_text
+from hqpipe.sim.worker import DONE, RESET, STEP, describe, receive_text, send_text
 
 EXIT_TIMEOUT_S = 5.0  # assumption: a worker that has not left by then is stuck
 
@@ -80,8 +81,9 @@ class ProcessTeam:
         self.arrays = sizes.arrays(memory)
         self._connections: list[socket.socket] = []
         self._processes: list[subprocess.Popen[bytes]] = []
+        self._pipes: list[int] = []  # each ends with this process, and its worker with it
         self._broken = ""
-        self._finalizer = weakref.finalize(self, _dismiss, self._connections, self._processes)
+        self._finalizer = weakref.finalize(self, _dismiss, self._connections, self._processes, self._pipes)
         try:
             for first, last in ranges:
                 self._start(descriptor)
@@ -95,15 +97,20 @@ class ProcessTeam:
 
     def _start(self, descriptor: int) -> None:
         ours, theirs = socket.socketpair()
-        with theirs:
-            command = [sys.executable, "-P", "-m", "hqpipe.sim.worker", str(theirs.fileno()), str(descriptor)]
-            process = subprocess.Popen(
-                command,
-                pass_fds=(theirs.fileno(), descriptor),
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-            )
+        pipe, end = os.pipe()
         self._connections.append(ours)
+        self._pipes.append(end)
+        try:
+            inherited = (theirs.fileno(), descriptor, pipe)
+            with theirs, without_ctrl_c():
+                process = subprocess.Popen(
+                    [sys.executable, "-P", "-m", "hqpipe.sim", *map(str, inherited)],
+                    pass_fds=inherited,
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                )
+        finally:
+            os.close(pipe)
         self._processes.append(process)
 
     def step(self) -> None:
@@ -144,15 +151,12 @@ class ProcessTeam:
         self._finalizer()
 
 
-def _dismiss(connections: list[socket.socket], processes: list[subprocess.Popen[bytes]]) -> None:
-    """Ask the workers to leave, and end those that do not."""
+def _dismiss(connections: list[socket.socket], processes: list[subprocess.Popen[bytes]], pipes: list[int]) -> None:
+    """End the workers, also those that are still starting."""
+    for pipe in pipes:
+        os.close(pipe)
     for connection in connections:
-        try:
-            connection.sendall(QUIT)
-        except OSError:
-            continue  # that worker is gone already, and waited for below
-        finally:
-            connection.close()
+        connection.close()
     for process in processes:
         try:
             process.wait(EXIT_TIMEOUT_S)

@@ -1,4 +1,4 @@
-"""A worker process of the batched world: ``python -m hqpipe.sim.worker SOCKET MEMORY`` (two file descriptors).
+"""What a worker process of the batched world does; `hqpipe.sim.__main__` starts it.
 
 The first message is the engine and its setup as JSON. Then each byte on the socket is a command and is answered by
 `DONE`, or by `FAILED` and a text. When the parent is gone, the socket ends and so does the worker.
@@ -7,9 +7,7 @@ The first message is the engine and its setup as JSON. Then each byte on the soc
 from __future__ import annotations
 
 import json
-import signal
 import socket
-import sys
 import traceback
 from dataclasses import asdict
 
@@ -18,7 +16,7 @@ from hqpipe.sim.engine import Engine, EngineSetup, RobotVariant
 from hqpipe.sim.memory import attach
 from hqpipe.sim.state import ArraySizes
 
-STEP, RESET, QUIT = b"s", b"r", b"q"
+STEP, RESET = b"s", b"r"
 DONE, FAILED = b"d", b"f"
 LENGTH_BYTES = 8
 
@@ -59,12 +57,12 @@ def build(message: str, memory: int) -> Engine:
 
 
 def serve(connection: socket.socket, memory: int) -> None:
-    """Carry out commands until `QUIT` or the end of the socket."""
+    """Carry out commands until the socket ends."""
     try:
         engine = build(receive_text(connection), memory)
         connection.sendall(DONE)
         actions = {STEP: engine.step, RESET: engine.reset}
-        while (command := connection.recv(1)) not in (b"", QUIT):
+        while command := connection.recv(1):
             actions[command]()
             connection.sendall(DONE)
     except Exception:  # not swallowed: the parent raises it, with the traceback
@@ -72,14 +70,10 @@ def serve(connection: socket.socket, memory: int) -> None:
         send_text(connection, traceback.format_exc())
 
 
-def main() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
-    with socket.socket(fileno=int(sys.argv[1])) as connection:
+def work(descriptor: int, memory: int) -> None:
+    """Serve the socket and the memory behind these file descriptors."""
+    with socket.socket(fileno=descriptor) as connection:
         try:
-            serve(connection, int(sys.argv[2]))
+            serve(connection, memory)
         except (EOFError, ConnectionError):
             return  # the parent is gone
-
-
-if __name__ == "__main__":
-    main()

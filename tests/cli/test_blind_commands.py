@@ -27,10 +27,12 @@ def simulated(monkeypatch) -> list[tuple[str, tuple[str, ...]]]:
         return 3
 
     monkeypatch.setattr(blind_machine, "simulate", fake)
-    monkeypatch.setattr(
-        blind_make, "_run", lambda missing, out, workers, told: [blind_make.make_case(c, out) for c in missing]
-    )
+    monkeypatch.setattr(blind_make, "in_processes", in_this_process)
     return asked
+
+
+def in_this_process(task, calls, workers, told=None):
+    return [task(*arguments) for arguments in calls.values()]
 
 
 def make(out: Path, count: int = 12, seed: int = 1) -> int:
@@ -184,15 +186,12 @@ def test_faint_cases_are_diagnosed_again_with_the_true_effect_alone(tmp_path, si
     blind_make.make(3, 1, tmp_path, 1, lambda *_: None, ("faint",))
     asked = []
 
-    def parallel(work, jobs, workers, told):
-        return [work(*job) for job in jobs]
-
     def diagnosed(case, output, without):
         asked.append((output.relative_to(tmp_path).as_posix(), without))
         output.mkdir(parents=True)
         (output / "diagnosis.json").write_text(content())
 
-    monkeypatch.setattr(blind_score, "_parallel", parallel)
+    monkeypatch.setattr(blind_score, "in_processes", in_this_process)
     monkeypatch.setattr(blind_score, "diagnose_case", diagnosed)
     monkeypatch.setattr(blind_score, "_gaps", lambda *_: {})
     result = blind_score.score_folder(tmp_path, (), 1, lambda *_: None)

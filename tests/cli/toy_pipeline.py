@@ -10,7 +10,7 @@ import sys
 import time
 from pathlib import Path
 
-from hqpipe.cli import run_cli
+from hqpipe.cli import main
 from hqpipe.errors import LogError
 from hqpipe.pipeline.config import StageParams
 from hqpipe.pipeline.stage import Input, Stage, StageTable
@@ -130,4 +130,4 @@ TABLE = StageTable(
 )
 
 if __name__ == "__main__":
-    sys.exit(run_cli(TABLE, sys.argv[1:]))
+    main(TABLE)

@@ -171,7 +171,7 @@ def test_missing_and_broken_weights_say_so(saved):
     ("net", "words"),
     [
         (None, "missing field 'net'"),
-        ({"hidden": "8"}, "net.hidden: expected a number of units"),
+        ({"hidden": "8"}, "net.hidden: expected a whole number"),
         ({"hidden": 9}, "output_weight has shape|input_weight has shape"),
         ({"taps": 0}, "net.taps: expected a list"),
         ({"delta": 1}, "net.delta: expected true or false"),

@@ -91,7 +91,7 @@ def test_joints_are_matched_by_name():
 
 def test_a_mean_far_out_of_bounds_is_an_error_and_no_endless_loop():
     lost = replace(group(), mean=np.array([-1e6, 0.05, 4e3, 20.0]))
-    with pytest.raises(ConfigError, match="hardly a draw lies within the physical bounds; lower randomisation"):
+    with pytest.raises(ConfigError, match="hardly a draw lies within the physical bounds: lower randomisation"):
         draws(Posterior("hydraulic", FIELDS, (lost,)), model(group())[0], 2)
 
 
@@ -115,12 +115,12 @@ def test_a_folder_without_the_file_has_no_posterior(tmp_path):
         (lambda raw: raw.update(group=1), "unknown field 'group' – did you mean 'groups'"),
         (lambda raw: raw.update(format="hqpipe-posterior/0"), "expected hqpipe-posterior/1"),
         (lambda raw: raw["fields"].__setitem__(0, "effort_limit"), "'effort_limit' is no fitted parameter"),
-        (lambda raw: raw["groups"][0]["mean"].pop(), r"groups\[0\].mean: expected 4 numbers"),
+        (lambda raw: raw["groups"][0]["mean"].pop(), r"groups\[0\].mean: expected 4 elements"),
         (lambda raw: raw["groups"][0]["mean"].__setitem__(0, 1.0), "they are of two fits"),
         (lambda raw: raw["groups"][0]["scatter"][0].__setitem__(2, 1e9), "scatter: is no covariance"),
         (lambda raw: raw["groups"][0]["joints"].__setitem__(0, "z"), "joints are z, those of actuator.json a"),
         (lambda raw: raw["groups"][0]["lower"].__setitem__(0, 1e9), "mean: expected values between lower and upper"),
-        (lambda raw: raw["groups"][0]["ranges"].update(k9={"low": 0, "high": 1, "reason": ""}), "unknown 'k9'"),
+        (lambda raw: raw["groups"][0]["ranges"].update(k9={"low": 0, "high": 1, "reason": ""}), "unknown .k9."),
     ],
 )
 def test_a_broken_file_is_named_with_field_and_mend(tmp_path, change, message):

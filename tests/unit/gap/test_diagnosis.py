@@ -15,8 +15,8 @@ from planted_logs import logs_of, size
 from hqpipe.actuators.files import load_actuator
 from hqpipe.effects import EFFECTS
 from hqpipe.errors import ConfigError, IdentificationError
-from hqpipe.gap.diagnosis import FILE, TABLE, TRACES, diagnose, read_diagnosis, write_diagnosis
-from hqpipe.gap.schema import validate_diagnosis
+from hqpipe.gap.diagnosis import FILE, TABLE, TRACES, diagnose, write_diagnosis
+from hqpipe.gap.schema import read_diagnosis, validate_diagnosis
 
 # A part of the library keeps these tests short; the search itself is tested with more.
 KEPT = ("command_delay", "valve_lag", "valve_deadband", "torque_bias", "unsigned_sensor")

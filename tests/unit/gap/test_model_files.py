@@ -75,12 +75,12 @@ def test_the_posterior_counts_before_intervals_that_end_at_a_bound(model, tmp_pa
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('{"per_joint": {"fits": [{"joint":', r"fit\.json: not JSON .*run hqpipe fit-actuator again"),
-        ("[]", r"fit\.json: expected an object, got list"),
-        ('{"per_joint": {"fits": {}}}', r"fit\.json: per_joint\.fits: expected a list of objects with a joint"),
+        ('{"per_joint": {"fits": [{"joint":', r"fit\.json:1: not JSON .*run hqpipe fit-actuator again"),
+        ("[]", r"fit\.json: expected an object, got a list of 0"),
+        ('{"per_joint": {"fits": {}}}', r"fit\.json: per_joint\.fits: expected a list, got an object"),
         (
             '{"per_joint": {"fits": [{"joint": "LFR"}]}}',
-            r"per_joint, joint LFR: free_run_rmse: expected a number, got None",
+            r"per_joint\.fits\[0\]\.joint: missing field 'free_run_rmse' beside it",
         ),
     ],
 )
@@ -92,7 +92,7 @@ def test_a_broken_fit_is_named(model, tmp_path, text, message):
 
 def test_a_coefficient_of_another_name_is_refused(model, tmp_path):
     write_fit(tmp_path, {**ENTRY, "coefficients": [{"name": "k9"}]})
-    with pytest.raises(ConfigError, match=r"coefficients: expected objects with a name of k1, k2, k3, k4"):
+    with pytest.raises(ConfigError, match=r"coefficients\[0\]\.name: 'k9'.*, expected k1 or k2 or k3 or k4"):
         variances(tmp_path, model)
 
 
@@ -100,10 +100,10 @@ def test_a_broken_diagnosis_is_named(tmp_path):
     model = Augmented(("LFR",), neutral_row()[None], 1e-3)
     row = {"trial": "all", "joint": "LFR", "family": "all", "rmse": "x", "rmse_after": "", "rmse_persistence": ""}
     write_diagnosis(tmp_path, [row])
-    with pytest.raises(ConfigError, match=r"residuals\.csv: joint LFR: rmse_after: expected a number, got 'x'"):
+    with pytest.raises(ConfigError, match=r"residuals\.csv: joint LFR: rmse: expected a number, got 'x'"):
         left_of(tmp_path, model)
     (tmp_path / "residuals.csv").write_text("trial,joint\n")
-    with pytest.raises(ConfigError, match=r"residuals\.csv: no column 'family'; run hqpipe diagnose again"):
+    with pytest.raises(ConfigError, match=r"residuals\.csv: no column 'family': run hqpipe diagnose again"):
         left_of(tmp_path, model)
 
 

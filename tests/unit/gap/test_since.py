@@ -84,8 +84,8 @@ def test_a_model_without_coefficients_is_refused(tmp_path):
 @pytest.mark.parametrize(
     "change,message",
     [
-        ({"mode": "torque"}, r"control modes position and torque; give a reference of the same mode"),
-        ({"joints": ("LFR", "LFQ")}, r"joints LFR, LFP and LFR, LFQ, without 'LFP'; give"),
+        ({"mode": "torque"}, r"control modes position and torque: give a reference of the same mode"),
+        ({"joints": ("LFR", "LFQ")}, r"joints LFR, LFP and LFR, LFQ, without 'LFP': give"),
         ({"dt": 2e-3}, r"sample times 0\.001 s and 0\.002 s"),
         ({"source": "pressure"}, r"torques from load_cell and from pressure"),
     ],

@@ -15,9 +15,9 @@ from hqpipe.effects.layout import slot
 from hqpipe.errors import ConfigError, IdentificationError
 from hqpipe.gap.causes import assemble
 from hqpipe.gap.changes import CHANGES
-from hqpipe.gap.diagnosis import FILE, diagnose, read_diagnosis, write_diagnosis
+from hqpipe.gap.diagnosis import FILE, diagnose, write_diagnosis
 from hqpipe.gap.joint_state import search_joints
-from hqpipe.gap.schema import validate_diagnosis
+from hqpipe.gap.schema import read_diagnosis, validate_diagnosis
 from hqpipe.gap.since import earlier_actuator
 from hqpipe.gap.since_logs import earlier_logs
 from hqpipe.gap.unchanged import REASON, drop_unchanged

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hqpipe.errors import ConfigError
-from hqpipe.sim.mujoco_body import GRAVITY, BodyChanges, Ground, LinkChange, MujocoBody, Payload
+from hqpipe.sim.body_changes import BodyChanges, Ground, LinkChange, Payload
+from hqpipe.sim.mujoco_body import GRAVITY, MujocoBody
 
 
 def hold(body: MujocoBody, duration: float, kp: float = 6000.0, kd: float = 200.0) -> None:

@@ -6,9 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from damage import checked, field_damages
 
 from hqpipe.errors import ConfigError
-from hqpipe.plant.config import PlantConfig, select_joints
+from hqpipe.plant.config import PlantConfig, check_base, select_joints
 from hqpipe.plant.parameters import build_schedule
 from hqpipe.plant.plant import Plant
 from hqpipe.plant.schema import BY_PATH, FIELDS
@@ -62,7 +63,20 @@ def test_a_span_takes_effect_in_the_running_plant_without_a_pressure_jump(robot)
         ({"valvee": {}}, "unknown field 'valvee' – did you mean 'valve'"),
         ({"valve": {"overlap": 2.0}}, "plant.valve.overlap: expected 0 to 0.9 opening, got 2"),
         ({"valve": {"overlap": "0.1"}}, "expected a number in opening, got '0.1'"),
-        ({"valve": {"overlap": float("nan")}}, "expected 0 to 0.9"),
+        ({"valve": {"overlap": float("nan")}}, "expected a number in opening, got nan"),
+        ({"valve": {"overlap": 10**400}}, "expected a number in opening, got 1000"),
+        ({"cylinder": {"viscous_friction": 1e300}}, "expected 0 to 1e.12 N·s/m"),
+        ({"spans": 3}, "plant.spans: expected a list, got int"),
+        ({"spans": [{"time": ["a", 1.0]}]}, r"plant.spans\[0\].time: expected \[start, stop\]"),
+        ({"spans": [{"time": [0.0, float("inf")]}]}, r"plant.spans\[0\].time: expected \[start, stop\]"),
+        ({"spans": [{"time": [0.0, 1.0], "joints": {"a": 1}}]}, "expected a name or a list of names"),
+        ({"joints": {1: {}}}, "expected a name or a list of names, got 1"),
+        ({"joints": 1}, "plant.joints: expected a mapping"),
+        ({"body": {"payloads": {"link": "trunk"}}}, "plant.body.payloads: expected a list"),
+        ({"body": {"payloads": [{"link": "trunk", "mass": -5.0}]}}, "mass: expected 1e-06 to 100000, got -5"),
+        ({"body": {"links": {"trunk": {"mass_scale": 0.0}}}}, "mass_scale: expected 0.001 to 1000, got 0"),
+        ({"body": {"ground": {"friction": float("nan")}}}, "friction: expected a number, got nan"),
+        ({"body": {"ground": {"roughness_seed": 0.5}}}, "expected a whole number, got 0.5"),
         ({"valve": {"overlap": True}}, "expected a number"),
         ({"joints": {"LFX": {}}}, "no joint 'LFX' – did you mean"),
         ({"joints": {"LFK": {"supply": {"pump_flow": 1e-3}}}}, "belongs to the whole machine"),
@@ -83,8 +97,9 @@ def test_a_span_takes_effect_in_the_running_plant_without_a_pressure_jump(robot)
     ],
 )
 def test_mistakes_are_named_with_the_near_match(robot, overrides, message):
-    with pytest.raises(ConfigError, match=message):
+    with pytest.raises(ConfigError, match=message) as caught:
         Plant(robot, PlantConfig(overrides))
+    assert caught.value.fix and caught.value.field
 
 
 def test_a_number_missing_from_robot_yaml_is_named(robot):
@@ -92,6 +107,20 @@ def test_a_number_missing_from_robot_yaml_is_named(robot):
     broken = dataclasses.replace(robot, hydraulics=hydraulics)
     with pytest.raises(ConfigError, match=r"robot.yaml: hydraulics: missing field 'chain.damping' \(N·s/m"):
         build_schedule(broken, PlantConfig())
+
+
+def test_every_wrong_number_of_robot_yaml_is_refused(robot):
+    passed = set()
+    for name, damaged in field_damages(robot.hydraulics):
+        try:
+            check_base(damaged, robot)
+        except ConfigError as error:
+            assert checked(error, robot.folder / "robot.yaml").field.startswith("hydraulics")
+        else:
+            passed.add(name)
+    # What may be nothing: losses, noises, gains; what may be any temperature below 200 °C.
+    allowed = {f"{field.path} = '0'" for field in FIELDS if field.lower <= 0.0} | {"fluid.temperature = '-1'"}
+    assert passed <= allowed, passed - allowed
 
 
 def test_merged_keeps_both(robot):

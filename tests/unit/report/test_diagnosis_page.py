@@ -251,14 +251,14 @@ def test_what_remains_names_its_signals_and_noise_does_not(tmp_path):
     "name,text,message",
     [
         ("diagnosis.json", "{", "not JSON"),
-        ("diagnosis.json", "{}", "format: expected hqpipe-diagnosis/1, got None"),
-        ("residuals.csv", "trial,joint\nall,LFK\n", "row 1 of the trial 'all'"),
-        ("traces.json", '{"joints": []}', "joints: expected an object, got list"),
-        ("traces.json", '{"joints": {"LFK": {"time": [0]}}}', "joints.LFK.measured: missing"),
+        ("diagnosis.json", "{}", "format: expected hqpipe-diagnosis/1, got null"),
+        ("residuals.csv", "trial,joint\nall,LFK\n", "no column 'family'"),
+        ("traces.json", '{"joints": []}', "joints: expected an object, got a list"),
+        ("traces.json", '{"joints": {"LFK": {"time": [0]}}}', "joints.LFK: missing field 'measured'"),
         (
             "traces.json",
             '{"joints": {"LFK": {"time": [0, 1], "measured": [1], "before": [1, 2]}}}',
-            "joints.LFK.measured: expected 2 numbers as in time, got 1",
+            "joints.LFK.measured: expected 2 elements, got 1",
         ),
     ],
 )

@@ -44,7 +44,7 @@ def test_weights_of_another_size_are_refused(folder):
 
 def test_other_formats_are_refused(folder):
     (folder / "policy.json").write_text('{"format": "hqpipe-policy/9"}')
-    with pytest.raises(ConfigError, match="expected 'hqpipe-policy/1'"):
+    with pytest.raises(ConfigError, match="format: 'hqpipe-policy/9', expected hqpipe-policy/1"):
         load_policy(folder)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -108,3 +109,14 @@ def test_an_error_in_a_worker_carries_its_message(robot, stiff):
 def test_a_robot_that_does_not_fit_its_urdf_is_refused(engine, robot, stiff, change, message):
     with pytest.raises(ConfigError, match=message):
         BatchedWorld(replace(robot, **change), stiff, 1, engine=engine, workers=1)
+
+
+def test_a_starting_worker_ends_with_its_parent_though_its_socket_is_open():
+    ours, theirs = socket.socketpair()
+    pipe, end = os.pipe()
+    inherited = (theirs.fileno(), theirs.fileno(), pipe)
+    command = [sys.executable, "-m", "hqpipe.sim", *map(str, inherited)]
+    with ours, theirs, subprocess.Popen(command, pass_fds=inherited) as worker:
+        os.close(pipe)
+        os.close(end)
+        assert worker.wait(60) in (1, -signal.SIGIO)

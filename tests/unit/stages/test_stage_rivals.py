@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
@@ -35,7 +34,8 @@ def test_window_and_limits_reach_the_fit_in_the_table_and_in_the_data_curve(monk
         return SimpleNamespace(model="model", posterior=None, fits=())
 
     monkeypatch.setattr(module, function, fitted)
-    monkeypatch.setattr(rivals, "_processes", lambda names, settings: ThreadPoolExecutor(1))
+    monkeypatch.setattr(rivals, "in_processes", lambda task, calls, *_: [task(*given) for given in calls.values()])
+    monkeypatch.setattr(rivals.WorkerPool, "call", lambda pool, name, task, *given: task(*given))
     rivals.fit_rivals(Logs(), [name], SETTINGS, lambda title: None)
     with rivals.rival_fits([name], replace(SETTINGS, window_s=0.2)) as fits:
         fits[rivals.TITLES[name]](Logs())
