@@ -1,12 +1,14 @@
 # make run   – install if needed, then the whole pipeline on a small budget (profile ci)
 # make test  – install if needed, then every test
+# make torture – kills, damage, full disks, little memory and odd files; [SEED=7] [MINUTES=12], see docs/reliability.md
 # make claims – the figures of docs/theory/actuator-claims.md, from the chain up to fit-actuator and two benchmarks
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
+MINUTES ?= 12
 NETS   := --set fit_actuator.net_iterations=1000 --set fit_actuator.strong_net_iterations=1200
 
-.PHONY: run test lint claims clean
+.PHONY: run test lint torture claims clean
 
 run: $(VENV)/.installed
 	$(BIN)/hqpipe run all --profile ci
@@ -17,6 +19,9 @@ test: $(VENV)/.installed lint
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+torture: $(VENV)/.installed
+	$(BIN)/python -m tests.torture --minutes $(MINUTES) $(if $(SEED),--seed $(SEED))
 
 claims: $(VENV)/.installed
 	$(BIN)/hqpipe run all --profile ci --until fit-actuator $(NETS) --set collect.walk_seconds=42 \
