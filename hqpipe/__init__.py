@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hqpipe.kernel_cache import set_folder
+from hqpipe.system.kernel_cache import set_folder
 
 __version__ = "0.1.0"
 

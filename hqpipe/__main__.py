@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NoReturn
 
-from hqpipe.signals import Interrupted, end, raise_on_signals
+from hqpipe.system.signals import Interrupted, end, raise_on_signals
 
 
 def start() -> NoReturn:

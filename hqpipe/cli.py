@@ -18,8 +18,8 @@ from hqpipe.pipeline.options import traceback_option
 from hqpipe.pipeline.stage import StageTable
 from hqpipe.pipeline.streams import ReaderGone, prepare_streams
 from hqpipe.registry import load
-from hqpipe.signals import REMEDY, STATE, TOLD, Interrupted, end, ignore_signals, raise_on_signals
-from hqpipe.system_failures import system_failure
+from hqpipe.system.failures import system_failure
+from hqpipe.system.signals import REMEDY, STATE, TOLD, Interrupted, end, ignore_signals, raise_on_signals
 
 HELP = "Close the sim-to-real gap of heavy hydraulic legged robots: collect, fit, diagnose, retrain, export, validate."
 

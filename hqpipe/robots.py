@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.documents import read_yaml_mapping
-from hqpipe.entries import Entry
 from hqpipe.errors import ConfigError, near_match
+from hqpipe.files.documents import read_yaml_mapping
+from hqpipe.files.entries import Entry
 from hqpipe.urdf import LARGEST_LIMIT, MOVING, Urdf, read_urdf
 
 FILE = "robot.yaml"

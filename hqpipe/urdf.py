@@ -11,9 +11,9 @@ from xml.parsers import expat
 
 import numpy as np
 
-from hqpipe.documents import read_text
-from hqpipe.entries import NAME
 from hqpipe.errors import ConfigError, near_match
+from hqpipe.files.documents import read_text
+from hqpipe.files.entries import NAME
 
 LARGEST = 4 * 2**20  # bytes; the largest public URDFs have some 100 kB
 DEEPEST = 32  # levels of elements; a URDF has six

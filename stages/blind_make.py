@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from hqpipe import durable
 from hqpipe.errors import UsageError
-from hqpipe.processes import in_processes
+from hqpipe.system import durable
+from hqpipe.system.processes import in_processes
 
 ROBOT = "hydraulic_quadruped"  # the cases are overrides of this machine
 FORMAT, ANSWERS = "hqpipe-blind/1", "answers.json"

@@ -7,10 +7,10 @@ from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any
 
-from hqpipe import durable
 from hqpipe.errors import UsageError, near_match
-from hqpipe.processes import in_processes
-from hqpipe.system_failures import system_failure
+from hqpipe.system import durable
+from hqpipe.system.failures import system_failure
+from hqpipe.system.processes import in_processes
 
 DIAGNOSIS, ORACLE, FAILED, CONTENT = "diagnosis", "oracle", "failed.json", "diagnosis.json"
 GAPS = "gaps.json"

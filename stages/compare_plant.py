@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from hqpipe import durable
 from hqpipe.stages.compare_train import Trained
+from hqpipe.system import durable
 
 POLICY, ZERO = "policy", "zero_action"
 _ZERO_FOLDER = "zero_action"

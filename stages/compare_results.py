@@ -75,8 +75,8 @@ def loop_closed(rows: Rows, diagnosis: Path | None) -> dict[str, Any]:
 
 def _diagnosed(path: Path) -> dict[str, Any]:
     """diagnosis.json, whose gap, if there is one, has what is shown of it."""
-    from hqpipe.documents import read_json
-    from hqpipe.entries import Entry
+    from hqpipe.files.documents import read_json
+    from hqpipe.files.entries import Entry
 
     fix = "run hqpipe diagnose again"
     document = Entry(read_json(path, fix), path, fix)

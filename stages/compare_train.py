@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hqpipe import durable
 from hqpipe.stages.controllers import Controller
 from hqpipe.stages.training import METRICS, write_rows, write_training
+from hqpipe.system import durable
 
 REPORT = "report.json"  # in scratch only: it holds the speed of the training
 _DONE, _TRAINING = "trained", "training"

@@ -90,8 +90,8 @@ def model_at(folder: Path, joints: tuple[str, ...], option: str = "--actuator") 
 
 def foreign_fit(context: Any, log_set: Any) -> list[str]:
     """A warning if the actuator model was fitted to other logs than `log_set`; a model without fit.json says nothing."""
-    from hqpipe.documents import read_json
-    from hqpipe.entries import Entry
+    from hqpipe.files.documents import read_json
+    from hqpipe.files.entries import Entry
 
     path = context.inputs["actuator"] / FIT
     if not path.is_file():

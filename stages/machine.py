@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from hqpipe.processes import in_processes
+from hqpipe.system.processes import in_processes
 
 Progress = Callable[[float, float, str], None]
 Result = TypeVar("Result")

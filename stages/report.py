@@ -120,8 +120,8 @@ def _parts(context: Any, stages: Any) -> dict[str, Any]:
 
 def _record(path: Any) -> dict[str, Any]:
     """A manifest as plain data; its hashes were compared before the stage began."""
-    from hqpipe.documents import read_json
-    from hqpipe.entries import Entry
+    from hqpipe.files.documents import read_json
+    from hqpipe.files.entries import Entry
 
     fix = "give the folder as hqpipe wrote it, or make it again"
     top = Entry(read_json(path, fix), path, fix, kind=UsageError).table()

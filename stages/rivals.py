@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from hqpipe.processes import WorkerPool, in_processes
+from hqpipe.system.processes import WorkerPool, in_processes
 
 if TYPE_CHECKING:
     from hqpipe.actuators.base import ActuatorModel

@@ -8,9 +8,9 @@ from pathlib import Path
 from hqpipe.actuators import ACTUATOR_MODELS, weights_file
 from hqpipe.actuators.base import FORMAT, ActuatorModel
 from hqpipe.actuators.net import INPUTS, NetActuator
-from hqpipe.documents import read_json
-from hqpipe.entries import Entry
 from hqpipe.errors import ConfigError, UsageError, near_match
+from hqpipe.files.documents import read_json
+from hqpipe.files.entries import Entry
 
 FILE = "actuator.json"
 _KEYS = ("format", "model", "joints", "dt", "scope", "parameters")

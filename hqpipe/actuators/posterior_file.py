@@ -9,9 +9,9 @@ import numpy as np
 
 from hqpipe.actuators.base import ActuatorModel
 from hqpipe.actuators.posterior import Group, Posterior, Range, check_fields
-from hqpipe.documents import read_json
-from hqpipe.entries import Entry
 from hqpipe.errors import UsageError, near_match
+from hqpipe.files.documents import read_json
+from hqpipe.files.entries import Entry
 
 FILE = "posterior.json"
 FORMAT = "hqpipe-posterior/1"

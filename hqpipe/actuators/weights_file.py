@@ -9,7 +9,7 @@ import numpy as np
 
 from hqpipe.actuators.net import check_tensors
 from hqpipe.errors import ConfigError, UsageError
-from hqpipe.tensors import read_tensors
+from hqpipe.files.tensors import read_tensors
 
 FILE = "weights.safetensors"
 _DTYPE = "F64"  # safetensors' name of float64

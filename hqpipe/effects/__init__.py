@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import hqpipe.checked_cache  # noqa: F401 (before any function is compiled)
+import hqpipe.system.checked_cache  # noqa: F401 (before any function is compiled)
 from hqpipe.effects import (
     backlash,
     channel_skew,

@@ -14,8 +14,8 @@ import numpy as np
 
 from hqpipe.actuators.base import ActuatorModel
 from hqpipe.actuators.files import save_actuator
-from hqpipe.documents import read_table
 from hqpipe.errors import ConfigError
+from hqpipe.files.documents import read_table
 from hqpipe.gap.accuse import accuse
 from hqpipe.gap.answer import answer, not_identifiable
 from hqpipe.gap.changes import SCALE, multiplied

@@ -13,10 +13,10 @@ from hqpipe.actuators.files import FILE
 from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.actuators.posterior_file import FILE as POSTERIOR
 from hqpipe.actuators.posterior_file import load_posterior
-from hqpipe.documents import read_json, read_table
 from hqpipe.effects.layout import slot
-from hqpipe.entries import Entry
 from hqpipe.errors import ConfigError
+from hqpipe.files.documents import read_json, read_table
+from hqpipe.files.entries import Entry
 from hqpipe.gap.estimate import Z95
 
 FIT, DIAGNOSIS, RESIDUALS = "fit.json", "diagnosis.json", "residuals.csv"

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hqpipe.documents import read_json
 from hqpipe.errors import ConfigError, near_match
+from hqpipe.files.documents import read_json
 
 FORMAT = "hqpipe-diagnosis/1"
 FIX = "run hqpipe diagnose again"

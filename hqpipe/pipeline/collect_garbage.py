@@ -6,9 +6,9 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from hqpipe import durable
 from hqpipe.pipeline.stage import StageTable
 from hqpipe.pipeline.store import Entry, Store
+from hqpipe.system import durable
 
 
 @dataclass(frozen=True)

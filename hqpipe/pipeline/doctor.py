@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
-from hqpipe.kernel_cache import VARIABLE, is_writable
+from hqpipe.system.kernel_cache import VARIABLE, is_writable
 
 MIN_PYTHON = (3, 11)
 # A default chain with a few alternatives kept stays below this; assumption, generous.

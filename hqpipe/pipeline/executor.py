@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hqpipe import durable
 from hqpipe.errors import GateError, HqpipeError, IntegrityError, UsageError
 from hqpipe.pipeline.context import StageContext
 from hqpipe.pipeline.fault import unexpected
@@ -20,7 +19,8 @@ from hqpipe.pipeline.provenance import provenance
 from hqpipe.pipeline.stage import Stage
 from hqpipe.pipeline.store import Entry
 from hqpipe.pipeline.streams import stdout_to_stderr
-from hqpipe.system_failures import reported, system_failure
+from hqpipe.system import durable
+from hqpipe.system.failures import reported, system_failure
 
 DONE = {"run": "ran", "restore": "restored", "keep": "kept"}
 

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from hqpipe.errors import IntegrityError, LockedError, UsageError
-from hqpipe.system_failures import reported
+from hqpipe.system.failures import reported
 
 # The record is read for a message only; a command line of many overrides is cut there.
 _RECORD_BYTES = 65536

@@ -12,11 +12,11 @@ import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from hqpipe import durable
 from hqpipe.errors import HqpipeError, IntegrityError, UsageError
 from hqpipe.pipeline.hashing import SHORT, file_hash, list_files
 from hqpipe.pipeline.manifest import KEY, MAKE_AGAIN, MANIFEST, Manifest, is_artifact, read_manifest
-from hqpipe.system_failures import reported
+from hqpipe.system import durable
+from hqpipe.system.failures import reported
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from hqpipe.documents import read_yaml_mapping
 from hqpipe.errors import ConfigError, near_match
+from hqpipe.files.documents import read_yaml_mapping
 from hqpipe.plant.schema import BY_PATH
 from hqpipe.robots import RobotSpec
 from hqpipe.sim.body_changes import BodyChanges, Ground, LinkChange, Payload

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hqpipe.documents import read_json, read_table
-from hqpipe.entries import Entry
 from hqpipe.errors import UsageError
+from hqpipe.files.documents import read_json, read_table
+from hqpipe.files.entries import Entry
 
 CONTENT, TABLE, TRACES, MODEL = "diagnosis.json", "residuals.csv", "traces.json", "actuator.json"
 FORMAT = "hqpipe-diagnosis/1"

@@ -18,10 +18,10 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file, save
 from torch import Tensor
 
-from hqpipe import durable
 from hqpipe.rl.evaluate import Evaluation
 from hqpipe.rl.ppo import ConcurrentPPO
 from hqpipe.rl.task import LocomotionTask
+from hqpipe.system import durable
 
 _PREFIX = "checkpoint_"
 _KEPT = 2

@@ -9,9 +9,9 @@ from typing import Protocol
 
 import numpy as np
 
-from hqpipe.documents import read_yaml_mapping
-from hqpipe.entries import Entry
 from hqpipe.errors import ConfigError, UsageError
+from hqpipe.files.documents import read_yaml_mapping
+from hqpipe.files.entries import Entry
 from hqpipe.rl import gait
 from hqpipe.rl.observation import build_observation
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import onnxruntime
 
-from hqpipe.documents import read_bytes
 from hqpipe.errors import ConfigError
+from hqpipe.files.documents import read_bytes
 from hqpipe.rl.controller import ACTIONS, ESTIMATE, INPUT
 
 LARGEST = 2**29  # bytes; a policy of hqpipe has 0.5 MB

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.lib import format as npy
 
-from hqpipe.documents import read_bytes
 from hqpipe.errors import ConfigError
+from hqpipe.files.documents import read_bytes
 
 FILE = "parity.npz"
 LARGEST = 2**28  # bytes; that of 512 observations has 0.1 MB, and of a million 240 MB

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hqpipe.entries import Entry
+from hqpipe.files.entries import Entry
 from hqpipe.rl.config import PRIORS, GaitConfig
 from hqpipe.rl.leg import LegGeometry
 from hqpipe.rl.observation import Layout, Term

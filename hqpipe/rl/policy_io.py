@@ -8,12 +8,12 @@ from pathlib import Path
 import torch
 from safetensors.torch import save_file
 
-from hqpipe.documents import read_json
-from hqpipe.entries import Entry
+from hqpipe.files.documents import read_json
+from hqpipe.files.entries import Entry
+from hqpipe.files.tensors import read_tensors
 from hqpipe.rl.networks import LocomotionNetworks
 from hqpipe.rl.policy_fields import read_spec
 from hqpipe.rl.policy_spec import PolicySpec
-from hqpipe.tensors import read_tensors
 
 WEIGHTS, SPEC = "policy.safetensors", "policy.json"
 _FIX = "give the folder of a trained policy, or train it again"

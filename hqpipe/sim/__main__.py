@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 
-from hqpipe.orphans import end_with_parent
+from hqpipe.system.orphans import end_with_parent
 
 
 def main() -> None:

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from hqpipe.errors import UsageError
-from hqpipe.processes import in_processes
 from hqpipe.robots import load_robot
 from hqpipe.sim.render import Camera, Renderer
+from hqpipe.system.processes import in_processes
 
 CHUNK = 20  # frames that a process draws at a time: a second of film, so that progress is seen
 # From the side that the light falls on, low and far enough for the whole gait; by eye.

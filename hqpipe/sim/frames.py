@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-import hqpipe.checked_cache  # noqa: F401 (before any function is compiled)
+import hqpipe.system.checked_cache  # noqa: F401 (before any function is compiled)
 
 
 @njit(cache=True)

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numba import njit
 
-import hqpipe.checked_cache  # noqa: F401 (before any function is compiled)
+import hqpipe.system.checked_cache  # noqa: F401 (before any function is compiled)
 from hqpipe.errors import ConfigError, near_match
 from hqpipe.robots import RobotSpec
 from hqpipe.sim.body_changes import BodyChanges, Ground, LinkChange

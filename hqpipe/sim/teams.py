@@ -12,11 +12,11 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Protocol
 
 from hqpipe.errors import HqpipeError
-from hqpipe.signals import without_ctrl_c
 from hqpipe.sim.engine import Engine, EngineSetup
 from hqpipe.sim.memory import share
 from hqpipe.sim.state import ArraySizes, WorldArrays
 from hqpipe.sim.worker import DONE, RESET, STEP, describe, receive_text, send_text
+from hqpipe.system.signals import without_ctrl_c
 
 EXIT_TIMEOUT_S = 5.0  # assumption: a worker that has not left by then is stuck
 

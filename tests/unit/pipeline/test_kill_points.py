@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from hqpipe import durable
 from hqpipe.pipeline.collect_garbage import Garbage, remove
 from hqpipe.pipeline.hashing import hash_files
 from hqpipe.pipeline.manifest import Manifest, Recipe
 from hqpipe.pipeline.store import Store
+from hqpipe.system import durable
 
 sys.path.append(str(Path(__file__).parents[2]))
 from file_operations import each_kill

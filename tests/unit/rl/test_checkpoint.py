@@ -11,9 +11,9 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from hqpipe import durable
 from hqpipe.rl.checkpoint import Progress, load_checkpoint, save_checkpoint
 from hqpipe.rl.train import Trainer, train
+from hqpipe.system import durable
 
 sys.path.append(str(Path(__file__).parents[2]))
 from file_operations import each_kill

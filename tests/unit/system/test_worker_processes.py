@@ -15,8 +15,8 @@ import pytest
 import toy_jobs
 
 from hqpipe.errors import HqpipeError, LogError
-from hqpipe.processes import in_processes
-from hqpipe.signals import FIRST_ON_SIGNAL
+from hqpipe.system.processes import in_processes
+from hqpipe.system.signals import FIRST_ON_SIGNAL
 
 DEADLINE_S = 60.0
 

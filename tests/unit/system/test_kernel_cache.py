@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from hqpipe import kernel_cache
 from hqpipe.pipeline.doctor import examine
+from hqpipe.system import kernel_cache
 
 NOWHERE = "/dev/null/nowhere"  # not even root can make a folder here
 
@@ -19,7 +19,7 @@ TWICE = """
 import json, sys
 import numpy as np
 from numba import njit
-import hqpipe.checked_cache
+import hqpipe.system.checked_cache
 
 @njit(cache=True)
 def twice(x):
@@ -91,7 +91,7 @@ def test_a_full_disk_is_done_without(tmp_path):
 
 @pytest.mark.parametrize("module", ["kernels.laws", "effects", "plant.plant", "sim.mujoco_loop", "sim.pybullet_robot"])
 def test_every_way_to_compiled_code_leads_through_the_check(module):
-    code = f"import sys, hqpipe.{module}; print('numba' in sys.modules, 'hqpipe.checked_cache' in sys.modules)"
+    code = f"import sys, hqpipe.{module}; print('numba' in sys.modules, 'hqpipe.system.checked_cache' in sys.modules)"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.split() in (["True", "True"], ["False", "False"])
 

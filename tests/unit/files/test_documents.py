@@ -7,10 +7,10 @@ import os
 import pytest
 from damage import ANY_FILE, JSON_FILE, YAML_FILE, refused, refuses_every
 
-from hqpipe import documents
-from hqpipe.documents import check_plain, read_json, read_table, read_yaml_mapping
-from hqpipe.entries import Entry
 from hqpipe.errors import ConfigError, LogError
+from hqpipe.files import documents
+from hqpipe.files.documents import check_plain, read_json, read_table, read_yaml_mapping
+from hqpipe.files.entries import Entry
 
 FIX = "make it again"
 

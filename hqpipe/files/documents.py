@@ -1,7 +1,7 @@
 """JSON, YAML and CSV files as plain data; whatever can be wrong with such a file is an error that names it and the remedy.
 
 What comes back holds text, finite numbers, true, false and null in lists and mappings with text keys, and nothing else, of
-bounded size and depth; what the fields mean is for `hqpipe.entries` and the reader of the format.
+bounded size and depth; what the fields mean is for `hqpipe.files.entries` and the reader of the format.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import time
 from functools import partial
 
 from hqpipe.errors import LogError
-from hqpipe.processes import WorkerPool, in_processes
+from hqpipe.system.processes import WorkerPool, in_processes
 
 LONG_S = 600
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from hqpipe import durable
+from hqpipe.system import durable
 
-sys.path.append(str(Path(__file__).parents[1]))
+sys.path.append(str(Path(__file__).parents[2]))
 from file_operations import each_kill
 
 

@@ -63,7 +63,7 @@ def _state_of_sources() -> str:
     numba reuses a compiled function as long as its own file is unchanged, even if a function that it inlines has
     changed in another; hence one folder per state of all sources that hold compiled functions.
     """
-    root = Path(__file__).parent
+    root = Path(__file__).parents[1]
     digest = hashlib.sha256()
     for path in sorted(path for name in _COMPILED for path in (root / name).glob("*.py")):
         state = path.stat()

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from hqpipe.errors import HqpipeError, LogError, UsageError
-from hqpipe.system_failures import _FAILURES, reported, system_failure
+from hqpipe.system.failures import _FAILURES, reported, system_failure
 
 
 @pytest.mark.parametrize("number", _FAILURES, ids=errno.errorcode.get)

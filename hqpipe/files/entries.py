@@ -20,7 +20,7 @@ class Entry:
     """One value.
 
     Attributes:
-        value: plain data, as of `hqpipe.documents`.
+        value: plain data, as of `hqpipe.files.documents`.
         file: where it was read. fix: what the user does about a wrong one.
         place: path of the field within the file, e.g. ``groups[0].mean``; empty for the whole file.
         kind: of the errors.

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hqpipe.documents import check_file
 from hqpipe.errors import ConfigError, near_match
+from hqpipe.files.documents import check_file
 
 LARGEST = 2**30  # bytes; nets of hqpipe have some hundred kB
 _TYPES = {"F64": np.float64, "F32": np.float32}

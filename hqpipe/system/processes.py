@@ -16,8 +16,8 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, Self, TypeVar
 
 from hqpipe.errors import HqpipeError
-from hqpipe.orphans import end_with_parent
-from hqpipe.signals import FIRST_ON_SIGNAL, without_ctrl_c
+from hqpipe.system.orphans import end_with_parent
+from hqpipe.system.signals import FIRST_ON_SIGNAL, without_ctrl_c
 
 Result = TypeVar("Result")
 Told = Callable[[int, str], None]
