@@ -42,7 +42,7 @@ profiles:
         policy: {{hidden: [16]}}
         evaluation: {{num_envs: 1, interval: 1000, seconds: 0.5, commands: [[0.5, 0, 0]]}}
       torque: *training
-    collect: {{walk_seconds: 2.0, gantry_seconds: 2.0, stress_seconds: 0.0, shortest_seconds: 0.2}}
+    collect: {{walk_seconds: 2.0, gantry_seconds: 2.0, stress_seconds: 0.0, shortest_seconds: 1.0}}
     fit_actuator: {{rivals: [mlp], net_iterations: 2}}
     diagnose: {{without: [{without}]}}
     retrain: {{training: *training}}
