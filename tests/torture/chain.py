@@ -96,7 +96,7 @@ def forget_from(project: Path, stage: str) -> None:
 
 
 def small_chain() -> Chain:
-    """The chain for these sources from the cache, or what is missing of it made now (45 s on an idle core)."""
+    """The chain for these sources from the cache, or what is missing of it made now (a minute on an idle core)."""
     folder = CACHE / f"chain-{_sources()}"
     record = folder.with_suffix(".json")
     data = json.loads(record.read_text()) if record.is_file() else {"seconds": {}, "operations": {}}
