@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import time
+import traceback
 from pathlib import Path
 
 from hqpipe.cli import ENVIRONMENT
@@ -67,7 +68,11 @@ def _one_part(arguments: argparse.Namespace) -> int:
             saved = passed
         return done < 1 if arguments.trial is not None else passed < 60.0 * arguments.minutes
 
-    run_part(arguments.only, arguments.seed, tally, go_on, arguments.trial or 0)
+    try:
+        run_part(arguments.only, arguments.seed, tally, go_on, arguments.trial or 0)
+    except Exception as error:
+        traceback.print_exc()
+        tally.problem("traceback", "the harness", arguments.only, f"{type(error).__name__}: {error}: {error.__cause__}")
     return _report(tally, arguments.out)
 
 

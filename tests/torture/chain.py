@@ -42,7 +42,7 @@ profiles:
         policy: {{hidden: [16]}}
         evaluation: {{num_envs: 1, interval: 1000, seconds: 0.5, commands: [[0.5, 0, 0]]}}
       torque: *training
-    collect: {{walk_seconds: 2.0, gantry_seconds: 2.0, stress_seconds: 0.0, shortest_seconds: 0.2}}
+    collect: {{walk_seconds: 2.0, gantry_seconds: 2.0, stress_seconds: 0.0, shortest_seconds: 1.0}}
     fit_actuator: {{rivals: [mlp], net_iterations: 2}}
     diagnose: {{without: [{without}]}}
     retrain: {{training: *training}}
@@ -96,7 +96,7 @@ def forget_from(project: Path, stage: str) -> None:
 
 
 def small_chain() -> Chain:
-    """The chain for these sources from the cache, or what is missing of it made now (45 s on an idle core)."""
+    """The chain for these sources from the cache, or what is missing of it made now (a minute on an idle core)."""
     folder = CACHE / f"chain-{_sources()}"
     record = folder.with_suffix(".json")
     data = json.loads(record.read_text()) if record.is_file() else {"seconds": {}, "operations": {}}
