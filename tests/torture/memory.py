@@ -11,6 +11,7 @@ from .processes import hqpipe
 from .tally import Tally
 
 KIND = "limits of memory"
+_LIMIT_S = 120.0  # the longest stage takes 30 s on an idle machine
 _MIB = (300, 500, 700, 900, 1200, 1600, 2000, 2500, 3000, 4000)  # of address space; torch alone maps over 1 GiB
 
 
@@ -22,7 +23,13 @@ def starve_stage(chain: Chain, stage: str, folder: Path, random: Random, tally: 
     project = chain.copy(folder / "project")
     forget_from(project, stage)
     size = random.choice(_MIB) << 20
-    ended = hqpipe(project, stage, "--json", prepare=lambda: resource.setrlimit(resource.RLIMIT_AS, (size, size)))
+    ended = hqpipe(
+        project,
+        stage,
+        "--json",
+        limit=_LIMIT_S,
+        prepare=lambda: resource.setrlimit(resource.RLIMIT_AS, (size, size)),
+    )
     repeat = f"{stage} in {size >> 20} MiB"
     tally.count(KIND, stage)
     ends = "in words" if ended.told else "finished" if ended.code == 0 else "killed by a library"
