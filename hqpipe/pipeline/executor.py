@@ -21,6 +21,7 @@ from hqpipe.pipeline.store import Entry
 from hqpipe.pipeline.streams import stdout_to_stderr
 from hqpipe.system import durable
 from hqpipe.system.failures import reported, system_failure
+from hqpipe.system.memory import check_address_space
 
 DONE = {"run": "ran", "restore": "restored", "keep": "kept"}
 
@@ -134,6 +135,7 @@ class Executor:
         """Call the stage's function; an unexpected exception becomes one that names stage and place."""
         stage = decision.stage
         settings = self.planner.settings
+        check_address_space(self._store.folder)
         run = stage.load_run()
         with stage_progress(stage.name) as progress, stdout_to_stderr():
             context = StageContext(

@@ -103,7 +103,7 @@ FIELDS: tuple[Field, ...] = (
         upper=0.05,
     ),
     # 4-way servo valve; an opening of 1 is the rated stroke
-    _joint("valve.rated_flow", "m³/s", "at full opening and rated_drop", lower=1e-9, upper=1.0),
+    _joint("valve.rated_flow", "m³/s", "at full opening and rated_drop; 1e-20 seals it", lower=1e-20, upper=1.0),
     _joint("valve.rated_drop", "Pa", "over both lands", lower=1e5, upper=1e8),
     _joint("valve.bandwidth_hz", "Hz", "natural frequency of the spool", lower=0.5, upper=1000.0),
     _joint("valve.damping_ratio", "1", "of the spool", lower=0.05, upper=5.0),

@@ -114,7 +114,7 @@ class LocomotionEnv(gymnasium.Env):
     ) -> None:
         spec = load_robot(robot)
         model = unmodelled_actuator(spec, "position") if actuator is None else actuator
-        settings = from_mapping(TrainConfig(num_envs=1, ppo=PPOConfig(batch_size=1)), config or {})
+        settings = from_mapping(TrainConfig(num_envs=1, ppo=PPOConfig(batch_size=PPOConfig.n_steps)), config or {})
         world = training_world(spec, model, settings, num_envs=1, workers=1, seed=seed)
         policy = PolicySpec.build(spec, model, settings)
         self.task = LocomotionTask(spec, policy, world, settings, training=True, seed=seed)

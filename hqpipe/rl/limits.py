@@ -46,7 +46,7 @@ LIMITS: dict[str, Limit] = {
     "seed": Limit(0, 2**32 - 1, "NumPy and PyTorch both take seeds of 32 bits"),
     "total_steps": Limit(1, 1e10, "50 times the paper's 192 million"),
     "num_envs": _ROBOTS,
-    "episode_s": Limit(0.1, 3600.0, "from ten control periods to an hour"),
+    "episode_s": Limit(0.01, 3600.0, "from one control period to an hour"),
     "checkpoint_interval": _COUNT,
     "torch_threads": Limit(1, 1024, "cores of a machine"),
     "gait.frequency_hz": Limit(0.1, 10.0, "the clock divides by it, and a leg of 30 kg does not step faster"),

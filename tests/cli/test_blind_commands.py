@@ -103,7 +103,7 @@ def test_a_full_disk_is_no_failure_of_the_diagnosis(tmp_path, monkeypatch):
 @pytest.mark.parametrize("text", ["", "{", "\xff", "[" * 100_000])
 def test_a_damaged_diagnosis_is_made_again(tmp_path, monkeypatch, text):
     asked = []
-    monkeypatch.setattr(blind_score, "_parallel", lambda work, jobs, *options: asked.extend(jobs))
+    monkeypatch.setattr(blind_score, "in_processes", lambda task, calls, *options: asked.extend(calls))
     output = tmp_path / "diagnosis" / "case_000"
     output.mkdir(parents=True)
     (output / "diagnosis.json").write_bytes(text.encode("latin-1"))

@@ -89,7 +89,7 @@ def coefficients(folder: Path, joints: tuple[str, ...] = JOINTS, dt: float = 1e-
     "make,message",
     [
         (lambda f: f / "absent", "no such folder"),
-        (pd, "a model of kind 'stiff_pd' has no coefficients to compare; give artifacts/actuator"),
+        (pd, "a model of kind 'stiff_pd' has no coefficients to compare: give artifacts/actuator"),
         (lambda f: coefficients(f, ("LFR", "RFP")), "joints LFR, LFP and LFR, RFP, without 'LFP'"),
         (lambda f: coefficients(f, dt=0.002), "sample times 0.001 s and 0.002 s"),
         (lambda f: write(f, 1, ("LFR", "LFQ")), "joints LFR, LFP and LFR, LFQ, without 'LFP'"),

@@ -105,10 +105,10 @@ GREEDY = {
 def test_limits_of_the_process(toy, limit):
     kind, value, text, fix = LIMITS[limit]
     code = (
-        f"import sys; sys.path.insert(0, {str(TOY.parent)!r}); import toy_pipeline, toy_numbers\n"
+        f"import sys; sys.path.insert(0, {str(TOY.parent)!r}); import hqpipe.cli, toy_pipeline, toy_numbers\n"
         f"def run(context):\n    {GREEDY[limit]}\n"
         "toy_numbers.run = run\n"
-        "sys.exit(toy_pipeline.run_cli(toy_pipeline.TABLE, ['numbers']))"
+        "sys.exit(hqpipe.cli.run_cli(toy_pipeline.TABLE, ['numbers']))"
     )
 
     def restrict() -> None:
@@ -122,6 +122,21 @@ def test_limits_of_the_process(toy, limit):
     (line,) = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
     assert text in line and fix in line and "numbers: /" in line
     assert "Traceback" not in result.stderr and not list(toy.artifacts.rglob(".tmp-*"))
+
+
+def test_too_little_address_space_is_refused_before_a_library_waits_for_it(toy):
+    toy("numbers")
+    def restrict() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30))
+
+    def run(*arguments: str) -> subprocess.CompletedProcess:
+        command = [sys.executable, str(TOY), *arguments]
+        return subprocess.run(command, cwd=toy.root, capture_output=True, text=True, preexec_fn=restrict)
+
+    result = run("run", "all")
+    assert result.returncode == 1 and "limited to 1.0 GiB" in result.stderr and "ulimit -v" in result.stderr
+    assert not (toy.artifacts / "squares").exists()
+    assert run("verify").returncode == 0  # looking needs none of the libraries
 
 
 @pytest.mark.parametrize(
@@ -146,4 +161,4 @@ def test_failure_of_a_command(toy, monkeypatch, error, code, words):
 def test_name_of_a_robot_that_is_too_long(toy):
     toy.edit("robot: toy", f"robot: ./{'r' * 300}")
     answer = toy("run", "all")
-    assert answer.code == 2 and "too long" in answer.err and "shorten it" in answer.err
+    assert answer.code == 2 and "pipeline.yaml:1: robot: expected names of at most 255 bytes" in answer.err
