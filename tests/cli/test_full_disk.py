@@ -126,6 +126,7 @@ def test_limits_of_the_process(toy, limit):
 
 def test_too_little_address_space_is_refused_before_a_library_waits_for_it(toy):
     toy("numbers")
+
     def restrict() -> None:
         resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30))
 
