@@ -99,3 +99,16 @@ def near_match(name: str, known: Iterable[str]) -> str:
     """Return ``" – did you mean 'x'?"`` for the closest of `known`, or an empty string."""
     close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
     return f" – did you mean '{close[0]}'?" if close else ""
+
+
+SHOWN = 80
+"""Characters of a value that a message repeats."""
+
+
+def shown(value: object) -> str:
+    """The value as a message repeats it, cut where it is long."""
+    try:
+        text = repr(value)
+    except ValueError:  # Python writes out no whole number of thousands of digits
+        return "a number that is too long"
+    return text if len(text) <= SHOWN else f"{text[: SHOWN - 1]}…"

@@ -106,7 +106,7 @@ def read_json(path: Path, fix: str, kind: type[HqpipeError] = ConfigError) -> An
     except _Bad as error:
         raise kind(f"{path}: {error}", file=path, field=error.field, fix=fix) from error
     except (RecursionError, MemoryError) as error:
-        message = f"{path}: not JSON of hqpipe (too deeply nested or too large)"
+        message = f"{path}: nested too deep, or too large"
         raise kind(message, file=path, fix=fix) from error
     return content
 
@@ -139,7 +139,7 @@ def read_yaml_mapping(path: Path, fix: str, kind: type[HqpipeError] = ConfigErro
     except _Bad as error:
         raise kind(f"{path}: {error}", file=path, field=error.field, fix=fix) from error
     except (RecursionError, MemoryError) as error:
-        raise kind(f"{path}: not YAML of hqpipe (too deeply nested or too large)", file=path, fix=fix) from error
+        raise kind(f"{path}: nested too deep, or too large", file=path, fix=fix) from error
     except _BAD_VALUE as error:
         raise kind(f"{path}: a value that YAML cannot read ({_reason(error)})", file=path, fix=fix) from error
     return content

@@ -11,9 +11,9 @@ from typing import Any
 
 import yaml
 
-from hqpipe.errors import LogError, near_match
+from hqpipe.errors import LogError, near_match, shown
+from hqpipe.files.documents import read_yaml_mapping
 from hqpipe.logs import FORMAT
-from hqpipe.logs.yaml_file import read_yaml, shown
 
 FILE = "logset.yaml"
 _CHOICES = {
@@ -59,11 +59,7 @@ def read_manifest(path: Path, files: Iterable[str], *, needs_fit: bool = True) -
     Raises:
         LogError: no YAML, an unknown field, a wrong value, or a file that is not there.
     """
-    raw = read_yaml(path)
-    if not isinstance(raw, dict):
-        raise _wrong(
-            path, None, f"expected the fields {', '.join(_KEYS)}, got {_kind(raw)}", "write one field per line"
-        )
+    raw = read_yaml_mapping(path, "correct it, docs/how-to/bring-your-own-logs.md shows one", LogError)
     _check_keys(path, "", raw, _KEYS)
     if raw.get("format") != FORMAT:
         raise _wrong(
@@ -165,10 +161,6 @@ def _is_number(value: Any) -> bool:
 
 def _near(value: Any, known: Iterable[str]) -> str:
     return near_match(value[:99], known) if isinstance(value, str) else ""
-
-
-def _kind(value: Any) -> str:
-    return "nothing" if value is None else type(value).__name__
 
 
 def _wrong(path: Path, field: str | None, what: str, fix: str) -> LogError:

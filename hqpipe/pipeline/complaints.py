@@ -8,8 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from hqpipe.errors import ConfigError, HqpipeError, near_match
-from hqpipe.pipeline.names import shown
+from hqpipe.errors import ConfigError, HqpipeError, near_match, shown
 from hqpipe.pipeline.overrides import Origin
 from hqpipe.pipeline.stage import Stage
 from hqpipe.pipeline.yaml_source import Location, YamlSource

@@ -10,9 +10,9 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from hqpipe.errors import ConfigError, UsageError, near_match
+from hqpipe.errors import ConfigError, UsageError, near_match, shown
 from hqpipe.pipeline.complaints import ConfigErrors, FieldError, file_errors, section_errors
-from hqpipe.pipeline.names import path_problem, shown
+from hqpipe.pipeline.names import path_problem
 from hqpipe.pipeline.options import MAX_WORKERS
 from hqpipe.pipeline.overrides import Origin, Override, lay_over, parse_override
 from hqpipe.pipeline.stage import Stage, StageTable

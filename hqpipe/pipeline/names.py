@@ -4,16 +4,10 @@ from __future__ import annotations
 
 import os
 
+from hqpipe.errors import shown
+
 # Linux: longest name in a folder, and longest path with the final NUL.
 MAX_NAME, MAX_PATH = 255, 4095
-SHOWN = 80
-"""Characters of a value that a message repeats."""
-
-
-def shown(value: object) -> str:
-    """The value as a message repeats it, cut where it is long."""
-    text = repr(value)
-    return text if len(text) <= SHOWN else f"{text[: SHOWN - 1]}…"
 
 
 def path_problem(text: str) -> str | None:

@@ -6,8 +6,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
-from hqpipe.errors import UsageError, near_match
-from hqpipe.pipeline.names import SHOWN
+from hqpipe.errors import SHOWN, UsageError, near_match
 from hqpipe.pipeline.yaml_source import MAX_DEPTH, Location, YamlProblem, parse_yaml
 
 OPTION = "--set"

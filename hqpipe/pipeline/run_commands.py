@@ -9,10 +9,9 @@ from typing import Any
 
 import click
 
-from hqpipe.errors import HqpipeError, UsageError
+from hqpipe.errors import HqpipeError, UsageError, shown
 from hqpipe.pipeline.answer import answer
 from hqpipe.pipeline.completion import chain_stages
-from hqpipe.pipeline.names import shown
 from hqpipe.pipeline.options import Folder, running_options, with_options
 from hqpipe.pipeline.stage import Input, Stage, StageTable
 

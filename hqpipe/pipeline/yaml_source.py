@@ -9,8 +9,7 @@ from typing import Any
 
 import yaml
 
-from hqpipe.errors import ConfigError
-from hqpipe.pipeline.names import shown
+from hqpipe.errors import ConfigError, shown
 
 Location = tuple[str, ...]
 

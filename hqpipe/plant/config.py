@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from hqpipe.errors import ConfigError, near_match
+from hqpipe.errors import ConfigError, near_match, shown
 from hqpipe.files.documents import read_yaml_mapping
 from hqpipe.plant.schema import BY_PATH
 from hqpipe.robots import RobotSpec
@@ -93,8 +93,8 @@ class PlantConfig:
         """Raise ConfigError unless `effort_source` is known."""
         source = self.overrides.get("effort_source", EFFORT_SOURCES[0])
         if source not in EFFORT_SOURCES:
-            hint = near_match(_shown(source), EFFORT_SOURCES)
-            text = f"expected one of {', '.join(EFFORT_SOURCES)}, got {_shown(source)}{hint}"
+            hint = near_match(shown(source), EFFORT_SOURCES)
+            text = f"expected one of {', '.join(EFFORT_SOURCES)}, got {shown(source)}{hint}"
             raise _wrong("plant.effort_source", text, "name one of these")
 
     def settings(self, robot: RobotSpec) -> list[Setting]:
@@ -154,7 +154,7 @@ def select_joints(selector: str | list[str], robot: RobotSpec, where: str = "pla
     if isinstance(selector, (list, tuple)):
         return tuple(sorted({index for part in selector for index in select_joints(part, robot, where)}))
     if not isinstance(selector, str):
-        raise _wrong(where, f"expected the name of a joint, got {_shown(selector)}", "name joints, legs or kinds")
+        raise _wrong(where, f"expected the name of a joint, got {shown(selector)}", "name joints, legs or kinds")
     if selector == "all":
         return tuple(range(len(robot.joints)))
     if selector in robot.joints:
@@ -177,7 +177,7 @@ def _span_settings(span: Mapping[str, Any], where: str, robot: RobotSpec) -> Ite
     _check_keys(span, (*_SECTIONS, "time", "joints"), where)
     bounds = span.get("time")
     if not (_numbers(bounds, 2) and bounds[0] < bounds[1]):
-        text = f"expected [start, stop] in s with start < stop, got {_shown(bounds)}"
+        text = f"expected [start, stop] in s with start < stop, got {shown(bounds)}"
         raise _wrong(f"{where}.time", text, "write e.g. time: [5.0, 8.0]")
     joints = select_joints(span["joints"], robot, f"{where}.joints") if "joints" in span else None
     section = {key: span[key] for key in _SECTIONS if key in span}
@@ -209,16 +209,16 @@ def _checked(path: str, value: Any, where: str) -> str:
     """Check one number against the schema and return its scope."""
     if path not in BY_PATH:
         if any(known.startswith(f"{path}.") for known in BY_PATH):
-            raise _wrong(where, f"expected a mapping of fields, got {_shown(value)}", "write {field: value}")
+            raise _wrong(where, f"expected a mapping of fields, got {shown(value)}", "write {field: value}")
         raise _wrong(where, f"unknown field '{path[:80]}'{near_match(path[:80], BY_PATH)}", "rename or remove it")
     known = BY_PATH[path]
     told = "write a number within that"
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        text = f"expected a number in {known.unit}, got {_shown(value)} (YAML: 1.0e+6, not 1.0e6)"
+        text = f"expected a number in {known.unit}, got {shown(value)} (YAML: 1.0e+6, not 1.0e6)"
         raise _wrong(where, text, told)
     if not known.lower <= value <= known.upper:
-        shown = f"{value:g}" if isinstance(value, float) else _shown(value)
-        raise _wrong(where, f"expected {known.lower:g} to {known.upper:g} {known.unit}, got {shown}", told)
+        found = f"{value:g}" if isinstance(value, float) else shown(value)
+        raise _wrong(where, f"expected {known.lower:g} to {known.upper:g} {known.unit}, got {found}", told)
     return known.scope
 
 
@@ -264,7 +264,7 @@ def _mapping(node: Any, where: str) -> Mapping[str, Any]:
 
 def _list(node: Any, where: str) -> list[Any] | tuple[Any, ...]:
     if not isinstance(node, (list, tuple)):
-        raise _wrong(where, f"expected a list, got {_shown(node)}", "write a list, each entry after a dash")
+        raise _wrong(where, f"expected a list, got {shown(node)}", "write a list, each entry after a dash")
     return node
 
 
@@ -275,11 +275,6 @@ def _numbers(node: Any, count: int) -> bool:
         and len(node) == count
         and all(isinstance(v, (int, float)) and not isinstance(v, bool) and abs(v) <= LARGEST for v in node)
     )
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:79]}…"
 
 
 def _build(kind: type, raw: Any, where: str) -> Any:
@@ -301,20 +296,20 @@ def _body_value(value: Any, kind: str, where: str) -> Any:
     name = where.rsplit(".", 1)[1]
     if kind == "str":
         if not isinstance(value, str):
-            raise _wrong(where, f"expected a name, got {_shown(value)}", "name a link of the robot")
+            raise _wrong(where, f"expected a name, got {shown(value)}", "name a link of the robot")
         return value
     lower, upper = BODY_LIMITS[name]
     if kind.startswith("tuple"):
         if not (_numbers(value, 3) and all(lower <= v <= upper for v in value)):
-            text = f"expected three numbers in m within ±{upper:g}, got {_shown(value)}"
+            text = f"expected three numbers in m within ±{upper:g}, got {shown(value)}"
             raise _wrong(where, text, "write e.g. [0.0, 0.0, 0.2]")
         return tuple(float(v) for v in value)
     expected = int if kind == "int" else (int, float)
     if not isinstance(value, expected) or isinstance(value, bool):
         what = "whole number" if kind == "int" else "number"
-        raise _wrong(where, f"expected a {what}, got {_shown(value)}", f"write a number from {lower:g} to {upper:g}")
+        raise _wrong(where, f"expected a {what}, got {shown(value)}", f"write a number from {lower:g} to {upper:g}")
     if not lower <= value <= upper:
-        text = f"expected {lower:g} to {upper:g}, got {_shown(value)}"
+        text = f"expected {lower:g} to {upper:g}, got {shown(value)}"
         raise _wrong(where, text, "write a number within that")
     return value
 

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
-from hqpipe.errors import ConfigError, near_match
+from hqpipe.errors import ConfigError, near_match, shown
 from hqpipe.rl.limits import (
     SAMPLES,
     CombinationError,
@@ -19,7 +19,6 @@ from hqpipe.rl.limits import (
     check_layers,
     check_numbers,
     check_range,
-    shown,
     wrong,
 )
 from hqpipe.sim import ENGINES

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
-from hqpipe.errors import ConfigError
+from hqpipe.errors import ConfigError, shown
 
 
 class CombinationError(ConfigError):
@@ -163,9 +163,3 @@ def _speeds(row: Any, count: int) -> bool:
 
 def _listed(value: Any) -> str:
     return shown([list(part) if isinstance(part, tuple) else part for part in value])
-
-
-def shown(value: Any) -> str:
-    """The value as a message repeats it."""
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:79]}…"

@@ -85,7 +85,7 @@ def test_unlisted_files_and_no_heldout_are_said(logs):
         ("rate_hz: 1000", "rate_hz: fast", "rate_hz is 'fast'"),
         ("{vx: 0.4}", "{vx: quick}", "expected numbers"),
         ("control_mode: position", "control_mode: valve", "no column 'joint/hip/valve_command'"),
-        ("trials:", "trials: {", "not YAML"),
+        ("trials:", "trials: {", "not valid YAML"),
     ],
 )
 def test_a_wrong_manifest_is_named(logs, old, new, words):
@@ -99,7 +99,7 @@ def test_a_wrong_manifest_is_named(logs, old, new, words):
 
 def test_manifest_never_builds_objects(logs):
     (logs / "logset.yaml").write_text("format: !!python/object/apply:os.getcwd []\n")
-    with pytest.raises(LogError, match="not YAML"):
+    with pytest.raises(LogError, match="not valid YAML"):
         read_log_set(logs)
 
 
