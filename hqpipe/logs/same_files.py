@@ -24,7 +24,7 @@ def check_distinct(folder: Path, files: Sequence[str]) -> None:
         other = seen.setdefault((status.st_dev, status.st_ino), file)
         if other is not file:
             raise LogError(
-                f"{folder / file}: is the same file as {other}; a trial belongs to one split and counts once",
+                f"{folder}: '{file}' is the same file as '{other}'; a trial belongs to one split and counts once",
                 file=folder / file,
                 field="trials",
                 fix="list it once in logset.yaml, or remove the link",

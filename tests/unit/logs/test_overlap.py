@@ -57,12 +57,12 @@ def test_one_file_under_two_names(folder, how, split):
         (folder / "here").symlink_to(".")
         name = "here/a.parquet"
     listed(folder, **{"a.parquet": "fit", name: split, "c.parquet": "heldout"})
-    assert "is the same file as a.parquet" in refusal(folder)
+    assert "is the same file as 'a.parquet'" in refusal(folder)
 
 
 def test_a_link_without_logset_yaml(folder):
     (folder / "latest.parquet").symlink_to("a.parquet")
-    assert "latest.parquet: is the same file as a.parquet" in refusal(folder)
+    assert "'latest.parquet' is the same file as 'a.parquet'" in refusal(folder)
 
 
 def test_equal_bytes_in_both_splits(folder):
@@ -217,7 +217,7 @@ def test_real_trick_is_refused(tmp_path):
         pytest.skip(f"{REAL / 'emps'} is not there")
     (tmp_path / "motion_a.parquet").write_bytes((REAL / "emps" / "motion_a.parquet").read_bytes())
     listed(tmp_path, **{"motion_a.parquet": "fit", "./motion_a.parquet": "heldout"})
-    assert "is the same file as motion_a.parquet" in refusal(tmp_path)
+    assert "is the same file as 'motion_a.parquet'" in refusal(tmp_path)
 
 
 def test_stress_trials_that_repeat_a_fit_trial(folder):
