@@ -22,6 +22,7 @@ HEAVIEST = 1e6  # kg, a thousand times a heavy legged robot; keeps the physics e
 LIGHTEST = 1e-6  # kg; MuJoCo refuses a moving body without mass, pybullet gives a link without one 1 kg
 FARTHEST = 1e3  # m, of an origin, and of the size of a shape
 LARGEST_LIMIT = 1e6  # rad, m, rad/s, N·m or N of a joint's limit
+LEAST_INERTIA = 1e-12  # kg·m², a milligram at a millimetre; MuJoCo takes smaller ones for none
 LARGEST_INERTIA = 1e9  # kg·m², of HEAVIEST at some 30 m
 TRIANGLE = 0.02  # of the largest principal inertia: what the triangle inequality may miss by, as rounded tables do
 MOVING = ("revolute", "continuous", "prismatic")
@@ -170,8 +171,8 @@ def _check_inertia(element: ElementTree.Element, place: _Place) -> None:
     )
     least, middle, most = np.linalg.eigvalsh(np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]))
     shown = f"principal moments {least:.4g}, {middle:.4g} and {most:.4g} kg·m²"
-    if not least > 0.0:
-        raise place.error(f"{shown}, expected all above 0")
+    if not least >= LEAST_INERTIA:
+        raise place.error(f"{shown}, expected all of at least {LEAST_INERTIA:g}")
     if least + middle < (1.0 - TRIANGLE) * most:
         raise place.error(f"{shown}, expected none larger than the other two together, as for every body")
 

@@ -94,7 +94,6 @@ def collect_on_full_disk(folder: Path, random: Random, tally: Tally) -> None:
         for limit in ("20", "30", "40"):
             toy(project, "run", "all", "--set", f"report.limit={limit}")
         toy(project, "run", "all")
-        (project / "artifacts" / ".lock-holder.json").unlink(missing_ok=True)
         _resize(project, _used_kib(project))
         _fill(project)
         command = random.choice([("gc", "--json"), ("gc", "--all", "--json"), ("gc", "--dry-run", "--json")])

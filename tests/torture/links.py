@@ -90,11 +90,11 @@ def damage_link(chain: Chain, folder: Path, random: Random, tally: Tally) -> Non
 
 
 def damage_lock(chain: Chain, folder: Path, random: Random, tally: Tally) -> None:
-    """Whatever lies in the lock's files, the next command works or says in words what is in the way."""
+    """Whatever lies in the lock's place, the next command works or says in words what is in the way."""
     project = chain.copy(folder / "project")
     precious = folder / "precious"
     precious.write_text("precious")
-    path = project / "artifacts" / random.choice([".lock", ".lock-holder.json"])
+    path = project / "artifacts" / ".lock"
     path.unlink(missing_ok=True)
     how = random.choice(["bytes", "link", "folder", "json", "read-only"])
     if how == "bytes":

@@ -79,7 +79,7 @@ def _change(holder: Any, key: Any, change: dict[str, Any]) -> None:
     kind, value = change["do"], change.get("value")
     if kind == "set":
         holder[key] = _deep() if value == DEEP else value
-    elif kind == "scale":
+    elif kind == "scale" and isinstance(holder[key], int | float):  # a text or list would fill the memory here already
         holder[key] = holder[key] * value
     elif kind == "drop":
         del holder[key]
