@@ -8,13 +8,13 @@ from contextlib import suppress
 from pathlib import Path
 from random import Random
 
-from .chain import ARTIFACTS, NAMES, TRAININGS, Chain, forget_from, whole
+from .chain import ARTIFACTS, NAMES, Chain, forget_from, whole
 from .flips import verify
 from .processes import Ended, Run, hqpipe, kill_at
 from .tally import Tally
 
 CAUGHT = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
-_MOST_KILLS = {True: 6, False: 4}  # of one run, in trainings and elsewhere, before it may finish
+_MOST_KILLS = 12  # of one run, before it may finish
 # Trainings come twice: most of what can be lost is theirs.
 TURNS = ("retrain", "export", "bootstrap", "collect", "validate", "fit-actuator", "retrain", "diagnose", "bootstrap")
 
@@ -31,7 +31,7 @@ def kill_stage(chain: Chain, stage: str, folder: Path, random: Random, tally: Ta
     command = [stage, "--json", *(["--force"] if forced else [])]
     intact = ARTIFACTS if forced else ARTIFACTS[: NAMES.index(stage)]
     done: list[str] = []
-    for _ in range(random.randint(1, _MOST_KILLS[stage in TRAININGS])):
+    for _ in range(random.randint(1, _MOST_KILLS)):
         how, ended = _kill(chain, project, command, stage, random)
         if ended.code == 0:
             break  # it was faster than the kill
