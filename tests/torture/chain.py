@@ -16,7 +16,6 @@ from .processes import ROOT, counted, hqpipe
 CACHE = ROOT / "build" / "torture"
 NAMES = tuple(stage.name for stage in STAGES.between(None, None))
 ARTIFACTS = tuple(stage.artifact for stage in STAGES.between(None, None))
-TRAININGS = ("bootstrap", "retrain")
 _KEPT_EFFECTS = ("command_delay", "coulomb_friction")  # two make a search, at a tenth of the time of all
 _PIPELINE = """\
 robot: hydraulic_quadruped
