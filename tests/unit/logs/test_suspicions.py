@@ -133,7 +133,7 @@ def test_a_slow_joint_is_not_called_flipped(logs):
     columns = make_columns()
     following(columns, 340)
     assert np.corrcoef(columns["joint/hip/position"], columns["joint/hip/position_command"])[0, 1] < -0.5
-    found = warnings(logs, lambda c: c.update(columns))
+    found = warnings(logs, lambda c: following(c, 340))
     assert not any(OPPOSES in text for text in found), found
     found = warnings(logs, lambda c: following(c, 20, gain=-1.0))
     assert any(OPPOSES in text for text in found), found
@@ -141,11 +141,12 @@ def test_a_slow_joint_is_not_called_flipped(logs):
 
 def test_what_another_trial_shows_far_more_clearly_counts(logs):
     """A joint that its load moves, less than its overlap is wide, may stand against a command that answers to it."""
-    moved, follows = make_columns(seed=0), make_columns(seed=1)
+    moved, again, follows = (make_columns(seed=seed) for seed in range(3))
     following(moved, 0, gain=-0.04, noise=0.008)
+    following(again, 0, gain=-0.04, noise=0.008)
     following(follows, 5)
     put(logs, "a.parquet", moved)
-    put(logs, "b.parquet", moved)
+    put(logs, "b.parquet", again)
     assert any(OPPOSES in text for text in read_log_set(logs).warnings)
     put(logs, "b.parquet", follows)
     assert not any(OPPOSES in text for text in read_log_set(logs).warnings)
