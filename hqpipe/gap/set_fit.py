@@ -101,7 +101,8 @@ class JointFitter:
         self.data = data
         self._ground = neutral_row() if data.then is None else data.then.row
         signals = data.fit.signals
-        self._widest = float(np.abs(signals.command - signals.position).max())  # position error; only that mode has a k4
+        # Of the position error: only position mode has a k4.
+        self._widest = float(np.abs(signals.command - signals.position).max())
         self._known: dict[Names, SetFit] = {}
         self._again: set[tuple[Names, Names]] = set()
 

@@ -13,6 +13,7 @@ import hqpipe.system.checked_cache  # noqa: F401 (before any function is compile
 from hqpipe.errors import ConfigError, near_match
 from hqpipe.robots import RobotSpec
 from hqpipe.sim.body_changes import BodyChanges, Ground, LinkChange
+from hqpipe.sim.mujoco_refusal import named
 
 GRAVITY = 9.81  # m/s², standard gravity to three digits
 GANTRY_HEIGHT = 1.6  # m, base above ground when welded: the feet hang free at every pose
@@ -219,7 +220,9 @@ def _slope_quaternion(ground: Ground) -> np.ndarray:
 
 
 def _compile(robot: RobotSpec, floating: bool, timestep: float, changes: BodyChanges) -> mujoco.MjModel:
-    spec = mujoco.MjSpec.from_file(str(robot.urdf))
+    fix = "correct what it names, or the section `body` of the plant"
+    with named(robot.urdf, fix):
+        spec = mujoco.MjSpec.from_file(str(robot.urdf))
     spec.compiler.fusestatic = False  # fusing would merge the feet into the shanks
     spec.option.timestep, spec.option.gravity = timestep, [0.0, 0.0, -GRAVITY]
     spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, IMPEDANCE_RATIO
@@ -242,14 +245,8 @@ def _compile(robot: RobotSpec, floating: bool, timestep: float, changes: BodyCha
             explicitinertial=True,
         )
     _add_floor(spec, changes.ground)
-    try:
+    with named(robot.urdf, fix):
         model = spec.compile()
-    except ValueError as error:  # what MuJoCo alone refuses, such as numbers that are too small for it
-        raise ConfigError(
-            f"{robot.urdf}: MuJoCo cannot make a body of it ({' '.join(str(error).split())[:300]})",
-            file=robot.urdf,
-            fix="correct what it names, or the section `body` of the plant",
-        ) from error
     _set_contact_stiffness(model, robot, changes.ground)
     return model
 

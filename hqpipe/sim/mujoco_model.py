@@ -6,6 +6,7 @@ import mujoco
 
 from hqpipe.errors import ConfigError
 from hqpipe.sim.engine import GRAVITY, PHYSICS_DT, EngineSetup, RobotVariant
+from hqpipe.sim.mujoco_refusal import named
 
 # Stiff contacts, so that feet sink in and creep as little as pybullet's do. Assumptions, checked by the tests of engine
 # parity: recover from penetration within 2.5 ms (MuJoCo allows two steps or more), friction ten times stiffer.
@@ -13,6 +14,7 @@ CONTACT_TIME_S = 0.0025
 CONTACT_DAMPING_RATIO = 1.0
 FRICTION_IMPEDANCE_RATIO = 10.0
 SLIDING_ONLY = 3  # dimension of a contact without torsional and rolling friction
+_FIX = "correct what it names, or lower randomisation.kinematics"
 
 
 def robot_model(setup: EngineSetup, variant: RobotVariant) -> mujoco.MjModel:
@@ -21,14 +23,9 @@ def robot_model(setup: EngineSetup, variant: RobotVariant) -> mujoco.MjModel:
     Raises:
         ConfigError: MuJoCo refuses the URDF, or a link or joint that the setup names is not in it.
     """
-    try:
-        return robot_spec(setup, variant).compile()
-    except ValueError as error:
-        raise ConfigError(
-            f"robot.urdf: MuJoCo cannot make a body of it ({' '.join(str(error).split())[:300]})",
-            file="robot.urdf",
-            fix="correct what it names, or lower randomisation.kinematics",
-        ) from error
+    spec = robot_spec(setup, variant)
+    with named("robot.urdf", _FIX):
+        return spec.compile()
 
 
 def robot_spec(setup: EngineSetup, variant: RobotVariant) -> mujoco.MjSpec:
@@ -37,9 +34,10 @@ def robot_spec(setup: EngineSetup, variant: RobotVariant) -> mujoco.MjSpec:
     A bare URDF welds its root to the world and drops the root's mass; hence the free joint.
 
     Raises:
-        ConfigError: a link or joint that the setup names is not in the URDF.
+        ConfigError: MuJoCo refuses the URDF, or a link or joint that the setup names is not in it.
     """
-    spec = mujoco.MjSpec.from_string(variant.urdf)
+    with named("robot.urdf", _FIX):
+        spec = mujoco.MjSpec.from_string(variant.urdf)
     spec.compiler.fusestatic = False  # fusing would merge the feet into the shanks
     _check_names(spec, setup)
     spec.option.timestep, spec.option.gravity = PHYSICS_DT, [0.0, 0.0, -GRAVITY]

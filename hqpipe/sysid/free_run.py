@@ -57,8 +57,9 @@ def window_samples(dt: float, window_s: float) -> int:
     samples = round(window_s / dt)
     if samples < 2:
         raise IdentificationError(
-            f"a window of {window_s:g} s holds {samples} samples at {1 / dt:.6g} Hz, expected at least 2; "
-            f"choose a window of {4 * dt:.3g} s or more"
+            f"a window of {window_s:g} s holds {samples} samples at {1 / dt:.6g} Hz, expected at least 2",
+            field="window_s",
+            fix=f"choose a window of {4 * dt:.3g} s or more",
         )
     return samples
 

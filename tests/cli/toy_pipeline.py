@@ -14,6 +14,7 @@ from hqpipe.cli import main
 from hqpipe.errors import LogError
 from hqpipe.pipeline.config import StageParams
 from hqpipe.pipeline.stage import Input, Stage, StageTable
+from hqpipe.system import durable
 
 PIPELINE_YAML = """\
 robot: toy
@@ -66,7 +67,7 @@ def square(context) -> dict:
     resumed = (context.scratch / "step").is_file()
     first = int((context.scratch / "step").read_text()) if resumed else 0
     for step in range(first, params.steps):
-        (context.scratch / "step").write_text(str(step))
+        durable.write_file(context.scratch / "step", str(step))
         (context.output / "half.txt").write_text("half")
         context.progress(step, params.steps, "stepping")
         time.sleep(0.05)
