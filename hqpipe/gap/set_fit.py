@@ -100,6 +100,8 @@ class JointFitter:
     def __init__(self, data: JointData) -> None:
         self.data = data
         self._ground = neutral_row() if data.then is None else data.then.row
+        signals = data.fit.signals
+        self._widest = float(np.abs(signals.command - signals.position).max())  # position error; only that mode has a k4
         self._known: dict[Names, SetFit] = {}
         self._again: set[tuple[Names, Names]] = set()
 
@@ -229,7 +231,7 @@ class JointFitter:
         for name in BASE_OF_MODE[self.data.mode] + (LEAK,) * loaded:
             free.append(slot("base", name))
             lower.append(-np.inf if name in ("neutral", "k1") and self.data.mode == "valve" else 0.0)
-            upper.append(1.0 if name == "k2" and not loaded else np.inf)
+            upper.append(np.inf if loaded else self._most(name))
             scale.append(0.1 * natural[name])
         if self.data.mode == "valve" and ROW_OFFSET not in names:
             free.append(slots(ROW_OFFSET)[0])
@@ -237,6 +239,10 @@ class JointFitter:
             upper.append(self.data.row_dt)
             scale.append(self.data.row_dt)
         return [free, lower, upper, scale, [ALONE] * len(free)]
+
+    def _most(self, name: str) -> float:
+        """Upper bound of a base coefficient: neither leakage nor an impact takes more than the torque there is."""
+        return {"k2": 1.0, "k4": 1.0 / max(self._widest, 1e-300)}.get(name, np.inf)
 
     def _effect_columns(self, names: Names) -> list[list]:
         """The numbers of a set's effects; one that an earlier record holds may be as it was, whatever the logs' sizes."""
