@@ -11,6 +11,13 @@ from hqpipe.logs.columns import joint_column
 from hqpipe.logs.trajectory import Trajectory, Trial
 
 _FLIPPED = -0.5  # correlation of a joint with its own command
+_LATEST_S, _LAGS = (
+    0.5,
+    50,
+)  # by which a slow joint may follow its command, and in how many steps that is tried; assumptions
+_SOONER = 0.1  # of a correlation, by which one at the largest lag must be better: of a sine any sign fits at some lag
+_CLEARER = 4.0
+"""Ratio of the shares that two trials leave unexplained, beyond which the clearer one tells the sign of both; assumption."""
 _SWAPPED_OWN, _SWAPPED_CROSS = 0.3, 0.7
 _SATURATED_SHARE = 0.02
 _SATURATED_RUN = 5  # samples on end at the limit
@@ -40,13 +47,21 @@ def wiring_warnings(trials: list[Trial]) -> list[str]:
     for first, second, pick in _PAIRS:
         kept = [j for j, name in enumerate(joints) if first != "effort" or name not in unsigned]
         names = tuple(joints[j] for j in kept)
+        signals = []
         for trial in trials:
             x, y = pick(trial.trajectory)
             if x is None or y is None or not kept:
                 continue
             stride = max(1, len(x) // _MAX_SAMPLES)
-            for text, value in _pair_findings(first, second, names, x[::stride, kept], y[::stride, kept]):
-                found[text].append((trial.file, value))
+            signals.append(
+                (trial.file, x[::stride, kept], y[::stride, kept], _LATEST_S / (trial.trajectory.dt * stride))
+            )
+        for file, x, y, latest in signals:
+            for joint in _opposed(x, y, latest, [(a, b, most) for other, a, b, most in signals if other != file]):
+                text = f"{joint_column(names[joint], first)} opposes its {second}: is a sign flipped?"
+                found[text].append((file, _correlations(x, y)[joint, joint]))
+            for text, value in _swaps(first, second, names, _correlations(x, y)):
+                found[text].append((file, value))
     pairs = []
     for text, hits in found.items():
         strongest = max((correlation for _, correlation in hits), key=abs)
@@ -60,19 +75,41 @@ def wiring_warnings(trials: list[Trial]) -> list[str]:
     return pairs + _still(trials) + _saturated(trials)
 
 
-def _pair_findings(
-    first: str, second: str, joints: tuple[str, ...], x: np.ndarray, y: np.ndarray
-) -> list[tuple[str, float]]:
-    """Flipped and swapped joints of one pair of channels (T, J), each with the telling correlation."""
-    count = len(joints)
+def _correlations(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """(J, J) correlations of the columns of x with those of y, 0 where one of them stands still."""
     x, y = x - x.mean(axis=0), y - y.mean(axis=0)
     scale = np.sqrt(np.outer((x**2).sum(axis=0), (y**2).sum(axis=0)))
-    correlation = np.divide(x.T @ y, scale, out=np.zeros((count, count)), where=scale > 0)
+    return np.divide(x.T @ y, scale, out=np.zeros(scale.shape), where=scale > 0)
+
+
+def _opposed(
+    x: np.ndarray, y: np.ndarray, latest: float, others: list[tuple[np.ndarray, np.ndarray, float]]
+) -> list[int]:
+    """Joints whose signal (T, J) opposes what it should follow, also where both are most alike, `latest` samples later at most.
+
+    A joint that is half a gait cycle late moves against its command at each instant and is none the less wired rightly, and so
+    is one whose command answers to what the load does to it, if it follows far more closely in another trial (`others`).
+    """
     found = []
-    for i in range(count):
-        if correlation[i, i] < _FLIPPED:
-            text = f"{joint_column(joints[i], first)} opposes its {second}: is a sign flipped?"
-            found.append((text, correlation[i, i]))
+    for j in np.flatnonzero(np.diagonal(_correlations(x, y)) < _FLIPPED):
+        own = _at_best_lag(x[:, j], y[:, j], latest)
+        rest = max((_at_best_lag(a[:, j], b[:, j], most) for a, b, most in others), key=abs, default=0.0)
+        if own < 0.0 and not (rest > 0.0 and _CLEARER * (1.0 - rest**2) < 1.0 - own**2):
+            found.append(int(j))
+    return found
+
+
+def _at_best_lag(x: np.ndarray, y: np.ndarray, latest: float) -> float:
+    """The correlation of x (T,) with an earlier y (T,) that is largest in size, the sooner one of two alike."""
+    lags = np.unique(np.linspace(0, min(latest, len(x) // 2), _LAGS).astype(int))
+    values = [_correlations(x[lag:, None], y[: len(y) - lag, None])[0, 0] for lag in lags]
+    return float(values[np.argmax(np.abs(values) * np.linspace(1.0, 1.0 - _SOONER, len(values)))])
+
+
+def _swaps(first: str, second: str, joints: tuple[str, ...], correlation: np.ndarray) -> list[tuple[str, float]]:
+    """Swapped joints of one pair of channels, each with the telling correlation of (J, J)."""
+    found = []
+    for i in range(len(joints)):
         for j in range(i):
             own = max(correlation[i, i], correlation[j, j])
             cross = min(correlation[i, j], correlation[j, i])

@@ -115,3 +115,46 @@ def test_a_square_wave_command_is_not_saturated(logs):
         columns["joint/hip/effort"] = np.sign(columns["joint/hip/effort"]) * 100.0
 
     assert not any("saturated" in text for text in warnings(logs, change))
+
+
+def following(columns, samples, gain=1.0, noise=0.0):
+    """The hip follows an uneven command `samples` later."""
+    time = np.arange(-samples, 2000) * 1e-3
+    command = 0.3 * np.sin(8.0 * time) + 0.12 * np.sin(19.0 * time + 1.0)
+    position = gain * command[: len(command) - samples] + noise * np.sin(60.0 * time[samples:])
+    columns["joint/hip/position_command"], columns["joint/hip/position"] = command[samples:], position
+    columns["joint/hip/velocity"] = np.gradient(position, 1e-3)
+
+
+OPPOSES = "joint/hip/position opposes its position command"
+
+
+def test_a_slow_joint_is_not_called_flipped(logs):
+    columns = make_columns()
+    following(columns, 340)
+    assert np.corrcoef(columns["joint/hip/position"], columns["joint/hip/position_command"])[0, 1] < -0.5
+    found = warnings(logs, lambda c: c.update(columns))
+    assert not any(OPPOSES in text for text in found), found
+    found = warnings(logs, lambda c: following(c, 20, gain=-1.0))
+    assert any(OPPOSES in text for text in found), found
+
+
+def test_what_another_trial_shows_far_more_clearly_counts(logs):
+    """A joint that its load moves, less than its overlap is wide, may stand against a command that answers to it."""
+    moved, follows = make_columns(seed=0), make_columns(seed=1)
+    following(moved, 0, gain=-0.04, noise=0.008)
+    following(follows, 5)
+    put(logs, "a.parquet", moved)
+    put(logs, "b.parquet", moved)
+    assert any(OPPOSES in text for text in read_log_set(logs).warnings)
+    put(logs, "b.parquet", follows)
+    assert not any(OPPOSES in text for text in read_log_set(logs).warnings)
+
+
+def test_a_joint_that_is_flipped_in_one_trial_only_is_still_called_so(logs):
+    columns = make_columns(seed=0)
+    for name in ("position", "velocity"):
+        columns[f"joint/hip/{name}"] = -columns[f"joint/hip/{name}"]
+    put(logs, "a.parquet", columns)
+    put(logs, "b.parquet", make_columns(seed=1))
+    assert any(OPPOSES in text and "a.parquet" in text for text in read_log_set(logs).warnings)
