@@ -12,10 +12,12 @@ from itertools import product
 import numpy as np
 
 from hqpipe.effects import EFFECTS
+from hqpipe.effects.effect import Parameter
 from hqpipe.effects.layout import neutral_row, slot, slots
 from hqpipe.gap.changes import FACTORS, MOST_RATIO, base_slots, in_order, leaders, multiplied, ratios
 from hqpipe.gap.joint_data import JointData, Split
 from hqpipe.kernels.augmented_fit import CHANGES, fit_windows, residual_windows
+from hqpipe.kernels.augmented_windows import changes_of_effort
 
 BASE_OF_MODE = {"position": ("k1", "k2", "k3", "k4"), "torque": ("k1", "k2", "k3"), "valve": ("k1", "neutral")}
 LEAK = "k2"  # in valve mode, rad/s per N·m, where the torque was logged: a loaded axis slows, as in eq. (1) linearised
@@ -26,8 +28,10 @@ OUTLIER_SIGMAS = 6.0  # assumption: only gross errors (sensor glitches) lie beyo
 OUTLIER_SHARE = 0.5  # of the output's RMS; keeps impacts from counting as outliers
 SPANS = (1, 5, 20)  # samples of the differences that first guesses come from
 FIRST_LOOK = 3  # iterations before a start is compared with its rivals
-POORER = 1.01  # loss over that of a part of the set, from which it is fitted again; less is haste
-SHY = 0.1  # of the size that an effect has by itself, where that made matters worse; assumption
+MOST_LOOKS, LOOKS = 5, 1  # starts that get a first look: of a set fitted from nothing, and beside each part of it
+MOST_STARTS = 64  # of a set fitted from nothing; where it has more, one effect at a time is varied
+RIDGE = 1e-9  # of a regression: columns of nothing, as impacts that never come, stay at nothing
+IMPROVED = 1e-6  # of the loss, by which a set must be better than a part of it
 ITERATIONS, TOLERANCE = 25, 1e-4
 RATIO_SCALE = 0.1  # of a coefficient: the size of a step of its change
 ALONE = np.full(1, -1)  # a column that nothing is tied to
@@ -66,8 +70,8 @@ class SetFit:
 
 
 def is_poor(fit: SetFit, part: SetFit) -> bool:
-    """Whether a set is worse than a part of it: its fit ended in the wrong place."""
-    return fit.loss > POORER * part.loss and set(part.effects) < set(fit.effects)
+    """Whether a set is no better than a part of it: its fit may have ended in the wrong place."""
+    return fit.loss > (1.0 - IMPROVED) * part.loss and set(part.effects) < set(fit.effects)
 
 
 def window_errors(row: np.ndarray, split: Split) -> np.ndarray:
@@ -101,26 +105,28 @@ class JointFitter:
         self.data = data
         self._ground = neutral_row() if data.then is None else data.then.row
         signals = data.fit.signals
-        self._widest = float(np.abs(signals.command - signals.position).max())  # position error; only that mode has a k4
+        self._widest = float(
+            np.abs(signals.command - signals.position).max()
+        )  # position error; only that mode has a k4
         self._known: dict[Names, SetFit] = {}
-        self._again: set[tuple[Names, Names]] = set()
+        self._again: set[tuple[Names, Names, float]] = set()
 
     def fit(self, effects: Iterable[str] = (), warm: Sequence[SetFit] = (), iterations: int = ITERATIONS) -> SetFit:
-        """Fit a set, from the best of `warm` rows joined together and the effects' own start values.
+        """Fit a set, from the best of several starts: each `warm` row as it is, with what it lacks from the others, and with
+        the own starts of the effects that it lacks.
 
-        No set is worse than a part of it, but for where the fit began: where `warm` shows that, it is fitted again.
+        No set is worse than a part of it in `warm`: where it is no better, it is fitted again from that part.
         """
         names = in_order(effects)
-        if names not in self._known:
-            start = self._best_start(names, self._starts(names, warm))
-            self._known[names] = self._result(names, *self._run(names, start, iterations))
-        for part in warm:
-            known = self._known[names]
-            if is_poor(known, part) and (names, part.effects) not in self._again:
-                self._again.add((names, part.effects))
-                found = self._run(names, self._shy(part, names), iterations)
-                if found[1] < known.loss:
-                    self._known[names] = self._result(names, *found)
+        known = self._known.get(names)
+        parts = [part for part in warm if known is None or is_poor(known, part)]
+        parts = [part for part in parts if (names, part.effects, part.loss) not in self._again]
+        if known is None or parts:
+            self._again |= {(names, part.effects, part.loss) for part in parts}
+            start = self._best_start(names, *self._starts(names, parts))
+            found = self._run(names, start, iterations)
+            if known is None or found[1] < known.loss:
+                self._known[names] = self._result(names, *found)
         return self._known[names]
 
     def refine(self, fit: SetFit, larger: SetFit | None = None) -> SetFit:
@@ -151,22 +157,25 @@ class JointFitter:
             return ratios(fit.row, self._ground, fit.effects).get(effect, 1.0)
         return float(fit.row[slots(effect)[0]])
 
-    def fit_awake(self, fit: SetFit, effect: str) -> SetFit:
-        """The same set, fitted from the best of an effect's own starts; it is not remembered."""
-        parameter = EFFECTS[effect].parameters[0]
-        size = self.data.size[parameter.scale]
-        rows = []
-        for start in parameter.starts:
-            rows.append(fit.row.copy())
-            rows[-1][slots(effect)[0]] = start / size if parameter.inverse else start * size
-        return self._result(fit.effects, *self._run(fit.effects, self._best_start(fit.effects, rows), ITERATIONS))
+    def _best_start(
+        self, names: Names, sure: Sequence[np.ndarray], others: Sequence[np.ndarray] = (), most: int = 0
+    ) -> np.ndarray:
+        """Of several rows the one that does best after a first look.
 
-    def _best_start(self, names: Names, rows: Sequence[np.ndarray]) -> np.ndarray:
-        """Of several rows the one that does best after a first look."""
+        Args:
+            sure: rows that get one. others: rows of which the `most` best ones get one.
+        """
+        if len(others) > most:
+            others = sorted(others, key=lambda row: self._loss(names, row))[:most]
+        rows = [*sure, *others]
         if len(rows) == 1:
             return rows[0]
         looks = [self._run(names, row, FIRST_LOOK) for row in rows]
         return min(looks, key=lambda found: found[1])[0]
+
+    def _loss(self, names: Names, row: np.ndarray) -> float:
+        """Huber loss of a row as it stands."""
+        return self._run(names, row, 0)[1]
 
     def _result(self, names: Names, row: np.ndarray, loss: float, hessian: np.ndarray, residuals: np.ndarray) -> SetFit:
         heldout = window_errors(row, self.data.heldout)
@@ -183,7 +192,8 @@ class JointFitter:
         if not len(free):
             residuals = residual_windows(row, signals)
             return row, _huber(residuals, outlier), np.empty((0, 0)), residuals
-        return fit_windows(row, signals, free, lower, upper, scale, tied, CHANGES, outlier, iterations, TOLERANCE)
+        found = fit_windows(row, signals, free, lower, upper, scale, tied, CHANGES, outlier, iterations, TOLERANCE)
+        return found if np.isfinite(found[1]) else (found[0], np.inf, *found[2:])
 
     def _settled(self, names: Names) -> dict[int, float]:
         """Column → number of what others speak for: effects of the set that say the same, or the machine."""
@@ -271,33 +281,56 @@ class JointFitter:
         column = slot("coulomb_friction", turn.name)
         return [[column], [turn.lower * size], [turn.upper * size], [turn.starts[0] * size], [ALONE]]
 
-    def _starts(self, names: Names, warm: Sequence[SetFit]) -> list[np.ndarray]:
-        """Rows to begin with."""
-        if not names:
-            return [self._first_guess() if self.data.then is None else self._ground]
-        base = self.fit().row
-        if warm:
-            return [self._joined(names, fit, warm) for fit in warm]
+    def _starts(self, names: Names, warm: Sequence[SetFit]) -> tuple[list[np.ndarray], list[np.ndarray], int]:
+        """Rows to begin with: those that are looked at, those of which the best ones are, and how many of them."""
         if self.data.then is not None:
-            return self._changed(names)
-        options = [
-            [
-                (column, start / size if p.inverse else start * size)
-                for start in p.starts
-                for size in [self.data.size[p.scale]]
-            ]
+            if not names:
+                return [self._ground], [], 0
+            return [self._joined(names, fit, warm) for fit in warm] or self._changed(names), [], 0
+        if not names:
+            return [], [self._regressed(self.data.row, span) for span in self._spans], 1
+        sure, others = [], []
+        for fit in warm or [self.fit()]:
+            lacking = [name for name in names if name not in fit.effects]
+            joined = self._joined(names, fit, warm) if warm else fit.row.copy()
+            if set(fit.effects) <= set(names) or not lacking:
+                sure.append(self._asleep(joined, lacking))
+            others += [joined] if lacking and warm else []
+            for row in self._awake(joined, lacking, together=not warm):
+                others += [row, *(self._regressed(row, span) for span in self._spans if self.data.mode == "position")]
+        return sure, others, LOOKS * len(warm) or MOST_LOOKS
+
+    def _asleep(self, row: np.ndarray, names: Iterable[str]) -> np.ndarray:
+        """A copy of a row in which these effects do nothing yet, with what shapes them at its start."""
+        row = row.copy()
+        for name in names:
+            row[slots(name)] = self._ground[slots(name)]
+            self._reset_shape(row, name)
+        return row
+
+    def _awake(self, row: np.ndarray, names: Sequence[str], together: bool) -> list[np.ndarray]:
+        """Rows with these effects at each of their own starts, in all combinations or one effect after the other."""
+        options = {
+            name: list(
+                product(*(self._at_starts(c, p) for c, p in zip(slots(name), EFFECTS[name].parameters, strict=True)))
+            )
             for name in names
-            for column, p in zip(slots(name), EFFECTS[name].parameters, strict=True)
-        ]
+        }
+        together = together and np.prod([len(o) for o in options.values()], dtype=float) <= MOST_STARTS
+        if together:
+            choices = [sum(choice, ()) for choice in product(*options.values())]
+        else:
+            choices = [choice for name in names for choice in options[name]]
         rows = []
-        for factor in EFFECTS[names[0]].stiffer if len(names) == 1 else (1.0,):
-            for choice in product(*options):
-                row = base.copy()
-                row[[slot("base", "k1"), slot("base", "k3")]] *= factor
-                for column, value in choice:
-                    row[column] = value
-                rows.append(row)
+        for choice in choices if names else []:
+            rows.append(row.copy())
+            rows[-1][[column for column, _ in choice]] = [value for _, value in choice]
         return rows
+
+    def _at_starts(self, column: int, parameter: Parameter) -> list[tuple[int, float]]:
+        """A column with each of its parameter's start values."""
+        size = self.data.size[parameter.scale]
+        return [(column, start / size if parameter.inverse else start * size) for start in parameter.starts]
 
     def _changed(self, names: Names) -> list[np.ndarray]:
         """Rows in which each name of a set in turn is somewhere else than in the earlier record, and that record's own."""
@@ -337,14 +370,6 @@ class JointFitter:
                     row[slots(name)] = self._ground[slots(name)]
         return row
 
-    def _shy(self, fit: SetFit, names: Names) -> np.ndarray:
-        """The row of a fit, with a tenth of what the effects that it lacks are by themselves."""
-        row = self._joined(names, fit, [fit])
-        for name in set(names) - set(fit.effects) - set(FACTORS):
-            first = slots(name)[0]
-            row[first] = self._ground[first] + SHY * (row[first] - self._ground[first])
-        return row
-
     def _reset_shape(self, row: np.ndarray, name: str) -> None:
         """Numbers that only shape an effect start afresh: alone, it may have bent them to imitate what it lacked."""
         for column, parameter in zip(slots(name), EFFECTS[name].parameters, strict=True):
@@ -352,31 +377,32 @@ class JointFitter:
                 size = self.data.size[parameter.scale]
                 row[column] = parameter.starts[0] / size if parameter.inverse else parameter.starts[0] * size
 
-    def _first_guess(self) -> np.ndarray:
-        """Base gains from differences over a few samples, the better of several spans in the free run."""
-        rows = [self._regressed(span) for span in SPANS if span <= self.data.fit.signals.steps]
-        losses = [np.mean(window_errors(row, self.data.fit)) for row in rows]
-        return rows[int(np.nanargmin(losses))]
+    @property
+    def _spans(self) -> tuple[int, ...]:
+        return tuple(span for span in SPANS if span <= self.data.fit.signals.steps)
 
-    def _regressed(self, span: int) -> np.ndarray:
+    def _regressed(self, row: np.ndarray, span: int) -> np.ndarray:
+        """A copy of a row whose base gains are regressed on the opening that its effects shape, by differences over a few
+        samples of the log."""
         s, mode = self.data.fit.signals, self.data.mode
-        row = self.data.row.copy()
-        at = s.first[None, :] + np.arange(0, s.steps - span + 1, span)[:, None]
-
-        def summed(values: np.ndarray) -> np.ndarray:
-            total = np.concatenate([[0.0], np.cumsum(values)])
-            return (total[at + span] - total[at]).ravel()
-
+        row = row.copy()
         if mode == "valve":
             x = np.stack([s.command, np.ones_like(s.command)], axis=1)
             slope, offset = np.linalg.lstsq(x, s.velocity, rcond=None)[0]
             row[[slot("base", "k1"), slot("base", "neutral")]] = slope, -offset / slope if slope else 0.0
             return row
-        error = s.command - (s.position if mode == "position" else s.effort)
-        rise = (s.effort[at + span] - s.effort[at]).ravel()
-        columns = [summed(error), -summed(s.effort), -summed(s.velocity)]
-        x = np.stack(columns, axis=1)
-        gains = np.linalg.lstsq(x, rise, rcond=None)[0]
-        for name, gain in zip(("k1", "k2", "k3"), gains, strict=True):
-            row[slot("base", name)] = min(max(gain, 0.0), 0.9 if name == "k2" else np.inf)
+        from scipy.optimize import nnls
+
+        at = s.first[None, :] + np.arange(0, s.steps - span + 1, span)[:, None]
+        names = ("k1", "k2", "k3", "k4") if mode == "position" else ("k1", "k2", "k3")
+        columns = []
+        for change in changes_of_effort(row, s)[: len(names)]:
+            total = np.concatenate([[0.0], np.cumsum(change)])
+            columns.append((total[at + span] - total[at]).ravel())
+        x, rise = np.stack(columns, axis=1), (s.effort[at + span] - s.effort[at]).ravel()
+        size = np.maximum(np.sqrt(np.sum(x**2, axis=0)), 1e-300)
+        root = np.linalg.cholesky(x.T @ x / np.outer(size, size) + RIDGE * np.eye(len(names))).T
+        gains = nnls(root, np.linalg.solve(root.T, x.T @ rise / size))[0] / size
+        for name, gain in zip(names, gains, strict=True):
+            row[slot("base", name)] = min(gain, 0.9 if name == "k2" else self._most(name))
         return row

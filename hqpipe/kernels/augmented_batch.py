@@ -73,6 +73,10 @@ from hqpipe.kernels.augmented_links import (
     RUBBING,
     SAGGING,
     SATURATED,
+    SENT_ALIKE,
+    SENT_LATE,
+    SENT_PART,
+    SENT_WHOLE,
     SHARE,
     SLACK,
     SOFT,
@@ -89,6 +93,7 @@ from hqpipe.kernels.augmented_step import (
     RING,
     RING_LENGTH,
     SAMPLES,
+    SENT,
     SPOOL,
     TURNED,
     WOUND,
@@ -108,6 +113,39 @@ def _counts(m: np.ndarray, start: int, size: int) -> tuple[bool, bool]:
 
 
 @njit(cache=True, nogil=True, inline="always")
+def _delayed(
+    d: np.ndarray,
+    m: np.ndarray,
+    ring: int,
+    whole: int,
+    part: int,
+    alike: bool,
+    u: np.ndarray,
+    start: int,
+    size: int,
+) -> None:
+    """Put `u` (B,) into the ring and take what it was before; `whole` and `part` are the columns of `d` with its delay."""
+    if alike:
+        slot = int(m[SAMPLES, start]) % RING_LENGTH
+        newer = (slot - int(d[whole, 0])) % RING_LENGTH
+        older = (newer - 1) % RING_LENGTH
+        for i in range(size):
+            m[ring + slot, start + i] = u[i]
+        for i in range(size):
+            k = start + i
+            u[i] = m[ring + newer, k] + d[part, i] * (m[ring + older, k] - m[ring + newer, k])
+    else:
+        for i in range(size):
+            k = start + i
+            slot = int(m[SAMPLES, k]) % RING_LENGTH
+            m[ring + slot, k] = u[i]
+            newer = slot - int(d[whole, i])
+            newer = newer + RING_LENGTH if newer < 0 else newer
+            older = newer - 1 if newer > 0 else RING_LENGTH - 1
+            u[i] = m[ring + newer, k] + d[part, i] * (m[ring + older, k] - m[ring + newer, k])
+
+
+@njit(cache=True, nogil=True, inline="always")
 def _command(
     p: np.ndarray,
     d: np.ndarray,
@@ -121,27 +159,12 @@ def _command(
     in_step: bool,
 ) -> None:
     """Error, integrator, spool and what shapes the opening, into `u` (B,)."""
-    if links[DELAYED] and links[ALIKE] and in_step:
-        slot = int(m[SAMPLES, start]) % RING_LENGTH
-        newer = (slot - int(d[WHOLE, 0])) % RING_LENGTH
-        older = (newer - 1) % RING_LENGTH
-        for i in range(size):
-            m[RING + slot, start + i] = q_des[start + i]
-        for i in range(size):
-            k = start + i
-            u[i] = m[RING + newer, k] + d[PART, i] * (m[RING + older, k] - m[RING + newer, k]) - q[k]
-    elif links[DELAYED]:
-        for i in range(size):
-            k = start + i
-            slot = int(m[SAMPLES, k]) % RING_LENGTH
-            m[RING + slot, k] = q_des[k]
-            newer = slot - int(d[WHOLE, i])
-            newer = newer + RING_LENGTH if newer < 0 else newer
-            older = newer - 1 if newer > 0 else RING_LENGTH - 1
-            u[i] = m[RING + newer, k] + d[PART, i] * (m[RING + older, k] - m[RING + newer, k]) - q[k]
-    else:
-        for i in range(size):
-            u[i] = q_des[start + i] - q[start + i]
+    for i in range(size):
+        u[i] = q_des[start + i]
+    if links[DELAYED]:
+        _delayed(d, m, RING, WHOLE, PART, links[ALIKE] and in_step, u, start, size)
+    for i in range(size):
+        u[i] -= q[start + i]
     if links[INTEGRATED]:
         for i in range(size):
             error, held = u[i], m[INTEGRAL, start + i]
@@ -150,6 +173,8 @@ def _command(
     if links[BIASED]:
         for i in range(size):
             u[i] += p[BIAS, i]
+    if links[SENT_LATE]:
+        _delayed(d, m, SENT, SENT_WHOLE, SENT_PART, links[SENT_ALIKE] and in_step, u, start, size)
     if links[LAGGED]:
         for i in range(size):
             driven, spool = u[i], m[SPOOL, start + i]
@@ -357,7 +382,9 @@ def augmented_batch(
             wound = clip(m[WOUND, start + i] + change[i], p[LIMIT, i])
             m[WOUND, start + i] = wound
             tau[start + i] = wound
-        if asleep or links[DELAYED] or links[DRIFTING]:  # else it only matters that it is no longer 0
+        if (
+            asleep or links[DELAYED] or links[SENT_LATE] or links[DRIFTING]
+        ):  # else it only matters that it is no longer 0
             for i in range(size):
                 m[SAMPLES, start + i] += 1.0
         if links[RUBBING]:
@@ -390,5 +417,5 @@ def _wake_block(
             if m[SAMPLES, k] == 0.0:
                 row = m[:, k].copy()
                 wake(p[:, i].copy(), row, tau[k], q_des[k], q[k], qd[k], demand)
-                row[RING:] = q_des[k]
+                row[RING:SENT], row[SENT:] = q_des[k], row[SPOOL]
                 m[:, k] = row

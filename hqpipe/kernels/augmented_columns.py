@@ -24,6 +24,7 @@ MODES: Final = {"position": POSITION, "torque": TORQUE, "valve": VALVE}
 K1, K2, K3, K4, NEUTRAL = (slot("base", name) for name in BASE)
 DT, MIDDLE, CLEAR, LIMIT, PER_SPEED, PER_OPENING, SPEED_LATE, HELD = (slot("setting", name) for name in SETTING)
 DELAY, SKEW, BIAS = slot("command_delay", "delay_s"), slot("channel_skew", "skew_s"), slot("position_bias", "rad")
+VALVE_DELAY = slot("valve_delay", "delay_s")
 KI, WINDUP = slot("integral_action", "ki"), slot("integral_action", "limit")
 LAG = slot("valve_lag", "time_constant_s")
 BAND, ROUNDING = slot("valve_deadband", "half_width"), slot("valve_deadband", "rounding")

@@ -48,6 +48,7 @@ from hqpipe.kernels.augmented_columns import (
     TORQUE,
     UNEVEN,
     VALVE,
+    VALVE_DELAY,
     VISCOUS,
     WINDUP,
 )
@@ -76,6 +77,7 @@ def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
     share, mean = lag_share(p[LAG], dt), mean_share(p[LAG], dt)
     prompt = p[SKEW] == 0.0 and p[DELAY] == 0.0
     bent, shift = shaped(p), p[BIAS] if s.mode == POSITION else 0.0
+    sent_late = s.mode == POSITION and p[VALVE_DELAY] != 0.0
     for trial in range(s.bounds.shape[0] - 1):
         first, last = s.bounds[trial], s.bounds[trial + 1] - 1
         integral, spool = 0.0, 0.0
@@ -92,6 +94,9 @@ def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
             else:
                 error = wanted - p[NEUTRAL]
             driven = error + integral + shift
+            if sent_late:
+                work.driven[k] = driven
+                driven = delayed(work.driven, first, k, k, p[VALVE_DELAY] / dt) if k > first else driven
             spool = driven if k == first else spool
             if s.mode == TORQUE:
                 sequence[k], work.driven[k], work.summed[k] = wanted, spool, integral
@@ -155,7 +160,7 @@ def held(p: np.ndarray, s: Signals, work: Work, trial: int) -> float:
 def _missing(p: np.ndarray, s: Signals, work: Work, first: int, last: int, start: float) -> tuple[float, int]:
     """Change of torque that an integrator which starts at `start` leaves open, N·m, and over how many samples.
 
-    The spool's lag cancels in the sum.
+    The spool's lag and delay cancel in the sum.
     """
     integral, bent, change, end, leaning = start, shaped(p), 0.0, last, lean(p[SLOPE])
     bent_flow = p[ORIFICE] != 0.0 or p[DROOP] != 0.0 or p[K4] != 0.0

@@ -39,6 +39,7 @@ from hqpipe.kernels.augmented_windows import simulate
 
 MOST_LEAKED = 1.0 - 1e-9  # of the torque in a sample
 STEP = 1e-4  # of a parameter's scale: above rounding, below curvature
+FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e5  # beyond the latter a step is no longer than what rounding hides
 _DRIVEN = COMMAND | FOLLOW
 _INPUTS = {
     effect.CORE: CORE,
@@ -135,20 +136,23 @@ def _jacobian(
     trial: np.ndarray,
     free: np.ndarray,
     scale: np.ndarray,
+    lower: np.ndarray,
     upper: np.ndarray,
     tied: np.ndarray,
     changes: np.ndarray,
     weight: np.ndarray,
+    side: float,
     jacobian: np.ndarray,
 ) -> None:
-    """Weighted derivatives of the output, (n, steps · W); `work` holds what `simulate` left there for `p`."""
+    """Weighted derivatives of the output towards larger (`side` 1) or smaller (−1) numbers, (n, steps · W); `work` holds what
+    `simulate` left there for `p`."""
     moved = p.copy()
     stale = CORE
     lag, relaxed = _lag_row(p, free), np.zeros(free.shape[0])
     for i in range(free.shape[0]):
         at = free[i]
-        h = STEP * scale[i]
-        if p[at] + h > upper[i]:
+        h = side * STEP * scale[i]
+        if p[at] + h > upper[i] or p[at] + h < lower[i]:
             h = -h
         _move(moved, p, at, p[at] + h, tied[i])
         inputs = changes[at] if at not in GRIPS else CORE
@@ -265,16 +269,16 @@ def fit_windows(
         inputs |= changes[free[i]]  # what is tied is of the core, like the column that it is tied to
     simulate(p, s, work, out, ALL)
     cost = _cost(out, s.target, outlier, residual, weight)
-    damping, hessian = 1e-3, np.zeros((n, n))
+    damping, hessian, side = FIRST_DAMPING, np.zeros((n, n)), 1.0
     for _ in range(iterations):
-        _jacobian(p, s, work, out, trial, free, scale, upper, tied, changes, weight, jacobian)
+        _jacobian(p, s, work, out, trial, free, scale, lower, upper, tied, changes, weight, side, jacobian)
         hessian = jacobian @ jacobian.T
         gradient = jacobian @ (weight * residual)
         if not np.isfinite(hessian).all() or not np.isfinite(gradient).all():
             hessian[:] = 0.0  # a runaway start; its loss says so
             break
         fell = 0.0
-        for _ in range(8):
+        while damping < MOST_DAMPING:
             step = _damped_step(hessian, gradient, p[free], lower, upper, damping)
             moved = p.copy()
             for i in range(n):
@@ -289,6 +293,12 @@ def fit_windows(
                 damping = max(0.2 * damping, 1e-9)
                 break
             damping *= 8.0
+        if fell == 0.0 and side > 0.0:  # a kink, whose slope on this side says nothing of the other
+            damping, side = FIRST_DAMPING, -1.0
+            simulate(p, s, work, trial, inputs)  # scratch and weights are those of a rejected step
+            cost = _cost(out, s.target, outlier, residual, weight)
+            continue
+        side = 1.0
         if fell <= tolerance * cost:
             break
     return p, cost / size, hessian, residual.reshape(out.shape)

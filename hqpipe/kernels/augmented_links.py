@@ -31,6 +31,7 @@ from hqpipe.kernels.augmented_columns import (
     SLOPE,
     STATIC,
     UNEVEN,
+    VALVE_DELAY,
     VISCOUS,
 )
 from hqpipe.kernels.augmented_command import piston_lag
@@ -38,7 +39,7 @@ from hqpipe.kernels.augmented_step import RING_LENGTH
 
 BLOCK: Final = 384  # joints (32 quadrupeds): measured; the columns in use of a block stay in the cache
 
-# links that can be left out, and whether all joints are late by as many whole samples
+# links that can be left out, and whether all joints are late by as many whole samples, in the command and in what is put out
 (
     ALIKE,
     DELAYED,
@@ -55,11 +56,14 @@ BLOCK: Final = 384  # joints (32 quadrupeds): measured; the columns in use of a 
     SLACK,
     RUBBING,
     RELAXING,
-) = range(15)
-LINKS: Final = 15
+    SENT_ALIKE,
+    SENT_LATE,
+) = range(17)
+LINKS: Final = 17
 # columns that follow from a row of parameters
 (WHOLE, PART, SHARE, MEAN_SHARE, TOP, ONE_WAY, PER_S, RECOVERED, HALF, SOFT, LEAN, RELAXED, MEAN_RELAXED) = range(13)
-DERIVED: Final = 13
+SENT_WHOLE, SENT_PART = 13, 14
+DERIVED: Final = 15
 
 
 def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -72,9 +76,10 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         (WIDTH, B) parameters, (DERIVED, B) what follows from them, (LINKS,) bool links that some joint has.
     """
     p = parameters.T
-    lag = np.clip(p[DELAY] / p[DT], 0.0, RING_LENGTH - 2.0)
+    lag, sent = (np.clip(p[column] / p[DT], 0.0, RING_LENGTH - 2.0) for column in (DELAY, VALVE_DELAY))
     derived = np.empty((DERIVED, len(parameters)))
     derived[WHOLE], derived[PART] = np.floor(lag), lag - np.floor(lag)
+    derived[SENT_WHOLE], derived[SENT_PART] = np.floor(sent), sent - np.floor(sent)
     for j, row in enumerate(parameters):
         derived[SHARE, j], derived[MEAN_SHARE, j] = lag_share(row[LAG], row[DT]), mean_share(row[LAG], row[DT])
         behind = piston_lag(row)
@@ -102,9 +107,11 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         SLACK: (GAP,),
         RUBBING: (COULOMB, STATIC, LOAD, VISCOUS),
         RELAXING: (BEHIND,),
+        SENT_LATE: (VALVE_DELAY,),
     }
     for link, columns in signs.items():
         links[link] = np.any(p[list(columns)] != 0.0)
     links[ALIKE] = np.all(derived[WHOLE] == derived[WHOLE, 0])
+    links[SENT_ALIKE] = np.all(derived[SENT_WHOLE] == derived[SENT_WHOLE, 0])
     robots = max(1, BLOCK // len(parameters))
     return np.tile(p, robots), np.tile(derived, robots), links

@@ -48,26 +48,28 @@ from hqpipe.kernels.augmented_columns import (
     SLOPE,
     STATIC,
     STRIBECK,
+    VALVE_DELAY,
     WINDUP,
 )
 from hqpipe.kernels.augmented_command import piston_lag, shape_opening
 from hqpipe.kernels.augmented_output import friction, slid
 from hqpipe.kernels.laws import clip, impact
 
-# columns of the memory; the ring of past commands is last
+# columns of the memory; the rings of past commands and of what the controller put out are last
 SAMPLES, SPOOL, INTEGRAL, WOUND, LOSS, MEAN, TURNED, PISTON, FED, RING = range(10)
 RING_LENGTH: Final = 96  # samples: the longest delay of the library at 1 kHz, and some
-MEMORY: Final = RING + RING_LENGTH
+SENT: Final = RING + RING_LENGTH  # second ring: what the controller put out
+MEMORY: Final = SENT + RING_LENGTH
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _past(memory: np.ndarray, now: int, lag: float) -> float:
+def _past(memory: np.ndarray, ring: int, now: int, lag: float) -> float:
     """The command `lag` samples ago by linear interpolation; no older than the first."""
     lag = min(max(lag, 0.0), min(float(now), RING_LENGTH - 2.0))
     whole = int(lag)
     part = lag - whole
-    newer = memory[RING + (now - whole) % RING_LENGTH]
-    older = memory[RING + (now - min(whole + 1, now)) % RING_LENGTH]
+    newer = memory[ring + (now - whole) % RING_LENGTH]
+    older = memory[ring + (now - min(whole + 1, now)) % RING_LENGTH]
     return newer + part * (older - newer)
 
 
@@ -102,8 +104,9 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     if now == 0:
         wake(p, memory, torque, q_des, q, qd, demand)
     dt = p[DT]
-    error = _past(memory, now, p[DELAY] / dt) - q
-    driven = error + memory[INTEGRAL] + p[BIAS]
+    error = _past(memory, RING, now, p[DELAY] / dt) - q
+    memory[SENT + now % RING_LENGTH] = error + memory[INTEGRAL] + p[BIAS]
+    driven = _past(memory, SENT, now, p[VALVE_DELAY] / dt)
     memory[INTEGRAL] = integrate(memory[INTEGRAL], error, p[KI], p[WINDUP], dt)
     u = shape_opening(p, follow(memory[SPOOL], driven, mean_share(p[LAG], dt)), now * dt)
     memory[SPOOL] = follow(memory[SPOOL], driven, lag_share(p[LAG], dt))

@@ -3,8 +3,8 @@
 The chain, in this order (names as in hqpipe.effects):
 
     clock     channel_skew (all inputs), command_delay (command) → position error e
-    command   integral_action → position_bias → valve_lag → valve_deadband → flow_saturation → direction_asymmetry (with
-              what unequal chambers add to it) → gain_drift → u
+    command   integral_action → position_bias → valve_delay → valve_lag → valve_deadband → flow_saturation →
+              direction_asymmetry (with what unequal chambers add to it) → gain_drift → u
     core      τ' = τ + S · (k1 φ u − k2 τ − k3 q̇ + k4 h(τ, u)),  φ = orifice_flow with supply_droop,
               S = position_dependent_stiffness · transmission_compliance
     output    friction in front of the load cell, backlash, torque_bias: a seal rubs on the piston's side of the slack;
@@ -279,3 +279,20 @@ def integrator_starts(p: np.ndarray, s: Signals) -> np.ndarray:
     for trial in range(found.shape[0]):
         found[trial] = held(p, s, work, trial)
     return found
+
+
+@njit(cache=True, nogil=True)
+def changes_of_effort(p: np.ndarray, s: Signals) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(T,) each: what the logged effort changes by in a sample per unit of k1, k2, k3 and k4, with the opening and the motion
+    as the effects of clock and command side, the orifice and the supply make them. In torque mode the opening is the error."""
+    work = make_work(s)
+    _motion(p, s, work)
+    _supply(p, s, work)
+    command_side(p, s, work)
+    fed, relieved = np.empty_like(s.effort), np.empty_like(s.effort)
+    for k in range(s.effort.shape[0]):
+        effort = s.effort[k] - p[OFFSET]
+        u = work.command[k] - (effort if s.mode == TORQUE else 0.0)
+        fed[k] = u * orifice(u, effort, p[ORIFICE], work.sagged[k], work.middling[k], lean(p[SLOPE]))
+        relieved[k] = impact(effort, u)
+    return fed, p[OFFSET] - s.effort, -work.speed, relieved

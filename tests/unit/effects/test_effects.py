@@ -28,6 +28,7 @@ from hqpipe.effects.viscous_friction import viscous
 # The rows of the layers actuator and sensing in the specification, with the parameters that the file format names.
 SPECIFIED = {
     "command_delay": ("actuator", ["delay_s"]),
+    "valve_delay": ("actuator", ["delay_s"]),
     "valve_lag": ("actuator", ["time_constant_s"]),
     "valve_deadband": ("actuator", ["half_width"]),
     "flow_saturation": ("actuator", ["limit"]),
