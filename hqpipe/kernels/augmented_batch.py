@@ -81,6 +81,8 @@ from hqpipe.kernels.augmented_links import (
     SLACK,
     SOFT,
     STIFFENED,
+    SWING,
+    SWINGING,
     TOP,
     WHOLE,
 )
@@ -90,6 +92,7 @@ from hqpipe.kernels.augmented_step import (
     LOSS,
     MEAN,
     PISTON,
+    RATE,
     RING,
     RING_LENGTH,
     SAMPLES,
@@ -175,7 +178,14 @@ def _command(
             u[i] += p[BIAS, i]
     if links[SENT_LATE]:
         _delayed(d, m, SENT, SENT_WHOLE, SENT_PART, links[SENT_ALIKE] and in_step, u, start, size)
-    if links[LAGGED]:
+    if links[LAGGED] and links[SWINGING]:
+        for i in range(size):
+            driven, k = u[i], start + i
+            behind, rate = m[SPOOL, k] - driven, m[RATE, k]
+            u[i] = driven + d[SWING + 4, i] * behind + d[SWING + 5, i] * rate
+            m[SPOOL, k] = driven + d[SWING, i] * behind + d[SWING + 1, i] * rate
+            m[RATE, k] = d[SWING + 2, i] * behind + d[SWING + 3, i] * rate
+    elif links[LAGGED]:
         for i in range(size):
             driven, spool = u[i], m[SPOOL, start + i]
             u[i] = follow(spool, driven, d[MEAN_SHARE, i])

@@ -14,7 +14,7 @@ from hqpipe.effects.orifice_flow import orifice
 from hqpipe.effects.position_dependent_stiffness import displaced, lean, stiffness, uneven
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_deadband import deadband
-from hqpipe.effects.valve_lag import follow, lag_share, mean_share
+from hqpipe.effects.valve_lag import follow, lag_share, mean_share, swing
 from hqpipe.effects.viscous_friction import relaxation
 from hqpipe.kernels.augmented_columns import (
     ASYMMETRY,
@@ -46,6 +46,7 @@ from hqpipe.kernels.augmented_columns import (
     SKEW,
     SLOPE,
     TORQUE,
+    UNDAMPED,
     UNEVEN,
     VALVE,
     VALVE_DELAY,
@@ -78,9 +79,11 @@ def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
     prompt = p[SKEW] == 0.0 and p[DELAY] == 0.0
     bent, shift = shaped(p), p[BIAS] if s.mode == POSITION else 0.0
     sent_late = s.mode == POSITION and p[VALVE_DELAY] != 0.0
+    swings = s.mode == POSITION and p[UNDAMPED] != 0.0 and p[LAG] != 0.0
+    yy, yv, vy, vv, my, mv = swing(p[LAG], p[UNDAMPED], dt)
     for trial in range(s.bounds.shape[0] - 1):
         first, last = s.bounds[trial], s.bounds[trial + 1] - 1
-        integral, spool = 0.0, 0.0
+        integral, spool, rate = 0.0, 0.0, 0.0
         if p[KI] != 0.0 and s.mode != VALVE:
             integral = held(p, s, work, trial)
         for k in range(first, last + 1):
@@ -101,10 +104,14 @@ def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
             if s.mode == TORQUE:
                 sequence[k], work.driven[k], work.summed[k] = wanted, spool, integral
             else:
-                opening = follow(spool, driven, mean)
+                behind = spool - driven
+                opening = driven + my * behind + mv * rate if swings else follow(spool, driven, mean)
                 sequence[k] = shape_opening(p, opening, s.time[k]) if bent else opening
             integral = integrate(integral, error, p[KI], p[WINDUP], dt)
-            spool = follow(spool, driven, share)
+            if swings:
+                spool, rate = driven + yy * behind + yv * rate, vy * behind + vv * rate
+            else:
+                spool = follow(spool, driven, share)
     if s.mode == POSITION:
         lag_behind(work.command, s.bounds, piston_lag(p), dt)
     lay_out(work.command, s.first, work.opening)

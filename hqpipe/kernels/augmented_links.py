@@ -8,7 +8,7 @@ import numpy as np
 
 from hqpipe.effects.position_dependent_stiffness import lean, uneven
 from hqpipe.effects.transmission_compliance import softened
-from hqpipe.effects.valve_lag import lag_share, mean_share
+from hqpipe.effects.valve_lag import lag_share, mean_share, swing
 from hqpipe.kernels.augmented_columns import (
     ASYMMETRY,
     BAND,
@@ -30,6 +30,7 @@ from hqpipe.kernels.augmented_columns import (
     SATURATION,
     SLOPE,
     STATIC,
+    UNDAMPED,
     UNEVEN,
     VALVE_DELAY,
     VISCOUS,
@@ -58,12 +59,14 @@ BLOCK: Final = 384  # joints (32 quadrupeds): measured; the columns in use of a 
     RELAXING,
     SENT_ALIKE,
     SENT_LATE,
-) = range(17)
-LINKS: Final = 17
+    SWINGING,
+) = range(18)
+LINKS: Final = 18
 # columns that follow from a row of parameters
 (WHOLE, PART, SHARE, MEAN_SHARE, TOP, ONE_WAY, PER_S, RECOVERED, HALF, SOFT, LEAN, RELAXED, MEAN_RELAXED) = range(13)
 SENT_WHOLE, SENT_PART = 13, 14
-DERIVED: Final = 15
+SWING: Final = 15  # the first of six
+DERIVED: Final = 21
 
 
 def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -82,6 +85,7 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     derived[SENT_WHOLE], derived[SENT_PART] = np.floor(sent), sent - np.floor(sent)
     for j, row in enumerate(parameters):
         derived[SHARE, j], derived[MEAN_SHARE, j] = lag_share(row[LAG], row[DT]), mean_share(row[LAG], row[DT])
+        derived[SWING : SWING + 6, j] = swing(row[LAG], row[UNDAMPED], row[DT])
         behind = piston_lag(row)
         derived[RELAXED, j], derived[MEAN_RELAXED, j] = lag_share(behind, row[DT]), mean_share(behind, row[DT])
         derived[RECOVERED, j] = lag_share(row[RECOVERY], row[DT])
@@ -97,6 +101,7 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         BIASED: (BIAS,),
         INTEGRATED: (KI,),
         LAGGED: (LAG,),
+        SWINGING: (UNDAMPED,),
         DEAD: (BAND,),
         SATURATED: (SATURATION,),
         ONE_SIDED: (ASYMMETRY, UNEVEN),

@@ -20,7 +20,7 @@ from hqpipe.effects.position_dependent_stiffness import displaced, exchanged, le
 from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
-from hqpipe.effects.valve_lag import follow, lag_share, mean_share
+from hqpipe.effects.valve_lag import follow, lag_share, mean_share, swing
 from hqpipe.kernels.augmented_columns import (
     BIAS,
     CLEAR,
@@ -48,6 +48,7 @@ from hqpipe.kernels.augmented_columns import (
     SLOPE,
     STATIC,
     STRIBECK,
+    UNDAMPED,
     VALVE_DELAY,
     WINDUP,
 )
@@ -56,7 +57,7 @@ from hqpipe.kernels.augmented_output import friction, slid
 from hqpipe.kernels.laws import clip, impact
 
 # columns of the memory; the rings of past commands and of what the controller put out are last
-SAMPLES, SPOOL, INTEGRAL, WOUND, LOSS, MEAN, TURNED, PISTON, FED, RING = range(10)
+SAMPLES, SPOOL, INTEGRAL, WOUND, LOSS, MEAN, TURNED, PISTON, FED, RATE, RING = range(11)
 RING_LENGTH: Final = 96  # samples: the longest delay of the library at 1 kHz, and some
 SENT: Final = RING + RING_LENGTH  # second ring: what the controller put out
 MEMORY: Final = SENT + RING_LENGTH
@@ -92,7 +93,7 @@ def wake(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: floa
         passed = orifice(needed, inner, p[ORIFICE], memory[LOSS], memory[MEAN], lean(p[SLOPE]))
         held = needed / max(p[K1] * passed, 1e-300) - opened
         memory[INTEGRAL] = min(max(held, -limit), limit)
-    memory[SPOOL] = opened + memory[INTEGRAL]
+    memory[SPOOL], memory[RATE] = opened + memory[INTEGRAL], 0.0
     memory[PISTON], memory[FED] = qd, shape_opening(p, memory[SPOOL], 0.0)
 
 
@@ -108,10 +109,12 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     memory[SENT + now % RING_LENGTH] = error + memory[INTEGRAL] + p[BIAS]
     driven = _past(memory, SENT, now, p[VALVE_DELAY] / dt)
     memory[INTEGRAL] = integrate(memory[INTEGRAL], error, p[KI], p[WINDUP], dt)
-    u = shape_opening(p, follow(memory[SPOOL], driven, mean_share(p[LAG], dt)), now * dt)
-    memory[SPOOL] = follow(memory[SPOOL], driven, lag_share(p[LAG], dt))
-    behind = piston_lag(p)
-    share, mean = lag_share(behind, dt), mean_share(behind, dt)
+    behind, rate = memory[SPOOL] - driven, memory[RATE]
+    yy, yv, vy, vv, my, mv = swing(p[LAG], p[UNDAMPED], dt)
+    u = shape_opening(p, driven + my * behind + mv * rate, now * dt)
+    memory[SPOOL], memory[RATE] = driven + yy * behind + yv * rate, vy * behind + vv * rate
+    relaxing = piston_lag(p)
+    share, mean = lag_share(relaxing, dt), mean_share(relaxing, dt)
     opened, moved = u, qd
     u, qd = follow(memory[FED], opened, mean), follow(memory[PISTON], moved, mean)
     memory[FED], memory[PISTON] = follow(memory[FED], opened, share), follow(memory[PISTON], moved, share)
