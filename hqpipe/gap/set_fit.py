@@ -16,8 +16,8 @@ from hqpipe.effects.effect import Parameter
 from hqpipe.effects.layout import neutral_row, slot, slots
 from hqpipe.gap.changes import FACTORS, MOST_RATIO, base_slots, in_order, leaders, multiplied, ratios
 from hqpipe.gap.joint_data import JointData, Split
+from hqpipe.gap.regression import SPANS, regressed
 from hqpipe.kernels.augmented_fit import CHANGES, fit_windows, residual_windows
-from hqpipe.kernels.augmented_windows import changes_of_effort
 
 BASE_OF_MODE = {"position": ("k1", "k2", "k3", "k4"), "torque": ("k1", "k2", "k3"), "valve": ("k1", "neutral")}
 LEAK = "k2"  # in valve mode, rad/s per N·m, where the torque was logged: a loaded axis slows, as in eq. (1) linearised
@@ -26,17 +26,18 @@ ROW_OFFSET = "command_delay"
 while the effect itself is not in the set, its delay is a base coefficient of at most one sample."""
 OUTLIER_SIGMAS = 6.0  # assumption: only gross errors (sensor glitches) lie beyond
 OUTLIER_SHARE = 0.5  # of the output's RMS; keeps impacts from counting as outliers
-SPANS = (1, 5, 20)  # samples of the differences that first guesses come from
 FIRST_LOOK = 3  # iterations before a start is compared with its rivals
 MOST_LOOKS, LOOKS = 5, 1  # starts that get a first look: of a set fitted from nothing, and beside each part of it
 MOST_STARTS = 64  # of a set fitted from nothing; where it has more, one effect at a time is varied
-RIDGE = 1e-9  # of a regression: columns of nothing, as impacts that never come, stay at nothing
+OPENING = ("clock", "command")  # stages that shape the opening, on which base gains can be regressed anew
 IMPROVED = 1e-6  # of the loss, by which a set must be better than a part of it
 ITERATIONS, TOLERANCE = 25, 1e-4
 RATIO_SCALE = 0.1  # of a coefficient: the size of a step of its change
 ALONE = np.full(1, -1)  # a column that nothing is tied to
 
 Names = tuple[str, ...]
+Found = tuple[np.ndarray, float, np.ndarray, np.ndarray]
+"""Row, loss, Gauss-Newton matrix and residuals of a fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,17 +106,17 @@ class JointFitter:
         self.data = data
         self._ground = neutral_row() if data.then is None else data.then.row
         signals = data.fit.signals
-        self._widest = float(
-            np.abs(signals.command - signals.position).max()
-        )  # position error; only that mode has a k4
+        widest = float(np.abs(signals.command - signals.position).max())  # position error; only that mode has a k4
+        self._most = {"k2": 1.0, "k4": 1.0 / max(widest, 1e-300)}  # no more than the torque there is leaks or fades
+        self._span = SPANS[0]
         self._known: dict[Names, SetFit] = {}
         self._again: set[tuple[Names, Names, float]] = set()
 
     def fit(self, effects: Iterable[str] = (), warm: Sequence[SetFit] = (), iterations: int = ITERATIONS) -> SetFit:
-        """Fit a set, from the best of several starts: each `warm` row as it is, with what it lacks from the others, and with
-        the own starts of the effects that it lacks.
+        """Fit a set, from the best of several starts: `warm` rows with what they lack from the others, and with the own starts
+        of the effects that they lack.
 
-        No set is worse than a part of it in `warm`: where it is no better, it is fitted again from that part.
+        No set is worse than a part of it in `warm`: where it is no better, it is fitted from that part as it is.
         """
         names = in_order(effects)
         known = self._known.get(names)
@@ -123,16 +124,23 @@ class JointFitter:
         parts = [part for part in parts if (names, part.effects, part.loss) not in self._again]
         if known is None or parts:
             self._again |= {(names, part.effects, part.loss) for part in parts}
-            start = self._best_start(names, *self._starts(names, parts))
-            found = self._run(names, start, iterations)
+            found = self._from_starts(names, parts, iterations)
             if known is None or found[1] < known.loss:
                 self._known[names] = self._result(names, *found)
         return self._known[names]
 
+    def _from_starts(self, names: Names, warm: Sequence[SetFit], iterations: int) -> Found:
+        asleep, awake, most = self._starts(names, warm)
+        found = self._run(names, self._best_start(names, awake, most), iterations)
+        for row, loss in asleep:
+            if found[1] > (1.0 - IMPROVED) * loss:
+                found = min(found, self._run(names, row, iterations), key=lambda other: other[1])
+        return found
+
     def refine(self, fit: SetFit, larger: SetFit | None = None) -> SetFit:
         """The same set, fitted until it settles, from where it is or from a larger set; it replaces the hasty fit."""
         rows = [fit.row] if larger is None else [fit.row, self._joined(fit.effects, larger, [larger])]
-        start = self._best_start(fit.effects, rows)
+        start = self._best_start(fit.effects, rows, len(rows))
         self._known[fit.effects] = self._result(fit.effects, *self._run(fit.effects, start, ITERATIONS))
         return self._known[fit.effects]
 
@@ -157,17 +165,10 @@ class JointFitter:
             return ratios(fit.row, self._ground, fit.effects).get(effect, 1.0)
         return float(fit.row[slots(effect)[0]])
 
-    def _best_start(
-        self, names: Names, sure: Sequence[np.ndarray], others: Sequence[np.ndarray] = (), most: int = 0
-    ) -> np.ndarray:
-        """Of several rows the one that does best after a first look.
-
-        Args:
-            sure: rows that get one. others: rows of which the `most` best ones get one.
-        """
-        if len(others) > most:
-            others = sorted(others, key=lambda row: self._loss(names, row))[:most]
-        rows = [*sure, *others]
+    def _best_start(self, names: Names, rows: Sequence[np.ndarray], most: int) -> np.ndarray:
+        """Of several rows the one that does best after a first look, which the `most` best ones get."""
+        if len(rows) > most:
+            rows = sorted(rows, key=lambda row: self._loss(names, row))[:most]
         if len(rows) == 1:
             return rows[0]
         looks = [self._run(names, row, FIRST_LOOK) for row in rows]
@@ -182,7 +183,7 @@ class JointFitter:
         free, *_, tied = self._columns(names)
         return SetFit(names, row, loss, hessian, free, heldout, _squared(residuals), tied)
 
-    def _run(self, names: Names, row: np.ndarray, iterations: int) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
+    def _run(self, names: Names, row: np.ndarray, iterations: int) -> Found:
         free, lower, upper, scale, tied = self._columns(names)
         row = row.copy()
         for column, value in self._settled(names).items():
@@ -241,7 +242,7 @@ class JointFitter:
         for name in BASE_OF_MODE[self.data.mode] + (LEAK,) * loaded:
             free.append(slot("base", name))
             lower.append(-np.inf if name in ("neutral", "k1") and self.data.mode == "valve" else 0.0)
-            upper.append(np.inf if loaded else self._most(name))
+            upper.append(np.inf if loaded else self._most.get(name, np.inf))
             scale.append(0.1 * natural[name])
         if self.data.mode == "valve" and ROW_OFFSET not in names:
             free.append(slots(ROW_OFFSET)[0])
@@ -249,10 +250,6 @@ class JointFitter:
             upper.append(self.data.row_dt)
             scale.append(self.data.row_dt)
         return [free, lower, upper, scale, [ALONE] * len(free)]
-
-    def _most(self, name: str) -> float:
-        """Upper bound of a base coefficient: neither leakage nor an impact takes more than the torque there is."""
-        return {"k2": 1.0, "k4": 1.0 / max(self._widest, 1e-300)}.get(name, np.inf)
 
     def _effect_columns(self, names: Names) -> list[list]:
         """The numbers of a set's effects; one that an earlier record holds may be as it was, whatever the logs' sizes."""
@@ -281,24 +278,49 @@ class JointFitter:
         column = slot("coulomb_friction", turn.name)
         return [[column], [turn.lower * size], [turn.upper * size], [turn.starts[0] * size], [ALONE]]
 
-    def _starts(self, names: Names, warm: Sequence[SetFit]) -> tuple[list[np.ndarray], list[np.ndarray], int]:
-        """Rows to begin with: those that are looked at, those of which the best ones are, and how many of them."""
+    def _starts(
+        self, names: Names, warm: Sequence[SetFit]
+    ) -> tuple[list[tuple[np.ndarray, float]], list[np.ndarray], int]:
+        """Rows to begin with: parts of the set in which what they lack does nothing yet, with their losses; rows with the whole
+        set; and how many of these are looked at."""
         if self.data.then is not None:
-            if not names:
-                return [self._ground], [], 0
-            return [self._joined(names, fit, warm) for fit in warm] or self._changed(names), [], 0
+            asleep = [(fit.row, fit.loss) for fit in warm if set(fit.effects) < set(names)]
+            awake = [self._joined(names, fit, warm) for fit in warm] if names else [self._ground]
+            awake = awake or self._changed(names)
+            return asleep, awake, len(awake)
         if not names:
-            return [], [self._regressed(self.data.row, span) for span in self._spans], 1
-        sure, others = [], []
+            return [], [self._first_guess()], 1
+        asleep, rows = [], []
         for fit in warm or [self.fit()]:
             lacking = [name for name in names if name not in fit.effects]
-            joined = self._joined(names, fit, warm) if warm else fit.row.copy()
-            if set(fit.effects) <= set(names) or not lacking:
-                sure.append(self._asleep(joined, lacking))
-            others += [joined] if lacking and warm else []
-            for row in self._awake(joined, lacking, together=not warm):
-                others += [row, *(self._regressed(row, span) for span in self._spans if self.data.mode == "position")]
-        return sure, others, LOOKS * len(warm) or MOST_LOOKS
+            joined = self._joined(names, fit, warm) if warm else fit.row
+            if set(fit.effects) < set(names):
+                asleep.append((self._asleep(joined, lacking), fit.loss))
+            rows += [joined] if warm else []
+            awake = self._awake(joined, lacking, together=not warm)
+            opens = self.data.mode == "position" and any(EFFECTS[name].stage in OPENING for name in lacking)
+            rows += [] if opens and warm else awake
+            rows += [regressed(self.data, row, self._most, self._span) for row in awake] if opens else []
+        if len(names) == 1 and not warm:
+            rows += self._stiffer(rows, names[0])
+        return asleep, rows, LOOKS * len(warm) or MOST_LOOKS
+
+    def _first_guess(self) -> np.ndarray:
+        """Regressed base gains, by the span with which they run free best; it is kept for other regressions."""
+        spans = [span for span in SPANS if span <= self.data.fit.signals.steps]
+        rows = [regressed(self.data, self.data.row, self._most, span) for span in spans]
+        losses = [self._loss((), row) for row in rows]
+        self._span = spans[int(np.argmin(losses))]
+        return rows[int(np.argmin(losses))]
+
+    def _stiffer(self, rows: Sequence[np.ndarray], name: str) -> list[np.ndarray]:
+        """Copies of rows with k1 and k3 larger by what a base model that lacks an effect may have fitted them too low."""
+        found = []
+        for factor in EFFECTS[name].stiffer[1:]:
+            for row in rows:
+                found.append(row.copy())
+                found[-1][[slot("base", "k1"), slot("base", "k3")]] *= factor
+        return found
 
     def _asleep(self, row: np.ndarray, names: Iterable[str]) -> np.ndarray:
         """A copy of a row in which these effects do nothing yet, with what shapes them at its start."""
@@ -376,33 +398,3 @@ class JointFitter:
             if not parameter.counts and len(parameter.starts) == 1 and not self._ground[slots(name)[0]]:
                 size = self.data.size[parameter.scale]
                 row[column] = parameter.starts[0] / size if parameter.inverse else parameter.starts[0] * size
-
-    @property
-    def _spans(self) -> tuple[int, ...]:
-        return tuple(span for span in SPANS if span <= self.data.fit.signals.steps)
-
-    def _regressed(self, row: np.ndarray, span: int) -> np.ndarray:
-        """A copy of a row whose base gains are regressed on the opening that its effects shape, by differences over a few
-        samples of the log."""
-        s, mode = self.data.fit.signals, self.data.mode
-        row = row.copy()
-        if mode == "valve":
-            x = np.stack([s.command, np.ones_like(s.command)], axis=1)
-            slope, offset = np.linalg.lstsq(x, s.velocity, rcond=None)[0]
-            row[[slot("base", "k1"), slot("base", "neutral")]] = slope, -offset / slope if slope else 0.0
-            return row
-        from scipy.optimize import nnls
-
-        at = s.first[None, :] + np.arange(0, s.steps - span + 1, span)[:, None]
-        names = ("k1", "k2", "k3", "k4") if mode == "position" else ("k1", "k2", "k3")
-        columns = []
-        for change in changes_of_effort(row, s)[: len(names)]:
-            total = np.concatenate([[0.0], np.cumsum(change)])
-            columns.append((total[at + span] - total[at]).ravel())
-        x, rise = np.stack(columns, axis=1), (s.effort[at + span] - s.effort[at]).ravel()
-        size = np.maximum(np.sqrt(np.sum(x**2, axis=0)), 1e-300)
-        root = np.linalg.cholesky(x.T @ x / np.outer(size, size) + RIDGE * np.eye(len(names))).T
-        gains = nnls(root, np.linalg.solve(root.T, x.T @ rise / size))[0] / size
-        for name, gain in zip(names, gains, strict=True):
-            row[slot("base", name)] = min(gain, 0.9 if name == "k2" else self._most(name))
-        return row

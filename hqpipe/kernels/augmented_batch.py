@@ -86,6 +86,7 @@ from hqpipe.kernels.augmented_links import (
     TOP,
     WHOLE,
 )
+from hqpipe.kernels.augmented_ring import delayed_block
 from hqpipe.kernels.augmented_step import (
     FED,
     INTEGRAL,
@@ -94,7 +95,6 @@ from hqpipe.kernels.augmented_step import (
     PISTON,
     RATE,
     RING,
-    RING_LENGTH,
     SAMPLES,
     SENT,
     SPOOL,
@@ -116,39 +116,6 @@ def _counts(m: np.ndarray, start: int, size: int) -> tuple[bool, bool]:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _delayed(
-    d: np.ndarray,
-    m: np.ndarray,
-    ring: int,
-    whole: int,
-    part: int,
-    alike: bool,
-    u: np.ndarray,
-    start: int,
-    size: int,
-) -> None:
-    """Put `u` (B,) into the ring and take what it was before; `whole` and `part` are the columns of `d` with its delay."""
-    if alike:
-        slot = int(m[SAMPLES, start]) % RING_LENGTH
-        newer = (slot - int(d[whole, 0])) % RING_LENGTH
-        older = (newer - 1) % RING_LENGTH
-        for i in range(size):
-            m[ring + slot, start + i] = u[i]
-        for i in range(size):
-            k = start + i
-            u[i] = m[ring + newer, k] + d[part, i] * (m[ring + older, k] - m[ring + newer, k])
-    else:
-        for i in range(size):
-            k = start + i
-            slot = int(m[SAMPLES, k]) % RING_LENGTH
-            m[ring + slot, k] = u[i]
-            newer = slot - int(d[whole, i])
-            newer = newer + RING_LENGTH if newer < 0 else newer
-            older = newer - 1 if newer > 0 else RING_LENGTH - 1
-            u[i] = m[ring + newer, k] + d[part, i] * (m[ring + older, k] - m[ring + newer, k])
-
-
-@njit(cache=True, nogil=True, inline="always")
 def _command(
     p: np.ndarray,
     d: np.ndarray,
@@ -165,7 +132,7 @@ def _command(
     for i in range(size):
         u[i] = q_des[start + i]
     if links[DELAYED]:
-        _delayed(d, m, RING, WHOLE, PART, links[ALIKE] and in_step, u, start, size)
+        delayed_block(d, m, SAMPLES, RING, WHOLE, PART, links[ALIKE] and in_step, u, start, size)
     for i in range(size):
         u[i] -= q[start + i]
     if links[INTEGRATED]:
@@ -177,7 +144,7 @@ def _command(
         for i in range(size):
             u[i] += p[BIAS, i]
     if links[SENT_LATE]:
-        _delayed(d, m, SENT, SENT_WHOLE, SENT_PART, links[SENT_ALIKE] and in_step, u, start, size)
+        delayed_block(d, m, SAMPLES, SENT, SENT_WHOLE, SENT_PART, links[SENT_ALIKE] and in_step, u, start, size)
     if links[LAGGED] and links[SWINGING]:
         for i in range(size):
             driven, k = u[i], start + i

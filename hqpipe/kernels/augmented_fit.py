@@ -39,7 +39,7 @@ from hqpipe.kernels.augmented_windows import simulate
 
 MOST_LEAKED = 1.0 - 1e-9  # of the torque in a sample
 STEP = 1e-4  # of a parameter's scale: above rounding, below curvature
-FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e5  # beyond the latter a step is no longer than what rounding hides
+FIRST_DAMPING, MOST_DAMPING = 1e-3, 1e4  # beyond the latter a step is a ten-thousandth of what the slopes ask for
 _DRIVEN = COMMAND | FOLLOW
 _INPUTS = {
     effect.CORE: CORE,

@@ -36,7 +36,7 @@ from hqpipe.kernels.augmented_columns import (
     VISCOUS,
 )
 from hqpipe.kernels.augmented_command import piston_lag
-from hqpipe.kernels.augmented_step import RING_LENGTH
+from hqpipe.kernels.augmented_ring import RING_LENGTH
 
 BLOCK: Final = 384  # joints (32 quadrupeds): measured; the columns in use of a block stay in the cache
 

@@ -54,24 +54,13 @@ from hqpipe.kernels.augmented_columns import (
 )
 from hqpipe.kernels.augmented_command import piston_lag, shape_opening
 from hqpipe.kernels.augmented_output import friction, slid
+from hqpipe.kernels.augmented_ring import RING_LENGTH, past
 from hqpipe.kernels.laws import clip, impact
 
 # columns of the memory; the rings of past commands and of what the controller put out are last
 SAMPLES, SPOOL, INTEGRAL, WOUND, LOSS, MEAN, TURNED, PISTON, FED, RATE, RING = range(11)
-RING_LENGTH: Final = 96  # samples: the longest delay of the library at 1 kHz, and some
 SENT: Final = RING + RING_LENGTH  # second ring: what the controller put out
 MEMORY: Final = SENT + RING_LENGTH
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _past(memory: np.ndarray, ring: int, now: int, lag: float) -> float:
-    """The command `lag` samples ago by linear interpolation; no older than the first."""
-    lag = min(max(lag, 0.0), min(float(now), RING_LENGTH - 2.0))
-    whole = int(lag)
-    part = lag - whole
-    newer = memory[ring + (now - whole) % RING_LENGTH]
-    older = memory[ring + (now - min(whole + 1, now)) % RING_LENGTH]
-    return newer + part * (older - newer)
 
 
 @njit(cache=True, nogil=True)
@@ -105,9 +94,9 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     if now == 0:
         wake(p, memory, torque, q_des, q, qd, demand)
     dt = p[DT]
-    error = _past(memory, RING, now, p[DELAY] / dt) - q
+    error = past(memory, RING, now, p[DELAY] / dt) - q
     memory[SENT + now % RING_LENGTH] = error + memory[INTEGRAL] + p[BIAS]
-    driven = _past(memory, SENT, now, p[VALVE_DELAY] / dt)
+    driven = past(memory, SENT, now, p[VALVE_DELAY] / dt)
     memory[INTEGRAL] = integrate(memory[INTEGRAL], error, p[KI], p[WINDUP], dt)
     behind, rate = memory[SPOOL] - driven, memory[RATE]
     yy, yv, vy, vv, my, mv = swing(p[LAG], p[UNDAMPED], dt)
