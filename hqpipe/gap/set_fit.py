@@ -125,7 +125,7 @@ class JointFitter:
         if known is None or parts:
             self._again |= {(names, part.effects, part.loss) for part in parts}
             found = self._from_starts(names, parts, iterations)
-            if known is None or found[1] < known.loss:
+            if known is None or found[1] < (1.0 - IMPROVED) * known.loss:
                 self._known[names] = self._result(names, *found)
         return self._known[names]
 
@@ -133,7 +133,7 @@ class JointFitter:
         asleep, awake, most = self._starts(names, warm)
         found = self._run(names, self._best_start(names, awake, most), iterations)
         for row, loss in asleep:
-            if found[1] > (1.0 - IMPROVED) * loss:
+            if found[1] > (1.0 + IMPROVED) * loss:  # a limit that lies idle may stay: the held-out trials may reach it
                 found = min(found, self._run(names, row, iterations), key=lambda other: other[1])
         return found
 
