@@ -157,7 +157,7 @@ class JointSearch:
             kept: effects that others speak for, so that the joint alone need not.
         """
         while len(fit.effects) < MOST_EFFECTS:
-            more = [(name, self.fit((*fit.effects, name), [fit])) for name in self.library if name not in fit.effects]
+            more = [(name, self._added(fit, name)) for name in self.library if name not in fit.effects]
             worthy = [g for name, g in more if g.loss < fit.loss and self.earns(g, self.support(name, fit, g))]
             if not worthy:
                 break
@@ -166,6 +166,15 @@ class JointSearch:
                 break
             fit = grown
         return fit
+
+    def _added(self, fit: SetFit, name: str) -> SetFit:
+        """The set with one effect more; one that can lie idle is woken from all its starts."""
+        grown = self.fit((*fit.effects, name), [fit])
+        if CANDIDATES[name].parameters[0].inverse:
+            woken = self.fitter.fit_awake(grown, name)
+            if woken.loss < grown.loss:
+                self._tried[grown.effects] = grown = woken
+        return grown
 
     def _score(self, fit: SetFit) -> float:
         shape = len(fit.free) - len(self._tried[()].free) - len(fit.effects)

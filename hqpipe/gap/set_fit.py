@@ -165,6 +165,13 @@ class JointFitter:
             return ratios(fit.row, self._ground, fit.effects).get(effect, 1.0)
         return float(fit.row[slots(effect)[0]])
 
+    def fit_awake(self, fit: SetFit, effect: str) -> SetFit:
+        """The same set, fitted from the best of an effect's own starts until it settles; it is not remembered."""
+        rows = self._awake(fit.row, (effect,), together=False)
+        return self._result(
+            fit.effects, *self._run(fit.effects, self._best_start(fit.effects, rows, len(rows)), ITERATIONS)
+        )
+
     def _best_start(self, names: Names, rows: Sequence[np.ndarray], most: int) -> np.ndarray:
         """Of several rows the one that does best after a first look, which the `most` best ones get."""
         if len(rows) > most:
@@ -332,12 +339,7 @@ class JointFitter:
 
     def _awake(self, row: np.ndarray, names: Sequence[str], together: bool) -> list[np.ndarray]:
         """Rows with these effects at each of their own starts, in all combinations or one effect after the other."""
-        options = {
-            name: list(
-                product(*(self._at_starts(c, p) for c, p in zip(slots(name), EFFECTS[name].parameters, strict=True)))
-            )
-            for name in names
-        }
+        options = {name: list(product(*map(self._at_starts, slots(name), EFFECTS[name].parameters))) for name in names}
         together = together and np.prod([len(o) for o in options.values()], dtype=float) <= MOST_STARTS
         if together:
             choices = [sum(choice, ()) for choice in product(*options.values())]
