@@ -36,8 +36,8 @@ RATIO_SCALE = 0.1  # of a coefficient: the size of a step of its change
 ALONE = np.full(1, -1)  # a column that nothing is tied to
 
 Names = tuple[str, ...]
-Found = tuple[np.ndarray, float, np.ndarray, np.ndarray]
-"""Row, loss, Gauss-Newton matrix and residuals of a fit."""
+Found = tuple[np.ndarray, float, np.ndarray, np.ndarray]  # row, loss, Gauss-Newton matrix and residuals of a fit
+Starts = tuple[list[tuple[np.ndarray, float]], list[np.ndarray], int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,9 +285,7 @@ class JointFitter:
         column = slot("coulomb_friction", turn.name)
         return [[column], [turn.lower * size], [turn.upper * size], [turn.starts[0] * size], [ALONE]]
 
-    def _starts(
-        self, names: Names, warm: Sequence[SetFit]
-    ) -> tuple[list[tuple[np.ndarray, float]], list[np.ndarray], int]:
+    def _starts(self, names: Names, warm: Sequence[SetFit]) -> Starts:
         """Rows to begin with: parts of the set in which what they lack does nothing yet, with their losses; rows with the whole
         set; and how many of these are looked at."""
         if self.data.then is not None:
