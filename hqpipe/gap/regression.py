@@ -13,7 +13,8 @@ from hqpipe.kernels.augmented_windows import changes_of_effort
 
 SPANS = (1, 5, 20)  # samples of the differences: one is biased by noise of the torque, twenty miss fast leakage
 MOST_LEAKED = 0.9  # of the torque in a sample, to begin with
-RIDGE = 1e-9  # relative: a column of nothing, as of impacts that never come, gets nothing
+RIDGE = 1e-9  # relative: columns that are alike share a gain
+SMALLEST = 1e-100  # of a column: below it nothing moves, as where impacts never come
 
 
 def regressed(data: JointData, row: np.ndarray, most: Mapping[str, float], span: int) -> np.ndarray:
@@ -40,9 +41,13 @@ def regressed(data: JointData, row: np.ndarray, most: Mapping[str, float], span:
 
 def _not_negative(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """(C,) least squares of y (N,) on the columns of x (N, C) without negative gains."""
-    size = np.maximum(np.sqrt(np.sum(x**2, axis=0)), 1e-300)
-    root = np.linalg.cholesky(x.T @ x / np.outer(size, size) + RIDGE * np.eye(x.shape[1])).T
-    return nnls(root, np.linalg.solve(root.T, x.T @ y / size))[0] / size
+    gains, size = np.zeros(x.shape[1]), np.sqrt(np.sum(x**2, axis=0))
+    used = size > SMALLEST
+    if used.any():
+        scaled = x[:, used] / size[used]
+        root = np.linalg.cholesky(scaled.T @ scaled + RIDGE * np.eye(scaled.shape[1])).T
+        gains[used] = nnls(root, np.linalg.solve(root.T, scaled.T @ y))[0] / size[used]
+    return np.where(np.isfinite(gains), gains, 0.0)
 
 
 def _flow_gain(data: JointData, row: np.ndarray) -> np.ndarray:
