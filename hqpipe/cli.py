@@ -19,7 +19,7 @@ from hqpipe.pipeline.stage import StageTable
 from hqpipe.pipeline.streams import ReaderGone, prepare_streams
 from hqpipe.registry import load
 from hqpipe.system.failures import system_failure
-from hqpipe.system.signals import REMEDY, STATE, TOLD, Interrupted, end, ignore_signals, raise_on_signals
+from hqpipe.system.signals import MESSAGE, REMEDY, STATE, Interrupted, end, ignore_signals, raise_on_signals
 
 HELP = "Close the sim-to-real gap of heavy hydraulic legged robots: collect, fit, diagnose, retrain, export, validate."
 
@@ -120,7 +120,7 @@ version_option = click.Option(
 
 
 def run_cli(table: StageTable, arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit code; errors are told on standard error, and with ``--json`` also as JSON.
+    """Run one command and return its exit code; errors are reported on standard error, and with ``--json`` also as JSON.
 
     Args:
         table: the stages.
@@ -158,7 +158,7 @@ class _End:
 
 
 def _run(table: StageTable, words: list[str]) -> _End:
-    """Run one command; errors are told on standard error."""
+    """Run one command; errors are reported on standard error."""
     try:
         code = LazyGroup(table).main(words, prog_name="hqpipe", standalone_mode=False)
         sys.stdout.flush()
@@ -192,7 +192,7 @@ def _tell(error: HqpipeError) -> _End:
 
 
 def _interrupted(code: int) -> _End:
-    print(TOLD, file=sys.stderr)
+    print(MESSAGE, file=sys.stderr)
     return _End(code, HqpipeError(STATE, fix=REMEDY).to_json())
 
 

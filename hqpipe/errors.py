@@ -78,8 +78,8 @@ class IdentificationError(HqpipeError):
 class DivergedError(HqpipeError):
     """A training whose numbers are no longer finite; `rows` are those of its metrics table up to there."""
 
-    def __init__(self, message: str, **told: Any) -> None:
-        super().__init__(message, **told)
+    def __init__(self, message: str, **details: Any) -> None:
+        super().__init__(message, **details)
         self.rows: list[dict[str, Any]] = []
 
 

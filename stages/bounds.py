@@ -1,4 +1,4 @@
-"""Numbers that parameters of several stages may have, each with the reason, which is told to who exceeds them."""
+"""Numbers that parameters of several stages may have, each with the reason, which the message gives to who exceeds them."""
 
 from __future__ import annotations
 

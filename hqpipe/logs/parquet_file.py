@@ -16,8 +16,8 @@ _ENCRYPTED = b"PARE"  # ends a file with an encrypted footer; a plain one ends i
 _AGAIN = "copy it again, or export it anew"
 _PLACES = {
     errno.EACCES: "give yourself the right to read it",
-    errno.ENOENT: "mend the link, or drop it from the log set",
-    errno.ELOOP: "mend the link, or drop it from the log set",
+    errno.ENOENT: "repair the link, or drop it from the log set",
+    errno.ELOOP: "repair the link, or drop it from the log set",
 }
 
 

@@ -156,7 +156,7 @@ class Configuration:
             robot: its folder, for parameters that name parts of it; without it these names are not checked.
 
         Raises:
-            ConfigError: fields are unknown or have wrong values; all of them are told.
+            ConfigError: fields are unknown or have wrong values; all of them are named.
             UsageError: an override is not of that form, or the profile is unknown.
         """
         profile = self._known_profile(profile)

@@ -20,8 +20,8 @@ from hqpipe.system.orphans import end_with_parent
 from hqpipe.system.signals import FIRST_ON_SIGNAL, without_ctrl_c
 
 Result = TypeVar("Result")
-Told = Callable[[int, str], None]
-"""Called after each call as ``told(done, name)``; `done` counts."""
+Report = Callable[[int, str], None]
+"""Called after each call as ``report(done, name)``; `done` counts."""
 
 EXIT_TIMEOUT_S = 5.0  # assumption: an idle worker that has not left by then is stuck
 CAUSES = {
@@ -37,7 +37,7 @@ def in_processes(
     task: Callable[..., Result],
     calls: Mapping[str, tuple],
     workers: int,
-    told: Told = lambda done, name: None,
+    report: Report = lambda done, name: None,
 ) -> list[Result]:
     """``task(*arguments)`` of every call in at most `workers` processes; the first error ends the others.
 
@@ -64,7 +64,7 @@ def in_processes(
             idle = [busy.pop(connection) for connection in wait(list(busy))]
             for worker in idle:
                 results[worker.name] = worker.result()
-                told(len(results), worker.name)
+                report(len(results), worker.name)
     return [results[name] for name in calls]
 
 

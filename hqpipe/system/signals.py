@@ -15,7 +15,7 @@ from typing import NoReturn
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 STATE, REMEDY = "interrupted: nothing half-made was kept", "the same command goes on from here"
-TOLD = f"{STATE}; {REMEDY}"
+MESSAGE = f"{STATE}; {REMEDY}"
 SHOW_CURSOR = "\x1b[?25h"  # a bar of progress hides it
 
 GRACE_S = 5.0
@@ -54,7 +54,7 @@ def ignore_signals() -> None:
 def end(error: Interrupted) -> NoReturn:
     """Say so, and exit with the code of the signal."""
     ignore_signals()
-    print(TOLD, file=sys.stderr)
+    print(MESSAGE, file=sys.stderr)
     sys.exit(error.exit_code)
 
 
@@ -87,6 +87,6 @@ def _leave(code: int) -> None:
     """End the process if it has not ended by itself in `GRACE_S`."""
     time.sleep(GRACE_S)
     try:
-        print(f"{SHOW_CURSOR if sys.stderr.isatty() else ''}{TOLD}", file=sys.stderr, flush=True)
+        print(f"{SHOW_CURSOR if sys.stderr.isatty() else ''}{MESSAGE}", file=sys.stderr, flush=True)
     finally:
         os._exit(code)

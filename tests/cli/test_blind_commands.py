@@ -31,7 +31,7 @@ def simulated(monkeypatch) -> list[tuple[str, tuple[str, ...]]]:
     return asked
 
 
-def in_this_process(task, calls, workers, told=None):
+def in_this_process(task, calls, workers, report=None):
     return [task(*arguments) for arguments in calls.values()]
 
 

@@ -1,4 +1,4 @@
-"""What is held out is not in the data of the fit, however it is called and saved; honest logs are not accused."""
+"""What is held out is not in the data of the fit, however it is called and saved; honest logs are not refused."""
 
 from __future__ import annotations
 
