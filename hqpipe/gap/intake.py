@@ -57,7 +57,7 @@ def take_in(log_set: LogSet, window_s: float, without: Sequence[str] = ()) -> In
             "record the joint torque (for the actuator layer with the command of its control mode)"
         )
     warnings = (*log_set.warnings, *channel_warnings(trials))
-    steps = window_samples(float(np.median([t.dt for t in trials])), window_s)
+    steps = window_samples(float(np.median([t.dt for t in trials])), window_s, log_set.path)
     lacking = [COMMAND_CHANNEL[mode]] if mode and getattr(trials[0], COMMAND_CHANNEL[mode]) is None else []
     if mode is None or lacking:
         column = joint_column("<name>", lacking[0] if lacking else "position_command")

@@ -70,7 +70,7 @@ def replay(trial: Trial, model: Model, window_s: float) -> Replay:
         UsageError: the model lacks a joint or belongs to another sample time.
     """
     trajectory = trial.trajectory
-    steps = window_samples(trajectory.dt, window_s)
+    steps = window_samples(trajectory.dt, window_s, trial.file)
     return Replay(
         file=trial.file,
         trajectory=trajectory,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import Protocol
 
 import numpy as np
@@ -48,16 +49,18 @@ def require_channels(trajectory: Trajectory, channels: tuple[str, ...], purpose:
         )
 
 
-def window_samples(dt: float, window_s: float) -> int:
-    """Samples in a window of `window_s` seconds, at least 2.
+def window_samples(dt: float, window_s: float, file: str | os.PathLike[str] | None = None) -> int:
+    """Samples in a window of `window_s` seconds, at least 2; an error names the log's `file` or folder.
 
     Raises:
         IdentificationError: the window is shorter than two samples.
     """
     samples = round(window_s / dt)
     if samples < 2:
+        of_file = f"{os.fspath(file)}: " if file else ""
         raise IdentificationError(
-            f"a window of {window_s:g} s holds {samples} samples at {1 / dt:.6g} Hz, expected at least 2",
+            f"{of_file}a window of {window_s:g} s holds {samples} samples at {1 / dt:.6g} Hz, expected at least 2",
+            file=file,
             field="window_s",
             fix=f"choose a window of {4 * dt:.3g} s or more",
         )

@@ -70,7 +70,7 @@ def cut_windows(trials: list[Trial], window_s: float) -> Windows:
     for trial in trials:
         require_channels(trial.trajectory, ("position_command", "effort"), "the paper's actuator model")
     dt = common_dt(trials)
-    samples = window_samples(dt, window_s)
+    samples = window_samples(dt, window_s, trials[0].file)
     bounds, owner, offset = [], [], 0
     for index, trial in enumerate(trials):
         length = trial.trajectory.samples
