@@ -26,12 +26,12 @@ def _known_effects(names: list[str]) -> list[str]:
 class Params(StageParams):
     """Attributes:
     window_s: length of the free-running windows, s.
-    resample: interpolate trials whose clock jitters onto a uniform one.
+    strict: refuse logs in which anything would have to be repaired.
     without: effects left out of the library.
     """
 
     window_s: WindowSeconds = 0.1
-    resample: bool = False
+    strict: bool = False
     without: Annotated[list[str], AfterValidator(_known_effects)] = []
 
 

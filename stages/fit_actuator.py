@@ -40,7 +40,7 @@ class Params(StageParams):
     rivals: models that the paper's is held against: itself with diagnosed effects, two chambers of oil, nets as in the paper,
         and strong_ with every advantage.
     net_iterations, strong_net_iterations: of their training.
-    resample: interpolate trials whose clock jitters onto a uniform one.
+    strict: refuse logs in which anything would have to be repaired.
     """
 
     scope: Literal["per_joint", "shared"] = "per_joint"
@@ -49,7 +49,7 @@ class Params(StageParams):
     rivals: Annotated[list[Rival], each_once("rivals")] = list(EVERY)
     net_iterations: Iterations = 1000  # the paper's
     strong_net_iterations: Iterations = 1200
-    resample: bool = False
+    strict: bool = False
 
 
 def run(context: Any) -> dict[str, Any]:

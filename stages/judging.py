@@ -14,7 +14,7 @@ def judge(context: Any, log_set: Any, models: Mapping[str, Any], fit_s: Mapping[
     """Compare models beside the baselines; writes comparison.csv, comparison.json and figures, and shows the table.
 
     Args:
-        context: of the stage; its parameters have `window_s` and `resample`.
+        context: of the stage; its parameters have `window_s` and `strict`.
         log_set: with held-out trials. models: name → any model of `hqpipe.sysid.free_run`.
         fit_s: wall time of the fits, s, of any of the models. Times are told, and are in no file, so that the same seed
             gives the same bytes.

@@ -23,7 +23,7 @@ def read_logs(context: Any, most: int | None = None, name: str = "logs") -> Any:
     from hqpipe.stages.terminal import show
 
     told = "" if name == "logs" else f"{name}: "
-    log_set = read_log_set(context.inputs[name], resample=context.params.resample, most=most)
+    log_set = read_log_set(context.inputs[name], strict=context.params.strict, most=most)
     show(*(f"warning: {told}{text}" for text in log_set.warnings))
     return replace(log_set, path=shown_path(context, log_set.path))
 
@@ -51,7 +51,7 @@ def read_stress(context: Any, log_set: Any) -> Any:
     folder = context.inputs["logs"] / STRESS
     if not folder.is_dir():
         return None
-    found = read_log_set(folder, resample=context.params.resample, all_heldout=True)
+    found = read_log_set(folder, strict=context.params.strict, all_heldout=True)
     show(*(f"warning: {STRESS}: {text}" for text in found.warnings if not text.startswith(_STRESS_BRINGS)))
     fit = [fingerprint(trial.table(folder.parent)) for trial in log_set.fit]
     judged = [fingerprint(trial.table(folder)) for trial in found.trials]

@@ -35,7 +35,7 @@ class Params(StageParams):
         walk_speed_error: largest error of a walk's mean speed, m/s. walk_drift: largest distance from its course, m.
         walk_yaw_error: largest error of the mean rate of a turn, rad/s. All three of the walks that do not fall;
             `hqpipe.stages.scenarios` says where more is granted, or less.
-        plant: as in collect. resample: as in fit-actuator.
+        plant: as in collect. strict: as in fit-actuator.
     """
 
     torque_nrmse: Threshold = 0.35
@@ -49,7 +49,7 @@ class Params(StageParams):
     walk_drift: Threshold = 1.0
     walk_yaw_error: Threshold = 0.05
     plant: Plant = {}
-    resample: bool = False
+    strict: bool = False
 
 
 Check = tuple[str, float | None, float]  # what, value, limit; a value of None is a missed check

@@ -4,48 +4,59 @@ from __future__ import annotations
 
 import numpy as np
 
-from hqpipe.logs.checks import check_clock, check_values, clock
-from hqpipe.logs.columns import CHANNELS, TIME, RawTable, check_names, joint_column, joints_of
+from hqpipe.logs.clocks import clock
+from hqpipe.logs.columns import CHANNELS, TIME, RawTable, joint_column, joints_of
 from hqpipe.logs.differentiate import differentiate
-from hqpipe.logs.resample import resample
+from hqpipe.logs.resample import Uniform
 from hqpipe.logs.trajectory import Trajectory
 
+_MEASURED = ("position", "velocity", "effort")
 
-def assemble(table: RawTable, *, uniform: bool = False, checked: bool = False) -> Trajectory:
-    """Check a table and build the trial; nothing is half-read.
+
+def assemble(data: Uniform) -> Trajectory:
+    """The trial of a table without missing values.
 
     Args:
-        table: what a reader returned.
-        uniform: interpolate onto a uniform clock.
-        checked: the table is a part of one that has been checked as a whole.
-
-    Raises:
-        LogError: a column is missing or misspelt, holds samples without physical sense, or the clock is broken.
+        data: checked columns on a sound clock. A joint without velocity, or all of them, has it differentiated.
     """
-    if not checked:
-        check_names(table)
-        check_values(table)
-        check_clock(table.path, clock(table.columns[TIME]))
-    if uniform:
-        table = resample(table)
-    columns = table.columns
+    columns = data.table.columns
     time = clock(columns[TIME])
     time = (time - time[0]).astype(np.float64)
-    joints = _joint_order(table)
+    joints = _joint_order(data.table)
     channels: dict[str, np.ndarray] = {}
     for channel in CHANNELS:
-        if joint_column(joints[0], channel) in columns:
+        present = [joint_column(joint, channel) in columns for joint in joints]
+        if all(present) or (channel == "velocity" and any(present)):
             stacked = np.empty((len(time), len(joints)))
             for j, joint in enumerate(joints):
-                stacked[:, j] = columns[joint_column(joint, channel)]
+                stacked[:, j] = columns[joint_column(joint, channel)] if present[j] else np.nan
             channels[channel] = stacked
-    source = "measured"
-    if "velocity" not in channels:
-        source = "differentiated"
-        channels["velocity"] = differentiate(channels["position"], float(np.median(np.diff(time))))
+    source = "measured" if "velocity" in channels else "differentiated"
+    slope = differentiate(channels["position"], float(np.median(np.diff(time)))) if _lacks_speed(channels) else None
+    if slope is not None:
+        velocity = channels.get("velocity", slope)
+        channels["velocity"] = np.where(np.isnan(velocity), slope, velocity)
     taken = {TIME, *(joint_column(j, c) for j in joints for c in CHANNELS)}
     extra = {name: np.asarray(values, np.float64) for name, values in columns.items() if name not in taken}
-    return Trajectory(time=time, joints=joints, extra=extra, velocity_source=source, **channels)
+    return Trajectory(
+        time=time, joints=joints, extra=extra, velocity_source=source, observed=_observed(data, joints), **channels
+    )
+
+
+def _lacks_speed(channels: dict[str, np.ndarray]) -> bool:
+    return "velocity" not in channels or bool(np.isnan(channels["velocity"][0]).any())
+
+
+def _observed(data: Uniform, joints: tuple[str, ...]) -> np.ndarray | None:
+    """(T, J) whether every measured channel of a joint was recorded; None if all were."""
+    found = None
+    for j, joint in enumerate(joints):
+        for channel in _MEASURED:
+            seen = data.observed.get(joint_column(joint, channel))
+            if seen is not None:
+                found = np.ones((len(seen), len(joints)), dtype=bool) if found is None else found
+                found[:, j] &= seen
+    return found
 
 
 def _joint_order(table: RawTable) -> tuple[str, ...]:

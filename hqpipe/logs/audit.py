@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.logs.checks import jitter
+from hqpipe.logs.clocks import jitter
 from hqpipe.logs.columns import CHANNELS
 from hqpipe.logs.trajectory import LogSet, Trial
 

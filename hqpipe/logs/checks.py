@@ -1,4 +1,4 @@
-"""Defects that make a trial unusable: too few rows, no numbers, a broken clock, samples missing."""
+"""What a trial must be: long enough, of numbers; and, where nothing is to be repaired, without a gap."""
 
 from __future__ import annotations
 
@@ -7,19 +7,30 @@ from pathlib import Path
 import numpy as np
 
 from hqpipe.errors import LogError
+from hqpipe.logs.clocks import STEADY, read_clock, repeated_rows
 from hqpipe.logs.columns import TIME, RawTable
 from hqpipe.logs.values import find_senseless, senseless_error
 
 MIN_SAMPLES = 10  # assumption: fewer samples cannot be differentiated, let alone fitted
-_JITTER_SIGMAS = 8.0  # assumption: a step beyond this many robust sigmas of the clock is a missing sample
-_STEPS = (1e-9, 1e11)  # s between samples; 10 kHz counted in days is 1e-9, 100 s counted in ns is 1e11
 
 
 def check_values(table: RawTable) -> None:
-    """Refuse too short a table, columns of unequal length, and samples without physical sense.
+    """Refuse what `check_shapes` refuses, and samples that are missing or without physical sense.
 
     Raises:
         LogError: names file, column and row (counted from 0).
+    """
+    check_shapes(table)
+    for name, values in table.columns.items():
+        if found := find_senseless(name, values):
+            raise senseless_error(table.path, name, found)
+
+
+def check_shapes(table: RawTable) -> None:
+    """Refuse too short a table, columns of unequal length and what is no number.
+
+    Raises:
+        LogError: names file and column.
     """
     samples = len(table.columns[TIME])
     check_length(table.path, samples)
@@ -38,8 +49,6 @@ def check_values(table: RawTable) -> None:
                 field=name,
                 fix="drop or convert it",
             )
-        if found := find_senseless(name, values):
-            raise senseless_error(table.path, name, found)
 
 
 def check_length(path: Path, samples: int) -> None:
@@ -52,13 +61,8 @@ def check_length(path: Path, samples: int) -> None:
         raise LogError(f"{path}: {samples} rows, expected at least {MIN_SAMPLES}", file=path, fix="drop the trial")
 
 
-def clock(column: np.ndarray) -> np.ndarray:
-    """The `time` column (T,) as int64 or float64: integers keep their digits, for nanoseconds have more than a float."""
-    return column.astype(np.int64 if column.dtype.kind in "iu" else np.float64, copy=False)
-
-
 def check_clock(path: Path, time: np.ndarray) -> None:
-    """Refuse a clock that stands still, runs backwards, skips samples or has steps that no unit of time explains.
+    """Refuse a clock that stands still, runs backwards, skips rows, jitters or has steps that no unit of time explains.
 
     Args:
         path: for the messages. time: (T,) from `clock`, finite.
@@ -66,42 +70,30 @@ def check_clock(path: Path, time: np.ndarray) -> None:
     Raises:
         LogError: names file and row.
     """
-    steps = np.diff(time).astype(np.float64)
-    if (steps <= 0).any():
-        row = int(np.argmax(steps <= 0)) + 1
-        what = "repeats" if steps[row - 1] == 0 else "runs backwards"
+    if (repeated := repeated_rows(path, time)).any():
+        row = int(np.argmax(repeated))
         raise LogError(
-            f"{path}: column 'time', row {row}: {time[row]:.6f} after {time[row - 1]:.6f}, the clock {what} "
-            f"({int((steps <= 0).sum())} such rows); expected strictly increasing seconds",
+            f"{path}: column 'time', row {row}: {time[row]:.6f} again, the clock repeats ({int(repeated.sum())} such rows); "
+            "expected strictly increasing seconds",
             file=path,
             field=TIME,
-            fix="sort the rows and drop duplicates",
+            fix="drop the repeated rows",
         )
-    median = np.median(steps)
-    if not _STEPS[0] <= median <= _STEPS[1]:
+    found = read_clock(time)
+    if found.lost.any():
+        row = int(np.argmax(found.lost > 0)) + 1
         raise LogError(
-            f"{path}: column 'time' steps by {median:.6g}, expected seconds between samples, e.g. 0.001",
-            file=path,
-            field=TIME,
-            fix="write the time in seconds",
-        )
-    spread = 1.4826 * np.median(np.abs(steps - median))
-    limit = median + max(0.5 * median, _JITTER_SIGMAS * spread)
-    if (steps > limit).any():
-        row = int(np.argmax(steps > limit)) + 1
-        missing = round(steps[row - 1] / median) - 1
-        raise LogError(
-            f"{path}: column 'time', row {row}: {steps[row - 1]:.6g} s since the row before, expected "
-            f"{median:.6g} s (about {missing} samples lost, {(steps > limit).sum()} such gaps)",
+            f"{path}: column 'time', row {row}: {float(time[row] - time[row - 1]):.6g} s since the row before, expected "
+            f"{found.dt:.6g} s (about {found.lost[row - 1]} samples lost, {int((found.lost > 0).sum())} such gaps)",
             file=path,
             field=TIME,
             fix="split the trial into two files at the gap",
         )
-
-
-def jitter(time: np.ndarray) -> tuple[float, float]:
-    """RMS and largest deviation of the sample time from its median, as shares of the median."""
-    steps = np.diff(time)
-    median = np.median(steps)
-    deviation = (steps - median) / median
-    return float(np.sqrt(np.mean(deviation**2))), float(np.abs(deviation).max())
+    if found.jitter_rms > STEADY:
+        raise LogError(
+            f"{path}: column 'time' jitters by {found.jitter_rms:.1%} of a sample (largest {found.jitter_max:.0%}), "
+            f"expected at most {STEADY:.0%}",
+            file=path,
+            field=TIME,
+            fix="record on a steady clock, or bring the trial to one",
+        )

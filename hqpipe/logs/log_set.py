@@ -9,38 +9,41 @@ from pathlib import Path
 
 from hqpipe.errors import LogError, near_match
 from hqpipe.logs import FORMAT, LOG_READERS
-from hqpipe.logs.assemble import assemble
-from hqpipe.logs.checks import check_length, jitter
-from hqpipe.logs.columns import Shape, check_names, joint_column
+from hqpipe.logs.checks import check_length
+from hqpipe.logs.columns import Shape, check_names, joint_column, joints_of
 from hqpipe.logs.differentiate import window_s
-from hqpipe.logs.long_logs import Plan, coverage, joined, plan, read_sections
+from hqpipe.logs.long_logs import coverage, joined, plan, read_sections
 from hqpipe.logs.manifest import FILE, SPLITS, Manifest, read_manifest
-from hqpipe.logs.overlap import Fingerprint, check_apart, fingerprint, fingerprint_file
+from hqpipe.logs.overlap import check_apart
 from hqpipe.logs.same_files import check_copies, check_distinct, digests_of
 from hqpipe.logs.size import check_size
-from hqpipe.logs.split import infer_split, split_of
-from hqpipe.logs.trajectory import LogSet, Trajectory, Trial
+from hqpipe.logs.split import split_of
+from hqpipe.logs.trajectory import LogSet, Trajectory, Trial, recording_of
 from hqpipe.logs.units import unit_warnings
+from hqpipe.logs.whole_logs import Logs, read_whole
 from hqpipe.logs.wiring import wiring_warnings
 
 _COMMAND_OF = {"position": "position_command", "torque": "effort_command", "valve": "valve_command"}
-_JITTER_WARNING = 0.05  # assumption: below 5 % of a sample the models do not notice
 
 
 def read_log_set(
-    path: str | Path, *, resample: bool = False, most: int | None = None, all_heldout: bool = False
+    path: str | Path, *, strict: bool = False, most: int | None = None, all_heldout: bool = False
 ) -> LogSet:
     """Read a log set; with no logset.yaml, everything is inferred and the warnings say how.
 
+    Missing samples count for nothing, a clock that jitters is brought to a uniform one, trials of another rate to that of the
+    others; a channel that is mostly missing is left out, with its joint or trial if they are nothing without it. The warnings
+    say so, a line for each kind.
+
     Args:
         path: directory with one file per trial.
-        resample: interpolate each trial onto a uniform clock.
+        strict: refuse what would have to be repaired.
         most: samples × joints to keep in memory; of a longer log set evenly spaced sections are read, each a trial of
             its own, and a warning says so. None for everything.
         all_heldout: hold every trial out, whatever logset.yaml says: models are judged on such a set and none is fitted to it.
 
     Raises:
-        LogError: the directory or a file in it cannot be used as it is.
+        LogError: the directory or a file in it cannot be used.
     """
     folder = Path(path)
     readers = _readers_by_suffix()
@@ -52,27 +55,34 @@ def read_log_set(
     splits = {} if all_heldout else split_of(manifest, used)
     digests = digests_of(folder, used)
     copies = check_copies(folder, digests, splits)
+    mode = _control_mode(folder, manifest, next(iter(outlines.values())))
+    options = {
+        "command": _COMMAND_OF[mode] if mode else None,
+        "stated_hz": manifest.rate_hz if manifest else None,
+        "strict": strict,
+    }
     thinned = plan(folder, readers, manifest, outlines, most) if most else None
     if thinned:
-        trials = _thinned(folder, readers, thinned, manifest, resample)
-        named = list({trial.file: (trial.file, trial.trajectory) for trial in joined(trials)}.values())
-        prints = {file: fingerprint_file(readers, folder / file) for file in splits}
+        logs = read_sections(folder, readers, thinned, splits, manifest.base if manifest else None, **options)
     else:
         check_size(folder, outlines.values())
-        named, prints = _whole(folder, readers, used, resample, splits)
-        trials = _split(manifest, named, all_heldout)
-    repeats = check_apart(*([prints[f] for f, split in splits.items() if split == name] for name in SPLITS))
+        logs = read_whole(folder, readers, used, splits, manifest, all_heldout=all_heldout, **options)
+    trials = _same_joints(folder, logs.trials)
     if all_heldout:
         trials = [replace(trial, split="heldout") for trial in trials]
-    judged = joined(trials) if thinned else trials
+    elif not any(trial.split == "fit" for trial in trials):
+        raise _nothing_to_fit(folder, logs)
+    repeats = check_apart(*([logs.prints[f] for f, split in splits.items() if split == name] for name in SPLITS))
+    recorded = joined(trials)
+    named = list({trial.file: (trial.file, trial.trajectory) for trial in recorded}.values())
     first = named[0][1]
     warnings = [
         *([coverage(thinned)] if thinned else []),
-        *_warnings(manifest, files, named, judged),
+        *(repair.text for repair in logs.repairs),
+        *_warnings(manifest, files, named, recorded),
         *copies,
         *repeats,
     ]
-    mode = _control_mode(folder, manifest, first)
     return LogSet(
         path=folder,
         sha256=_digest(folder, digests),
@@ -85,6 +95,17 @@ def read_log_set(
         joints=first.joints,
         trials=tuple(trials),
         warnings=tuple(warnings),
+        repairs=tuple(logs.repairs),
+    )
+
+
+def _nothing_to_fit(folder: Path, logs: Logs) -> LogError:
+    reasons = "; ".join(repair.text for repair in logs.repairs if repair.kind in ("trial", "missing"))
+    return LogError(
+        f"{folder}: no trial with split: fit is left ({reasons})",
+        file=folder,
+        field="trials",
+        fix="record one that is whole, or give another one split: fit",
     )
 
 
@@ -108,38 +129,6 @@ def _outlines(folder: Path, readers: dict[str, type], used: list[str]) -> dict[s
         check_names(found[file].empty())
         check_length(folder / file, found[file].rows)
     return found
-
-
-def _whole(
-    folder: Path, readers: dict[str, type], used: list[str], uniform: bool, splits: Mapping[str, str]
-) -> tuple[list[tuple[str, Trajectory]], dict[str, Fingerprint]]:
-    """Every trial, and the fingerprints of those that have a split, of their samples as recorded."""
-    named, prints = [], {}
-    for file in used:
-        table = readers[Path(file).suffix].read(folder / file)
-        named.append((file, assemble(table, uniform=uniform)))
-        if file in splits:
-            prints[file] = fingerprint(table)
-    return _same_joints(folder, named), prints
-
-
-def _split(manifest: Manifest | None, named: list[tuple[str, Trajectory]], all_heldout: bool) -> list[Trial]:
-    if manifest is None and all_heldout:
-        return [Trial(file, "heldout", None, trajectory) for file, trajectory in named]
-    if manifest is None:
-        return infer_split(named)
-    return [
-        Trial(e.file, e.split, e.command, t, e.base or manifest.base)
-        for e, (_, t) in zip(manifest.trials, named, strict=True)
-    ]
-
-
-def _thinned(
-    folder: Path, readers: dict[str, type], kept: Plan, manifest: Manifest | None, uniform: bool
-) -> list[Trial]:
-    trials = read_sections(folder, readers, kept, manifest.base if manifest else None, uniform=uniform)
-    named = _same_joints(folder, [(trial.file, trial.trajectory) for trial in trials])
-    return [replace(trial, trajectory=t) for trial, (_, t) in zip(trials, named, strict=True)]
 
 
 def _readers_by_suffix() -> dict[str, type]:
@@ -174,42 +163,49 @@ def _trial_files(folder: Path, readers: dict[str, type]) -> list[str]:
     return files
 
 
-def _same_joints(folder: Path, named: list[tuple[str, Trajectory]]) -> list[tuple[str, Trajectory]]:
-    """Bring every trial to the joint order of the first one."""
-    first_file, first = named[0]
+def _same_joints(folder: Path, trials: list[Trial]) -> list[Trial]:
+    """Bring every trial to the joint order of the first one.
+
+    Raises:
+        LogError: a trial lacks a joint or a channel.
+    """
+    first = trials[0]
     same = []
-    for file, trial in named:
-        for a, b, fa, fb in ((first, trial, first_file, file), (trial, first, file, first_file)):
-            if odd := [j for j in a.joints if j not in b.joints]:
+    for trial in trials:
+        for a, b in ((first, trial), (trial, first)):
+            path = folder / recording_of(b)
+            if odd := [j for j in a.trajectory.joints if j not in b.trajectory.joints]:
                 raise LogError(
-                    f"{folder / fb}: no joint '{odd[0]}'{near_match(odd[0], b.joints)}, which {fa} has; "
+                    f"{path}: no joint '{odd[0]}'{near_match(odd[0], b.trajectory.joints)}, which {recording_of(a)} has; "
                     "expected the same joints in every trial",
-                    file=folder / fb,
+                    file=path,
                     field=joint_column(odd[0], "position"),
                     fix="rename the columns of the joint, or make a log set of its own for each machine",
                 )
-            lacking = [c for c in a.channels() if c not in b.channels()]
-            if lacking:
-                column = joint_column(a.joints[0], lacking[0])
+            if lacking := [c for c in a.trajectory.channels() if c not in b.trajectory.channels()]:
+                column = joint_column(a.trajectory.joints[0], lacking[0])
                 raise LogError(
-                    f"{folder / fb}: no column '{column}', which {fa} has; expected the same channels in every trial",
-                    file=folder / fb,
+                    f"{path}: no column '{column}', which {recording_of(a)} has; expected the same channels in every trial",
+                    file=path,
                     field=column,
                     fix="record it in every trial, or drop it from all",
                 )
-        same.append((file, trial if trial.joints == first.joints else trial.for_joints(first.joints)))
+        order = first.trajectory.joints
+        t = trial.trajectory
+        same.append(trial if t.joints == order else replace(trial, trajectory=t.for_joints(order)))
     return same
 
 
-def _control_mode(folder: Path, manifest: Manifest | None, first: Trajectory) -> str | None:
-    recorded = [mode for mode, channel in _COMMAND_OF.items() if channel in first.channels()]
+def _control_mode(folder: Path, manifest: Manifest | None, first: Shape) -> str | None:
+    joints = joints_of(first.names)
+    recorded = [m for m, channel in _COMMAND_OF.items() if joint_column(joints[0], channel) in first.names]
     if manifest is None or manifest.control_mode is None:
         return recorded[0] if recorded else None
     channel = _COMMAND_OF[manifest.control_mode]
     if manifest.control_mode not in recorded:
         raise LogError(
             f"{folder / FILE}: control_mode is {manifest.control_mode}, but the trials have no column "
-            f"'{joint_column(first.joints[0], channel)}'",
+            f"'{joint_column(joints[0], channel)}'",
             file=folder / FILE,
             field="control_mode",
             fix="record it, or leave control_mode out",
@@ -245,9 +241,5 @@ def _warnings(
         span = 1e3 * window_s(first.dt)
         found.append(f"no velocity recorded: differentiated from position, zero-phase, window {span:.0f} ms")
     for file, trial in named:
-        rms, largest = jitter(trial.time)
-        if rms > _JITTER_WARNING:
-            size = f"{rms:.1%} of a sample (largest {largest:.0%})"
-            found.append(f"{file}: the clock jitters by {size}; resample=true puts it on a uniform one")
         found += unit_warnings(file, trial, manifest.rate_hz if manifest else None)
     return found + wiring_warnings(trials)

@@ -12,13 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.logs.assemble import assemble
+from hqpipe.logs.clocks import shared_dt
 from hqpipe.logs.columns import Shape, joints_of
+from hqpipe.logs.losses import leave_out
 from hqpipe.logs.manifest import Manifest, TrialEntry
+from hqpipe.logs.overlap import fingerprint_file
+from hqpipe.logs.repair import Source, look_through, repair
+from hqpipe.logs.repairs import describe
 from hqpipe.logs.sections import Rows, rows_within, sections, shares
 from hqpipe.logs.size import check_size
 from hqpipe.logs.split import split_rows
 from hqpipe.logs.trajectory import Excerpt, Trajectory, Trial, recording_of
+from hqpipe.logs.whole_logs import Logs, check_rates, named_stretches
 
 
 @dataclass(frozen=True)
@@ -102,32 +107,68 @@ def _parts(entries: list[TrialEntry], shapes: dict[str, Shape], *, inferred: boo
 
 
 def read_sections(
-    folder: Path, readers: dict[str, Any], the_plan: Plan, base: str | None, *, uniform: bool = False
-) -> list[Trial]:
-    """The sections of a plan, in the order of their trials.
+    folder: Path,
+    readers: dict[str, Any],
+    the_plan: Plan,
+    printed: Mapping[str, str],
+    base: str | None,
+    *,
+    command: str | None,
+    stated_hz: float | None,
+    strict: bool,
+) -> Logs:
+    """The sections of a plan, in the order of their trials, repaired like files of their own.
 
     Args:
-        folder, readers: of the log set. the_plan: from `plan`.
-        base: "floating" or "fixed" of the log set. uniform: interpolate each section onto a uniform clock.
+        folder, readers: of the log set. the_plan: from `plan`. printed: files of which fingerprints are taken.
+        base: "floating" or "fixed" of the log set. command, stated_hz, strict: as in `read_whole`.
 
     Raises:
-        LogError: as `hqpipe.logs.assemble`, whichever row of a file is at fault.
+        LogError: as `read_whole`.
     """
-    trials: list[Trial] = []
-    files = dict.fromkeys(part.entry.file for part in the_plan.parts)
-    for file in files:
+    places = _read_places(folder, readers, the_plan, strict)
+    sources, repairs = leave_out({name: place.source for name, place in places.items()}, command)
+    dt = shared_dt([(part.dt, part.seconds) for part in the_plan.parts], stated_hz)
+    if strict:
+        check_rates(sources, dt)
+    repaired = {name: repair(source, dt) for name, source in sources.items()}
+    repairs += describe(sources, repaired, dt)
+    trials = []
+    for name, found in repaired.items():
+        place = places[name]
+        entry = the_plan.parts[place.part].entry
+        for own, t in named_stretches(name, sources[name], found):
+            excerpt = Excerpt(entry.file, place.start + t.start, place.whole)
+            trials.append(Trial(own, entry.split, entry.command, replace(t, excerpt=excerpt), entry.base or base))
+    prints = {file: fingerprint_file(readers, folder / file) for file in printed}
+    return Logs(trials, prints, repairs)
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """A section as recorded: index of its part, and s from the start of the part and its length."""
+
+    part: int
+    start: float
+    whole: float
+    source: Source
+
+
+def _read_places(folder: Path, readers: dict[str, Any], the_plan: Plan, strict: bool) -> dict[str, _Place]:
+    """Name → section."""
+    found = {}
+    for file in dict.fromkeys(part.entry.file for part in the_plan.parts):
         mine = [i for i, part in enumerate(the_plan.parts) if part.entry.file == file]
         ranges = [rows for i in mine for rows in the_plan.kept[i]]
-        time, tables = readers[Path(file).suffix].read_rows(folder / file, ranges)
+        time, tables = readers[Path(file).suffix].read_rows(folder / file, ranges, strict=strict)
         owners = [i for i in mine for _ in the_plan.kept[i]]
         for i, (start, stop), table in zip(owners, ranges, tables, strict=True):
-            entry, rows = the_plan.parts[i].entry, the_plan.parts[i].rows
+            rows = the_plan.parts[i].rows
             begin, end = time[rows[0]], time[rows[1] - 1]
-            excerpt = Excerpt(file, float(time[start] - begin), float(end - begin))
-            trajectory = replace(assemble(table, uniform=uniform, checked=True), excerpt=excerpt)
-            name = f"{file} ({excerpt.start:.0f}–{time[stop - 1] - begin:.0f} s{_part(the_plan, i)})"
-            trials.append(Trial(name, entry.split, entry.command, trajectory, entry.base or base))
-    return trials
+            first = float(time[start] - begin)
+            name = f"{file} ({first:.0f}–{time[stop - 1] - begin:.0f} s{_part(the_plan, i)})"
+            found[name] = _Place(i, first, float(end - begin), look_through(table))
+    return found
 
 
 def _part(the_plan: Plan, index: int) -> str:
@@ -146,12 +187,14 @@ def joined(trials: Sequence[Trial]) -> list[Trial]:
 
 
 def _end_to_end(group: list[Trial]) -> Trajectory:
+    if len(group) == 1:
+        return group[0].trajectory
     first, parts = group[0].trajectory, [trial.trajectory for trial in group]
     offsets = np.concatenate([[0.0], np.cumsum([part.duration + part.dt for part in parts[:-1]])])
     time = np.concatenate([part.time + offset for part, offset in zip(parts, offsets, strict=True)])
     channels = {name: np.concatenate([getattr(part, name) for part in parts]) for name in first.channels()}
     extra = {name: np.concatenate([part.extra[name] for part in parts]) for name in first.extra}
-    return replace(first, time=time, extra=extra, **channels)
+    return replace(first, time=time, extra=extra, observed=None, **channels)
 
 
 def coverage(the_plan: Plan) -> str:
@@ -168,6 +211,6 @@ def coverage(the_plan: Plan) -> str:
                 f"section{'s' if len(ranges) != 1 else ''})"
             )
     return (
-        f"too long for memory: {' and '.join(texts)} were used; every row was checked for missing values and for its "
-        "time, everything else was judged on the sections"
+        f"too long for memory: {' and '.join(texts)} were used; the time of every row was checked, everything else was judged "
+        "on the sections"
     )

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hqpipe.errors import LogError
-from hqpipe.logs.checks import clock
+from hqpipe.logs.clocks import clock
 from hqpipe.logs.columns import TIME, RawTable, joint_column, joints_of
 from hqpipe.logs.pieces import PIECE, Pieces, cut, longest_stretch
 
@@ -67,9 +67,10 @@ def compared_columns(names: Iterable[str]) -> list[str]:
 
 
 def fingerprint(table: RawTable) -> Fingerprint:
-    """Of a file that has been read; its samples are finite."""
+    """Of a file that has been read; NaN where a sample is missing."""
     dt = float(np.median(np.diff(clock(table.columns[TIME]))))
-    return Fingerprint(table.path, {name: cut(table.columns[name]) for name in compared_columns(table.columns)}, dt)
+    names = compared_columns(table.columns)
+    return Fingerprint(table.path, {name: _pieces(table.columns[name]) for name in names}, dt)
 
 
 def fingerprint_file(readers: Mapping[str, Any], path: Path) -> Fingerprint:
@@ -81,7 +82,15 @@ def fingerprint_file(readers: Mapping[str, Any], path: Path) -> Fingerprint:
     reader = readers[path.suffix]
     shape = reader.shape(path)
     columns = reader.read_columns(path, compared_columns(shape.names))
-    return Fingerprint(path, {name: cut(values) for name, values in columns}, shape.dt)
+    return Fingerprint(path, {name: _pieces(values) for name, values in columns}, shape.dt)
+
+
+def _pieces(values: np.ndarray) -> Pieces:
+    """Of a column; a missing sample repeats the one before, so that it tells nothing."""
+    if values.dtype.kind != "f" or (present := np.isfinite(values)).all():
+        return cut(values)
+    last = np.maximum.accumulate(np.where(present, np.arange(len(values)), 0))
+    return cut(np.nan_to_num(values[last]))
 
 
 def check_apart(fit: Sequence[Fingerprint], heldout: Sequence[Fingerprint]) -> list[str]:

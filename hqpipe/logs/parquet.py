@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from hqpipe.errors import LogError
-from hqpipe.logs.checks import check_clock, check_length, clock
+from hqpipe.logs.checks import check_clock, check_length
+from hqpipe.logs.clocks import clock, repeated_rows
 from hqpipe.logs.columns import TIME, RawTable, Shape
 from hqpipe.logs.parquet_file import explained, opened
 from hqpipe.logs.values import Senseless, find_senseless, senseless_error
@@ -46,15 +47,16 @@ class ParquetReader:
         time = np.empty(0)
         if TIME in found.names:
             _, time = next(ParquetReader.read_columns(path, (TIME,)))
-        dt = float(np.median(np.diff(clock(time)))) if len(time) > 1 else np.nan
+        with np.errstate(invalid="ignore"):  # an infinite time is refused when the rows are read
+            dt = float(np.median(np.diff(clock(time)))) if len(time) > 1 else np.nan
         return Shape(path, found.names, found.rows, dt)
 
     @staticmethod
     def read(path: Path) -> RawTable:
-        """Read every column of one file.
+        """Read every column of one file; a missing value is NaN.
 
         Raises:
-            LogError: as `outline`; a value is missing, or a page does not match its checksum.
+            LogError: as `outline`; a page does not match its checksum.
         """
         names = ParquetReader.outline(path).names
         columns = dict(ParquetReader.read_columns(path, names))
@@ -72,81 +74,88 @@ class ParquetReader:
             for name in names:
                 with explained(path, name):
                     column = file.read(columns=[name]).column(name)
-                if column.null_count:
-                    raise _no_value(path, name, _first_null(column), column.null_count)
-                yield name, column.to_numpy()
+                yield name, _numbers(column)
 
     @staticmethod
-    def read_rows(path: Path, ranges: Sequence[tuple[int, int]]) -> tuple[np.ndarray, list[RawTable]]:
-        """Check every row of a file and keep some, with no more than a few ten thousand rows in memory besides.
+    def read_rows(
+        path: Path, ranges: Sequence[tuple[int, int]], *, strict: bool = False
+    ) -> tuple[np.ndarray, list[RawTable]]:
+        """Read the clock of a file and some of its rows, with no more than a few ten thousand rows in memory besides.
 
         Args:
             path: the file.
             ranges: first row and the one after the last of each part to keep, in ascending order.
+            strict: refuse the file if any of its rows would have to be repaired.
 
         Returns:
             (T,) s, the whole clock as stored; a table per range.
 
         Raises:
-            LogError: as `read`; samples without physical sense, a broken clock, too few rows.
+            LogError: as `read`; a clock that cannot be used, too few rows.
         """
         with opened(path) as file:
             schema = file.schema_arrow
             _check_schema(path, schema)
-            scan = _Scan.of(file.metadata.num_rows, schema, ranges)
+            scan = _Scan.of(file.metadata.num_rows, schema, ranges, strict)
             row = 0
             for batch in file.iter_batches(min(_BATCH, max(1, _BATCH_VALUES // len(schema.names)))):
                 for name, column in zip(schema.names, batch.columns, strict=True):
                     scan.take(name, column, row)
                 row += batch.num_rows
         scan.judge(path, schema.names)
-        check_clock(path, scan.time)
         metadata = _metadata(schema)
         return scan.time, [RawTable(path, columns, metadata) for columns in scan.kept]
 
 
 @dataclass(eq=False)
 class _Scan:
-    """What a pass over a file has seen: its clock, the rows to keep, and per column the first bad row and their number."""
+    """What a pass over a file has seen: its clock, the rows to keep, and per column samples without physical sense: those of
+    the clock, of the others if it is `strict`."""
 
     time: np.ndarray
     ranges: Sequence[tuple[int, int]]
     kept: list[dict[str, np.ndarray]]
-    nulls: dict[str, tuple[int, int]] = field(default_factory=dict)
+    strict: bool
     odd: dict[str, Senseless] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, rows: int, schema: Any, ranges: Sequence[tuple[int, int]]) -> _Scan:
-        kinds = {name: kind.to_pandas_dtype() for name, kind in zip(schema.names, schema.types, strict=True)}
+    def of(cls, rows: int, schema: Any, ranges: Sequence[tuple[int, int]], strict: bool) -> _Scan:
+        kinds = {name: np.dtype(kind.to_pandas_dtype()) for name, kind in zip(schema.names, schema.types, strict=True)}
+        time = clock(np.empty(rows, kinds[TIME]))
+        # a column of integers may lack values, which are NaN
+        kinds = {name: kind if name == TIME or kind.kind == "f" else np.dtype(float) for name, kind in kinds.items()}
         kept = [{name: np.empty(stop - start, kind) for name, kind in kinds.items()} for start, stop in ranges]
-        return cls(clock(np.empty(rows, kinds[TIME])), ranges, kept)
+        return cls(time, ranges, kept, strict)
 
     def take(self, name: str, column: Any, row: int) -> None:
         """Look at the values of one column from row `row` on."""
-        if column.null_count:
-            first, count = self.nulls.get(name, (row + _first_null(column), 0))
-            self.nulls[name] = first, count + column.null_count
-            return
-        values = column.to_numpy(zero_copy_only=False)
-        if found := find_senseless(name, values, row):
-            self.odd[name] = self.odd[name].later(found) if name in self.odd else found
+        values = _numbers(column)
         end = row + len(values)
+        if (self.strict or name == TIME) and (found := find_senseless(name, values, row)):
+            self.odd[name] = self.odd[name].later(found) if name in self.odd else found
         if name == TIME:
-            self.time[row:end] = clock(values)
+            self.time[row:end] = clock(np.nan_to_num(values))
         for (start, stop), columns in zip(self.ranges, self.kept, strict=True):
             low, high = max(start, row), min(stop, end)
             if low < high:
                 columns[name][low - start : high - start] = values[low - row : high - row]
 
     def judge(self, path: Path, names: Sequence[str]) -> None:
-        """Refuse the file for what was seen, in the order of a file that is read whole."""
-        for name in names:
-            if name in self.nulls:
-                raise _no_value(path, name, *self.nulls[name])
+        """Refuse the file for what was seen."""
         check_length(path, len(self.time))
         for name in names:
             if name in self.odd:
                 raise senseless_error(path, name, self.odd[name])
+        (check_clock if self.strict else repeated_rows)(path, self.time)
+
+
+def _numbers(column: Any) -> np.ndarray:
+    """Values of an Arrow column; a missing one is NaN."""
+    import pyarrow as pa
+
+    if column.null_count and pa.types.is_boolean(column.type):
+        column = column.cast(pa.uint8())
+    return column.to_numpy(zero_copy_only=False) if isinstance(column, pa.Array) else column.to_numpy()
 
 
 def _check_schema(path: Path, schema: Any) -> None:
@@ -169,19 +178,6 @@ def _check_schema(path: Path, schema: Any) -> None:
 def _short(text: str) -> str:
     """At most 80 characters of the name of a type, which a nested one can make as long as it likes."""
     return text if len(text) <= 80 else text[:79] + "…"
-
-
-def _first_null(column: Any) -> int:
-    return int(np.flatnonzero(column.is_null().to_numpy(zero_copy_only=False))[0])
-
-
-def _no_value(path: Path, name: str, row: int, count: int) -> LogError:
-    return LogError(
-        f"{path}: column '{name}', row {row}: no value ({count} such row{'s' if count > 1 else ''})",
-        file=path,
-        field=name,
-        fix="fill the gap or cut the trial there",
-    )
 
 
 def _metadata(schema: Any) -> dict[str, str]:

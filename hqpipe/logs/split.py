@@ -26,21 +26,40 @@ def split_of(manifest: Manifest | None, files: Sequence[str]) -> dict[str, str]:
     return {file: "heldout" if file == files[-1] else "fit" for file in files} if len(files) > 1 else {}
 
 
-def infer_split(named: list[tuple[str, Trajectory]]) -> list[Trial]:
+def infer_split(stretches: dict[str, list[tuple[str, Trajectory]]]) -> list[Trial]:
     """Hold out the last trial, or the last quarter of a lone one.
 
     Before a held-out quarter, 0.5 s (at most 5 % of the trial) belongs to neither part.
 
     Args:
-        named: (file, trajectory) in the order of the file names.
+        stretches: file → (name, trajectory) of each of its stretches, in the order of the file names.
     """
-    if len(named) > 1:
-        last = len(named) - 1
-        splits = ["heldout" if i == last else "fit" for i in range(len(named))]
-        return [Trial(file, split, None, t) for (file, t), split in zip(named, splits, strict=True)]
-    file, whole = named[0]
-    fit, heldout = split_rows(whole.samples, whole.dt)
-    return [Trial(file, "fit", None, whole.section(*fit)), Trial(file, "heldout", None, whole.section(*heldout))]
+    if len(stretches) == 1:
+        return _split_lone(next(iter(stretches.values())))
+    last = list(stretches)[-1]
+    return [
+        Trial(name, "heldout" if file == last else "fit", None, t)
+        for file, parts in stretches.items()
+        for name, t in parts
+    ]
+
+
+def _split_lone(parts: list[tuple[str, Trajectory]]) -> list[Trial]:
+    """The stretches of a lone trial up to its last quarter and from there on; one of them may lie in both."""
+    fit, heldout = split_rows(sum(t.samples for _, t in parts), parts[0][1].dt)
+    trials, before = [], 0
+    for split, (first, last) in zip(SPLITS, (fit, heldout), strict=True):
+        before = 0
+        for name, t in parts:
+            start, stop = max(first - before, 0), min(last - before, t.samples)
+            before += t.samples
+            if stop - start < 2:  # a clock needs two samples
+                continue
+            part = t.section(start, stop)
+            if t.excerpt:
+                part = replace(part, excerpt=replace(t.excerpt, start=t.start + float(t.time[start])))
+            trials.append(Trial(name, split, None, part))
+    return trials
 
 
 def split_rows(samples: int, dt: float, share: float = _HELDOUT_SHARE) -> tuple[tuple[int, int], tuple[int, int]]:

@@ -37,7 +37,9 @@ class Trajectory:
         effort: (T, J) measured torque, N·m (N), or None if not recorded; likewise the commands and pressures.
         extra: every other column under its full name, (T,).
         velocity_source: "measured" or "differentiated" (zero-phase, from position).
-        excerpt: where it lies in the recorded trial, if it is a section of a long one; its own clock starts at 0 too.
+        excerpt: where it lies in the recorded trial, if it is a section of one; its own clock starts at 0 too.
+        observed: (T, J) False where a measured value of the joint was not recorded but interpolated: such a sample is no
+            evidence for or against a model. None where all were recorded.
     """
 
     time: np.ndarray
@@ -53,6 +55,7 @@ class Trajectory:
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
     velocity_source: str = "measured"
     excerpt: Excerpt | None = None
+    observed: np.ndarray | None = None
 
     @property
     def samples(self) -> int:
@@ -101,14 +104,16 @@ class Trajectory:
         """The same trial with its joints in the given order (or fewer of them)."""
         rows = [self.joint(name) for name in joints]
         moved = {name: np.ascontiguousarray(values[:, rows]) for name, values in self.channels().items()}
-        return replace(self, joints=tuple(joints), **moved)
+        observed = None if self.observed is None else np.ascontiguousarray(self.observed[:, rows])
+        return replace(self, joints=tuple(joints), observed=observed, **moved)
 
     def section(self, start: int, stop: int) -> Trajectory:
         """Samples start … stop − 1 as a trial of their own, with its clock at 0."""
         cut = {name: values[start:stop] for name, values in self.channels().items()}
         extra = {name: values[start:stop] for name, values in self.extra.items()}
         time = self.time[start:stop] - self.time[start]
-        return replace(self, time=time, extra=extra, excerpt=None, **cut)
+        observed = None if self.observed is None else self.observed[start:stop]
+        return replace(self, time=time, extra=extra, excerpt=None, observed=observed, **cut)
 
     def columns(self) -> dict[str, np.ndarray]:
         """Flat columns under the names of the format; a differentiated velocity is left out."""
@@ -151,6 +156,23 @@ def recording_of(item: Recorded) -> str:
     return item.trajectory.excerpt.recording if item.trajectory.excerpt else item.file
 
 
+@dataclass(frozen=True)
+class Repair:
+    """What was done to logs so that they can be used, or left out of them.
+
+    Attributes:
+        kind: "missing", "repeated", "jitter", "rates", "channel", "joint" or "trial" (the last three were left out).
+        text: a line for a person. trials: files concerned. column: name, or "<name>" for the joint where all have it; "" if it
+            concerns the clock. share: of the samples, where that is a number.
+    """
+
+    kind: str
+    text: str
+    trials: tuple[str, ...]
+    column: str = ""
+    share: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class LogSet:
     """Trials of one machine with the same joints.
@@ -161,7 +183,8 @@ class LogSet:
             "torque", "valve" or None if no command was recorded. effort_source: "pressure", "load_cell",
             "current", "estimate" or None.
         rate_hz: nominal sample rate.
-        warnings: what looks wrong but is not certain to be.
+        warnings: what looks wrong but is not certain to be, and what was repaired or left out.
+        repairs: what was repaired or left out.
     """
 
     path: Path
@@ -175,6 +198,7 @@ class LogSet:
     joints: tuple[str, ...]
     trials: tuple[Trial, ...]
     warnings: tuple[str, ...] = ()
+    repairs: tuple[Repair, ...] = ()
 
     @property
     def fit(self) -> list[Trial]:
@@ -186,7 +210,7 @@ class LogSet:
 
     def header(self) -> dict[str, Any]:
         """Everything but the trials, JSON-able."""
-        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "trials"}
+        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("trials", "repairs")}
         return plain | {
             "path": str(self.path),
             "joints": list(self.joints),

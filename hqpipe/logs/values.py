@@ -46,6 +46,16 @@ class Senseless:
         return replace(self, count=self.count + more.count)
 
 
+def sound_samples(column: str, values: np.ndarray) -> np.ndarray:
+    """(T,) whether each sample of a column is finite and has physical sense.
+
+    Args:
+        column: its full name, which says its unit. values: (T,) numbers.
+    """
+    limit = LIMITS.get(unit_of(column), OTHER)
+    return np.abs(values.astype(np.float64, copy=False)) <= limit  # False for NaN too
+
+
 def find_senseless(column: str, values: np.ndarray, first_row: int = 0) -> Senseless | None:
     """Look at the samples of a column.
 
@@ -54,8 +64,7 @@ def find_senseless(column: str, values: np.ndarray, first_row: int = 0) -> Sense
     """
     if values.dtype.kind not in "fiu":
         return None
-    limit = LIMITS.get(unit_of(column), OTHER)
-    sound = np.abs(values.astype(np.float64, copy=False)) <= limit  # False for NaN too
+    sound = sound_samples(column, values)
     if sound.all():
         return None
     row = int(np.argmin(sound))

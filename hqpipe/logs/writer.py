@@ -13,7 +13,8 @@ import numpy as np
 
 from hqpipe.errors import LogError
 from hqpipe.logs import FORMAT
-from hqpipe.logs.checks import check_clock, check_values, clock
+from hqpipe.logs.checks import check_clock, check_values
+from hqpipe.logs.clocks import clock
 from hqpipe.logs.columns import TIME, RawTable, check_names, joints_of, order_columns, unit_of
 from hqpipe.logs.manifest import FILE, SPLITS, Manifest, TrialEntry, write_manifest
 

@@ -90,7 +90,7 @@ def refused(resolve, *overrides: str) -> ConfigError:
         ("fit_actuator.net_iterations=1.5", "fit_actuator.net_iterations", "whole number"),
         ("fit_actuator.rivals=[mlp, mlp]", "fit_actuator.rivals", "more than once"),
         ("fit_actuator.rivals=[lsmt]", "fit_actuator.rivals.0", "got 'lsmt'"),
-        ("fit_actuator.resample=1", "fit_actuator.resample", "true or false, got 1"),
+        ("fit_actuator.strict=1", "fit_actuator.strict", "true or false, got 1"),
         ("fit_actuator.scope=joint", "fit_actuator.scope", "got 'joint'"),
         ("diagnose.without=[backlashh]", "diagnose.without", "did you mean 'backlash'"),
         ("diagnose.without=backlash", "diagnose.without", "expected a list"),

@@ -128,8 +128,6 @@ def as_type(kind):
         (lambda v: pa.array(np.arange(len(v)), pa.duration("ns")), "holds duration[ns]"),
         (lambda v: pa.array(np.arange(len(v))).cast(pa.decimal128(25, 2)), "holds decimal128"),
         (lambda v: pa.nulls(len(v)), "holds null"),
-        (lambda v: pa.array([None, *v[1:]]), "row 0: no value (1 such row)"),
-        (lambda v: pa.nulls(len(v), pa.float64()), "row 0: no value (2000 such rows)"),
     ],
 )
 @pytest.mark.parametrize("options", [{}, {"most": 100}])
@@ -156,9 +154,18 @@ def test_samples_without_physical_sense(logs, columns, column, value):
     columns["battery/voltage"] = np.full(2000, 24.0)
     columns[column][[700, 900, 901]] = value
     put(logs, "a.parquet", columns)
-    for options in ({}, {"most": 1000}):
+    for options in ({"strict": True}, {"strict": True, "most": 1000}):
         error = refusal(logs, **options)
         assert error.field == column and "row 700: " in str(error) and "(3 such rows)" in str(error)
+    for options in ({}, {"most": 1000}):
+        if column == "time":
+            assert refusal(logs, **options).field == column
+        else:
+            assert all(
+                np.isfinite(v).all()
+                for t in read_log_set(logs, **options).trials
+                for v in t.trajectory.columns().values()
+            )
 
 
 @pytest.mark.parametrize(

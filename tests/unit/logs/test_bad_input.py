@@ -10,10 +10,10 @@ from hqpipe.errors import LogError
 from hqpipe.logs.log_set import read_log_set
 
 
-def refusal(logs, columns, file="a.parquet"):
+def refusal(logs, columns, file="a.parquet", **options):
     put(logs, file, columns)
     with pytest.raises(LogError) as info:
-        read_log_set(logs)
+        read_log_set(logs, **options)
     assert file in str(info.value)
     assert info.value.file and info.value.fix
     return str(info.value)
@@ -81,7 +81,7 @@ def test_no_joint_at_all(logs):
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_not_finite(logs, columns, bad):
     columns["joint/knee/effort"][[123, 456]] = bad
-    words = refusal(logs, columns)
+    words = refusal(logs, columns, strict=True)
     assert "column 'joint/knee/effort', row 123" in words and "2 such rows" in words
 
 
@@ -89,8 +89,8 @@ def test_null(logs, columns):
     import pyarrow as pa
 
     values = [None if i == 17 else float(v) for i, v in enumerate(columns["joint/knee/effort"])]
-    words = refusal(logs, columns | {"joint/knee/effort": pa.array(values)})
-    assert "column 'joint/knee/effort', row 17: no value" in words
+    words = refusal(logs, columns | {"joint/knee/effort": pa.array(values)}, strict=True)
+    assert "column 'joint/knee/effort', row 17: nan (1 such row), expected a finite number" in words
 
 
 def test_text_column(logs, columns):
@@ -100,8 +100,14 @@ def test_text_column(logs, columns):
 
 def test_clock_repeats(logs, columns):
     columns["time"][100] = columns["time"][99]
-    words = refusal(logs, columns)
+    words = refusal(logs, columns, strict=True)
     assert "column 'time', row 100" in words and "the clock repeats" in words
+
+
+def test_clock_stands_still(logs, columns):
+    columns["time"][100:200] = columns["time"][100]
+    words = refusal(logs, columns)
+    assert "column 'time', row 101" in words and "the clock repeats (99 such rows)" in words
 
 
 def test_clock_runs_backwards(logs, columns):
@@ -113,22 +119,21 @@ def test_clock_runs_backwards(logs, columns):
 @pytest.mark.parametrize("lost", [1, 40])
 def test_gap(logs, columns, lost):
     kept = np.r_[0:300, 300 + lost : 2000]
-    words = refusal(logs, {name: values[kept] for name, values in columns.items()})
+    words = refusal(logs, {name: values[kept] for name, values in columns.items()}, strict=True)
     assert "column 'time', row 300" in words
     assert f"about {lost} samples lost" in words and "split the trial" in words
 
 
-def test_jitter_is_measured_not_refused_and_resampled_only_if_asked(logs, columns):
-    rng = np.random.default_rng(0)
-    columns["time"] += rng.normal(0, 1e-4, 2000)
-    put(logs, "a.parquet", columns)
-    log_set = read_log_set(logs)
-    warning = next(w for w in log_set.warnings if "jitters" in w)
-    assert "14." in warning or "13." in warning, "two steps of 10 % jitter differ by 14 %"
-    np.testing.assert_allclose(np.ptp(np.diff(log_set.trials[0].trajectory.time)), 1e-3, rtol=0.5)
-    uniform = read_log_set(logs, resample=True)
-    assert not any("jitters" in w for w in uniform.warnings)
-    assert np.ptp(np.diff(uniform.trials[0].trajectory.time)) < 1e-9
+def test_jitter(logs, columns):
+    columns["time"] += np.random.default_rng(0).normal(0, 1e-4, 2000)
+    words = refusal(logs, columns, strict=True)
+    assert "column 'time' jitters by 14." in words or "column 'time' jitters by 13." in words, "of two steps of 10 %"
+
+
+def test_trials_of_two_rates(logs, columns):
+    slower = {name: values[::4] for name, values in make_columns(seed=1).items()}
+    words = refusal(logs, slower, "b.parquet", strict=True)
+    assert "runs at 250 Hz, expected 1000 Hz as the other trials" in words
 
 
 def test_a_clock_that_starts_late_counts_from_its_first_row(logs, columns):

@@ -117,7 +117,7 @@ CHANGES = [single, later, reordered, other_commands, trimmed, appended, without_
 
 
 @pytest.mark.parametrize("change", CHANGES)
-@pytest.mark.parametrize("options", [{}, {"most": 3000}, {"resample": True}])
+@pytest.mark.parametrize("options", [{}, {"most": 3000}, {"strict": True}])
 def test_a_copy_saved_in_another_way(folder, change, options):
     pq.write_table(pa.table(change(make_columns())), folder / "b.parquet", compression="gzip", row_group_size=321)
     listed(folder, **{"a.parquet": "fit", "c.parquet": "fit", "b.parquet": "heldout"})
@@ -226,7 +226,7 @@ def test_stress_trials_that_repeat_a_fit_trial(folder):
     from hqpipe.stages.logs import read_stress
 
     put(folder / "stress", "drop.parquet", make_columns(seed=7))
-    context = SimpleNamespace(inputs={"logs": folder}, params=SimpleNamespace(resample=False))
+    context = SimpleNamespace(inputs={"logs": folder}, params=SimpleNamespace(strict=False))
     log_set = read_log_set(folder)
     assert len(read_stress(context, log_set).heldout) == 1
     put(folder / "stress", "push.parquet", trimmed(make_columns()))

@@ -10,7 +10,7 @@ from hqpipe.errors import LogError
 from hqpipe.logs.assemble import assemble
 from hqpipe.logs.columns import RawTable
 from hqpipe.logs.differentiate import differentiate
-from hqpipe.logs.resample import resample
+from hqpipe.logs.resample import Uniform, resample
 
 
 @pytest.mark.parametrize("rate", [1000.0, 200.0, 50.0])
@@ -44,14 +44,14 @@ def test_resampling_interpolates_signals_and_holds_commands(tmp_path):
             "joint/a/position_command": np.array([0.0, 1.0, 2.0, 3.0, 4.0]),
         },
     )
-    columns = resample(table, 1.0).columns
+    columns = resample(table, 1.0).table.columns
     np.testing.assert_allclose(columns["time"], [0, 1, 2, 3, 4])
     np.testing.assert_allclose(columns["joint/a/position"], [0, 2, 4, 6, 8])
     np.testing.assert_array_equal(columns["joint/a/position_command"], [0, 1, 1, 3, 4])
 
 
 def test_sections_and_joint_choice(tmp_path):
-    trial = assemble(RawTable(tmp_path, make_columns()))
+    trial = assemble(Uniform(RawTable(tmp_path, make_columns()), {}))
     part = trial.section(500, 800).for_joints(("knee",))
     assert part.samples == 300 and part.time[0] == 0.0
     np.testing.assert_array_equal(part.effort[:, 0], trial.effort[500:800, 1])
