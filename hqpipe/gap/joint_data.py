@@ -168,16 +168,19 @@ def cut(
     most: int = MAX_WINDOWS,
     speed: str = MOVED,
     flow: Flow = BY_SPEED,
+    masked: bool = True,
 ) -> Split:
     """Complete windows, evenly thinned to `most`.
 
     In valve mode a trial's first window is left out: nothing restarts there from a logged output, and what was commanded
-    before the log began is unknown.
+    before the log began is unknown. Left out too are windows that would start at a sample that was not recorded, or hold more
+    of these than others, at any joint; what is left of them counts for nothing, unless `masked` is False.
     """
     parts, first, owner, bounds = [], [], [], [0]
     owners = _owners(trials)
     for index, t in enumerate(trials):
         starts = np.arange(steps if mode == "valve" else 0, t.samples - steps, steps)
+        starts = starts if t.observed is None or not masked else _recorded(starts, t.observed, steps)
         first.append(starts + bounds[-1])
         owner.append(np.full(len(starts), owners[index]))
         bounds.append(bounds[-1] + t.samples)
@@ -191,6 +194,9 @@ def cut(
     )
     output = velocity if mode == "valve" else effort
     target = np.ascontiguousarray(output[starts[None, :] + np.arange(steps + 1)[:, None]])
+    if masked and any(t.observed is not None for t in trials):
+        observed = np.concatenate([t.recorded[:, j] for t in trials])
+        target[1:][~observed[starts[None, :] + np.arange(1, steps + 1)[:, None]]] = np.nan
     if mode == "valve":
         target[1:] = target[:-1].copy()  # the speed answers at once: row k + 1 is compared with the inputs of row k
     signals = Signals(
@@ -208,6 +214,13 @@ def cut(
         target,
     )
     return Split(signals, trial)
+
+
+def _recorded(starts: np.ndarray, observed: np.ndarray, steps: int) -> np.ndarray:
+    """Of the first samples of windows those that were recorded at all joints, and most of the samples behind them."""
+    total = np.concatenate([np.zeros((1, observed.shape[1])), np.cumsum(observed, axis=0)])
+    share = ((total[starts + steps + 1] - total[starts]) / (steps + 1)).min(axis=1)
+    return starts[observed[starts].all(axis=1) & (share > 0.5)]
 
 
 def _owners(trials: Sequence[Trajectory]) -> list[int]:

@@ -34,8 +34,8 @@ class Replay:
 
     @property
     def residual(self) -> np.ndarray:
-        """(T, J) measured minus free-running torque, N·m."""
-        return self.trajectory.effort - self.predicted
+        """(T, J) measured minus free-running torque, N·m; 0 where nothing was recorded."""
+        return np.where(self.trajectory.recorded, self.trajectory.effort - self.predicted, 0.0)
 
     @property
     def held_error(self) -> np.ndarray:

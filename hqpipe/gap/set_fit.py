@@ -180,7 +180,7 @@ class JointFitter:
         for column, value in self._settled(names).items():
             row[column] = value
         signals = self.data.fit.signals
-        outlier = max(OUTLIER_SIGMAS * self.data.noise, OUTLIER_SHARE * float(np.sqrt(np.mean(signals.target**2))))
+        outlier = max(OUTLIER_SIGMAS * self.data.noise, OUTLIER_SHARE * float(np.sqrt(np.nanmean(signals.target**2))))
         if not len(free):
             residuals = residual_windows(row, signals)
             return row, _huber(residuals, outlier), np.empty((0, 0)), residuals

@@ -75,18 +75,18 @@ HOLDS = (
 
 @njit(cache=True, nogil=True)
 def _cost(out: np.ndarray, target: np.ndarray, outlier: float, residual: np.ndarray, weight: np.ndarray) -> float:
-    """Huber loss; fills residual and square root of the weight, (steps · W,) each."""
+    """Huber loss; fills residual and square root of the weight, (steps · W,) each. A target of NaN counts for nothing."""
     total, i = 0.0, 0
     for k in range(out.shape[0]):
         for w in range(out.shape[1]):
-            r = out[k, w] - target[k + 1, w]
+            r = 0.0 if np.isnan(target[k + 1, w]) else out[k, w] - target[k + 1, w]
             size = abs(r)
             residual[i] = r
             if size > outlier:
                 weight[i] = np.sqrt(outlier / size)
                 total += outlier * (2.0 * size - outlier)
             else:
-                weight[i] = 1.0
+                weight[i] = 0.0 if np.isnan(target[k + 1, w]) else 1.0
                 total += r * r
             i += 1
     return total
@@ -296,11 +296,11 @@ def fit_windows(
 
 @njit(cache=True, nogil=True)
 def residual_windows(p: np.ndarray, s: Signals) -> np.ndarray:
-    """(steps, W) predicted − logged output of every window."""
+    """(steps, W) predicted − logged output of every window; 0 where the target is NaN."""
     work = make_work(s)
     out = np.empty((s.steps, s.first.shape[0]))
     simulate(p, s, work, out, ALL)
     for k in range(out.shape[0]):
         for w in range(out.shape[1]):
-            out[k, w] -= s.target[k + 1, w]
+            out[k, w] = 0.0 if np.isnan(s.target[k + 1, w]) else out[k, w] - s.target[k + 1, w]
     return out

@@ -23,7 +23,7 @@ class Signals(NamedTuple):
         bounds: (trials + 1,) first sample of each trial, and the end.
         first: (W,) first sample of each window.
         steps: samples that a window predicts.
-        target: (steps + 1, W) logged output: effort, or in valve mode velocity.
+        target: (steps + 1, W) logged output: effort, or in valve mode velocity; NaN where it was not recorded, never in row 0.
     """
 
     mode: int

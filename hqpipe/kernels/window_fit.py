@@ -65,6 +65,7 @@ def accumulate(
     gradient: np.ndarray,
     cost: np.ndarray,
     residuals: np.ndarray,
+    observed: np.ndarray,
 ) -> None:
     """Fill the Gauss-Newton normal equations of every window of one joint.
 
@@ -77,7 +78,8 @@ def accumulate(
         start_weight: weight of (start − measured)² against one later residual.
         outlier: residuals beyond this (N·m) count linearly (Huber's loss); may be infinite.
         hessian: (W, 5, 5), gradient: (W, 5), cost: (W,) – overwritten.
-        residuals: (T,) simulated − measured torque, overwritten where a window predicts.
+        residuals: (T,) simulated − measured torque, overwritten where a window predicts what was recorded.
+        observed: (T,) whether the torque was recorded; what was not counts for nothing.
     """
     s = np.empty(UNKNOWNS)
     for w in range(windows.shape[0]):
@@ -93,6 +95,8 @@ def accumulate(
         s[4] = 1.0
         for k in range(first, last):
             torque = advance(gains, limit, torque, error[k], qd[k], s)
+            if not observed[k + 1]:
+                continue
             residual = torque - effort[k + 1]
             residuals[k + 1] = residual
             total += add_residual(residual, outlier, s, hessian[w], gradient[w])

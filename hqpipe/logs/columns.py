@@ -22,6 +22,8 @@ CHANNELS = {
     "position_command": "rad",
     "effort_command": "N·m",
     "valve_command": "1",
+    "current": "A",
+    "duty": "1",
     "pressure_a": "Pa",
     "pressure_b": "Pa",
 }
@@ -29,6 +31,7 @@ CHANNELS = {
 SHARED_UNITS = {
     "supply/pressure": "Pa",
     "supply/oil_temperature": "°C",
+    "supply/voltage": "V",
     **{f"base/position/{a}": "m" for a in "xyz"},
     **{f"base/orientation/{a}": "1" for a in "xyzw"},
     **{f"base/linear_velocity/{a}": "m/s" for a in "xyz"},

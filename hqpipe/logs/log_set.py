@@ -63,7 +63,7 @@ def read_log_set(
     }
     thinned = plan(folder, readers, manifest, outlines, most) if most else None
     if thinned:
-        logs = read_sections(folder, readers, thinned, splits, manifest.base if manifest else None, **options)
+        logs = read_sections(folder, readers, thinned, splits, manifest, **options)
     else:
         check_size(folder, outlines.values())
         logs = read_whole(folder, readers, used, splits, manifest, all_heldout=all_heldout, **options)

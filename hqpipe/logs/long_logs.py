@@ -23,7 +23,7 @@ from hqpipe.logs.sections import Rows, rows_within, sections, shares
 from hqpipe.logs.size import check_size
 from hqpipe.logs.split import split_rows
 from hqpipe.logs.trajectory import Excerpt, Trajectory, Trial, recording_of
-from hqpipe.logs.whole_logs import Logs, check_rates, named_stretches
+from hqpipe.logs.whole_logs import Logs, check_rates, named_stretches, trial_of
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def read_sections(
     readers: dict[str, Any],
     the_plan: Plan,
     printed: Mapping[str, str],
-    base: str | None,
+    manifest: Manifest | None,
     *,
     command: str | None,
     stated_hz: float | None,
@@ -121,7 +121,7 @@ def read_sections(
 
     Args:
         folder, readers: of the log set. the_plan: from `plan`. printed: files of which fingerprints are taken.
-        base: "floating" or "fixed" of the log set. command, stated_hz, strict: as in `read_whole`.
+        manifest: of the log set. command, stated_hz, strict: as in `read_whole`.
 
     Raises:
         LogError: as `read_whole`.
@@ -139,7 +139,7 @@ def read_sections(
         entry = the_plan.parts[place.part].entry
         for own, t in named_stretches(name, sources[name], found):
             excerpt = Excerpt(entry.file, place.start + t.start, place.whole)
-            trials.append(Trial(own, entry.split, entry.command, replace(t, excerpt=excerpt), entry.base or base))
+            trials.append(trial_of(own, entry, manifest, replace(t, excerpt=excerpt)))
     prints = {file: fingerprint_file(readers, folder / file) for file in printed}
     return Logs(trials, prints, repairs)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from stat import S_ISDIR, S_ISREG
 from typing import Any
@@ -14,6 +14,7 @@ import yaml
 from hqpipe.errors import LogError, near_match, shown
 from hqpipe.files.documents import read_yaml_mapping
 from hqpipe.logs import FORMAT
+from hqpipe.logs.drive import DRIVE, EVERY_JOINT, LOAD, Stated, read_stated
 
 FILE = "logset.yaml"
 _CHOICES = {
@@ -21,25 +22,44 @@ _CHOICES = {
     "control_mode": ("position", "torque", "valve"),
     "effort_source": ("pressure", "load_cell", "current", "estimate"),
 }
-_KEYS = ("format", "robot", "base", "control_mode", "effort_source", "rate_hz", "trials")
-_TRIAL_KEYS = ("file", "split", "command", "base")
+_KEYS = (
+    "format",
+    "robot",
+    "base",
+    "control_mode",
+    "effort_source",
+    "rate_hz",
+    "drive",
+    "load",
+    "urdf",
+    "joint_map",
+    "trials",
+)
+_TRIAL_KEYS = ("file", "split", "command", "base", "drive", "load")
 SPLITS = ("fit", "heldout")
 _RATES = (1e-3, 1e7)  # Hz; a sample a quarter of an hour, and a thousand times what joint controllers run at
 
 
 @dataclass(frozen=True)
 class TrialEntry:
-    """One line of `trials`; `file` is relative to the log set, `base` only where it differs from the set's."""
+    """One line of `trials`; `file` is relative to the log set, the last three only where they differ from the set's."""
 
     file: str
     split: str
     command: dict[str, float] | None = None
     base: str | None = None
+    drive: Stated = field(default_factory=dict)
+    load: Stated = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Manifest:
-    """The fields of logset.yaml; None where it is silent."""
+    """The fields of logset.yaml; None or empty where it is silent.
+
+    Attributes:
+        drive, load: of the joints, see `hqpipe.logs.drive`. urdf: path of the robot description that the joints belong to.
+        joint_map: joint of the logs → joint of that description, where the names differ.
+    """
 
     trials: tuple[TrialEntry, ...]
     robot: str | None = None
@@ -47,6 +67,10 @@ class Manifest:
     control_mode: str | None = None
     effort_source: str | None = None
     rate_hz: float | None = None
+    drive: Stated = field(default_factory=dict)
+    load: Stated = field(default_factory=dict)
+    urdf: str | None = None
+    joint_map: dict[str, str] = field(default_factory=dict)
 
 
 def read_manifest(path: Path, files: Iterable[str], *, needs_fit: bool = True) -> Manifest:
@@ -74,9 +98,21 @@ def read_manifest(path: Path, files: Iterable[str], *, needs_fit: bool = True) -
     if not isinstance(raw.get("robot"), str | None):
         what = f"robot is {shown(raw['robot'])}, expected a name or the path of a URDF"
         raise _wrong(path, "robot", what, "put it in quotes, or leave it out")
-    trials = _trials(path, raw.get("trials"), list(files), needs_fit)
-    settings = {key: raw.get(key) for key in ("robot", *_CHOICES)}
-    return Manifest(trials=trials, rate_hz=None if rate is None else float(rate), **settings)
+    if not isinstance(raw.get("urdf"), str | None):
+        what = f"urdf is {shown(raw['urdf'])}, expected the path of a URDF"
+        raise _wrong(path, "urdf", what, "put it in quotes, or leave it out")
+    names = raw.get("joint_map") or {}
+    if not isinstance(names, dict) or not all(isinstance(n, str) for pair in names.items() for n in pair):
+        what = f"joint_map is {shown(names)}, expected names of joints in the logs and in the URDF"
+        raise _wrong(path, "joint_map", what, "write joint_map: {LOGGED: IN_URDF}, or leave it out")
+    return Manifest(
+        trials=_trials(path, raw.get("trials"), list(files), needs_fit),
+        rate_hz=None if rate is None else float(rate),
+        drive=read_stated(path, "drive", raw.get("drive"), DRIVE),
+        load=read_stated(path, "load", raw.get("load"), LOAD),
+        joint_map=dict(names),
+        **{key: raw.get(key) for key in ("robot", "urdf", *_CHOICES)},
+    )
 
 
 def _trials(path: Path, raw: Any, files: list[str], needs_fit: bool) -> tuple[TrialEntry, ...]:
@@ -114,7 +150,9 @@ def _trial(path: Path, index: int, raw: Any, files: list[str]) -> TrialEntry:
             raise _wrong(path, f"{where}.command", what, "correct it, or leave it out")
         command = {str(name): float(value) for name, value in command.items()}
     _check_choice(path, f"{where}.base", raw.get("base"), "base")
-    return TrialEntry(file, split, command, raw.get("base"))
+    drive = read_stated(path, f"{where}.drive", raw.get("drive"), DRIVE)
+    load = read_stated(path, f"{where}.load", raw.get("load"), LOAD)
+    return TrialEntry(file, split, command, raw.get("base"), drive, load)
 
 
 def _trial_file(path: Path, field: str, file: Any, files: list[str]) -> str:
@@ -167,17 +205,23 @@ def _wrong(path: Path, field: str | None, what: str, fix: str) -> LogError:
     return LogError(f"{path}: {what}", file=path, field=field, fix=fix)
 
 
+def _stated(value: Any) -> Any:
+    """A drive or load as it is written: plain numbers where they are those of every joint."""
+    return value[EVERY_JOINT] if isinstance(value, dict) and list(value) == [EVERY_JOINT] else value
+
+
 def write_manifest(path: Path, manifest: Manifest) -> None:
     """Write a logset.yaml; silent fields are left out."""
     fields: dict[str, Any] = {"format": FORMAT}
     for key in _KEYS[1:-1]:
-        value = getattr(manifest, key)
-        if value is not None:
+        value = _stated(getattr(manifest, key))
+        if value is not None and value != {}:
             fields[key] = int(value) if isinstance(value, float) and value.is_integer() else value
     fields["trials"] = [
         {"file": t.file, "split": t.split}
         | ({"command": dict(t.command)} if t.command else {})
         | ({"base": t.base} if t.base and t.base != manifest.base else {})
+        | {key: _stated(stated) for key, stated in (("drive", t.drive), ("load", t.load)) if stated}
         for t in manifest.trials
     ]
     text = yaml.safe_dump(fields, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)

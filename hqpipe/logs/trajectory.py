@@ -11,6 +11,7 @@ import numpy as np
 
 from hqpipe.errors import LogError, near_match
 from hqpipe.logs.columns import CHANNELS, TIME, RawTable, joint_column
+from hqpipe.logs.drive import Stated
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,8 @@ class Trajectory:
         time: (T,) s, strictly increasing from 0.
         joints: J names, the order of the columns below.
         position, velocity: (T, J) rad, rad/s (m, m/s for a prismatic joint).
-        effort: (T, J) measured torque, N·m (N), or None if not recorded; likewise the commands and pressures.
+        effort: (T, J) measured torque, N·m (N), or None if not recorded; likewise the commands, the current in A, the duty of
+            the drive −1 … 1, and the pressures in Pa.
         extra: every other column under its full name, (T,).
         velocity_source: "measured" or "differentiated" (zero-phase, from position).
         excerpt: where it lies in the recorded trial, if it is a section of one; its own clock starts at 0 too.
@@ -50,6 +52,8 @@ class Trajectory:
     position_command: np.ndarray | None = None
     effort_command: np.ndarray | None = None
     valve_command: np.ndarray | None = None
+    current: np.ndarray | None = None
+    duty: np.ndarray | None = None
     pressure_a: np.ndarray | None = None
     pressure_b: np.ndarray | None = None
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -80,6 +84,11 @@ class Trajectory:
     def whole(self) -> float:
         """Length of the recorded trial, s."""
         return self.excerpt.whole if self.excerpt else self.duration
+
+    @property
+    def recorded(self) -> np.ndarray:
+        """(T, J) whether the measured values of a joint were recorded, see `observed`."""
+        return np.ones(self.position.shape, dtype=bool) if self.observed is None else self.observed
 
     def channels(self) -> dict[str, np.ndarray]:
         """The recorded (T, J) channels by name, in the order of the format."""
@@ -128,13 +137,18 @@ class Trajectory:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A trajectory and its part in the log set: `split` is "fit" or "heldout", `base` "floating" or "fixed"."""
+    """A trajectory and its part in the log set: `split` is "fit" or "heldout", `base` "floating" or "fixed".
+
+    `drive` and `load` are what is stated of its joints, see `hqpipe.logs.drive`.
+    """
 
     file: str
     split: str
     command: dict[str, float] | None
     trajectory: Trajectory
     base: str | None = None
+    drive: Stated = field(default_factory=dict)
+    load: Stated = field(default_factory=dict)
 
     def table(self, folder: Path) -> RawTable:
         """Its columns, as if read from the folder of its log set."""

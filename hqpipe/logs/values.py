@@ -25,6 +25,8 @@ LIMITS = {
     "m/s": _COUNTER,
     "m/s²": _COUNTER,
     "°C": 1e6,
+    "A": _COUNTER,
+    "V": _COUNTER,
 }
 OTHER = 2e19  # a column whose unit is not known: an unsigned 64-bit number, a serial number or a clock, ends at 1.8e19
 

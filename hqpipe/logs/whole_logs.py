@@ -12,8 +12,9 @@ from hqpipe.logs.assemble import assemble
 from hqpipe.logs.checks import check_clock, check_values
 from hqpipe.logs.clocks import SAME_RATE, clock, shared_dt
 from hqpipe.logs.columns import TIME, RawTable, check_names
+from hqpipe.logs.drive import merged
 from hqpipe.logs.losses import leave_out
-from hqpipe.logs.manifest import Manifest
+from hqpipe.logs.manifest import Manifest, TrialEntry
 from hqpipe.logs.overlap import Fingerprint, fingerprint
 from hqpipe.logs.repair import Repaired, Source, look_through, repair
 from hqpipe.logs.repairs import describe
@@ -88,11 +89,21 @@ def _trials(
     if manifest is None:
         return infer_split(stretches)
     entries = {entry.file: entry for entry in manifest.trials}
-    return [
-        Trial(name, entries[file].split, entries[file].command, t, entries[file].base or manifest.base)
-        for file, parts in stretches.items()
-        for name, t in parts
-    ]
+    return [trial_of(name, entries[file], manifest, t) for file, parts in stretches.items() for name, t in parts]
+
+
+def trial_of(name: str, entry: TrialEntry, manifest: Manifest | None, trajectory: Trajectory) -> Trial:
+    """A stretch of the file of an entry as a trial called `name`."""
+    base, drive, load = (manifest.base, manifest.drive, manifest.load) if manifest else (None, {}, {})
+    return Trial(
+        name,
+        entry.split,
+        entry.command,
+        trajectory,
+        entry.base or base,
+        merged(drive, entry.drive),
+        merged(load, entry.load),
+    )
 
 
 def check_as_recorded(table: RawTable) -> None:

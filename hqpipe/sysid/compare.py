@@ -144,10 +144,11 @@ def _row(bench: _Bench, name: str, joint: str, file: str, errors: _Errors, refer
     joints = [j for j, known in enumerate(bench.joints) if joint in (ALL, known)]
     trials = [i for i, trial in enumerate(bench.trials) if file in (ALL, trial.file)]
     effort = np.concatenate([bench.trials[i].trajectory.effort[1:, joints] for i in trials])
+    observed = np.concatenate([bench.trials[i].trajectory.recorded[1:, joints] for i in trials])
 
     def stats(source: _Errors, kind: int) -> ErrorStats:
         residual = np.concatenate([source[i][kind][:, joints] for i in trials])
-        return error_stats(residual, effort, bench.scale[joints], bench.threshold[joints])
+        return error_stats(residual, effort, bench.scale[joints], bench.threshold[joints], observed)
 
     mine, base = [stats(errors, kind) for kind in (0, 1)], [stats(reference, kind) for kind in (0, 1)]
     skill = [1.0 - m.rmse / b.rmse if b.rmse > 0 else 0.0 for m, b in zip(mine, base, strict=True)]

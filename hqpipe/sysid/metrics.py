@@ -37,24 +37,32 @@ def loaded_threshold(effort: np.ndarray) -> float:
     return float(min(PAPER_THRESHOLD, _SMALL_MACHINE * np.quantile(np.abs(effort), 0.99)))
 
 
-def error_stats(residual: np.ndarray, effort: np.ndarray, scale: np.ndarray, threshold: np.ndarray) -> ErrorStats:
+def error_stats(
+    residual: np.ndarray,
+    effort: np.ndarray,
+    scale: np.ndarray,
+    threshold: np.ndarray,
+    observed: np.ndarray | None = None,
+) -> ErrorStats:
     """Pool the errors of some samples and joints.
 
     Args:
         residual, effort: (T, J) N·m.
         scale: (J,) standard deviation of each joint's torque, N·m.
         threshold: (J,) N·m, see `loaded_threshold`.
+        observed: (T, J) whether the torque was recorded; None if it always was.
     """
+    observed = np.ones(effort.shape, dtype=bool) if observed is None else observed
     residual = np.where(np.isfinite(residual), residual, np.inf)  # what diverged is infinitely wrong, not undefined
     square = residual**2
-    relative = square / np.where(scale > 0, scale, np.inf) ** 2
-    loaded = np.abs(effort) > threshold
+    relative = (square / np.where(scale > 0, scale, np.inf) ** 2)[observed]
+    loaded = (np.abs(effort) > threshold) & observed
     count = int(loaded.sum())
     return ErrorStats(
-        rmse=float(np.sqrt(square.mean())),
+        rmse=float(np.sqrt(square[observed].mean())),
         nrmse=float(np.sqrt(relative.mean())),
         loaded_rmse=float(np.sqrt(square[loaded].mean())) if count else None,
         loaded_mape=float(100.0 * np.mean(np.abs(residual[loaded] / effort[loaded]))) if count else None,
-        samples=residual.size,
+        samples=int(observed.sum()),
         loaded_samples=count,
     )

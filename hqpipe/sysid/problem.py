@@ -74,6 +74,7 @@ class Problem:
                 g,
                 cost,
                 self._residuals[j],
+                data.observed,
             )
             unit = np.append(self.scale[j], 1.0)
             a *= unit[:, None] * unit

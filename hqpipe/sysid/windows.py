@@ -33,13 +33,14 @@ class Windows:
 
 @dataclass(frozen=True, eq=False)
 class JointData:
-    """What the model of one joint sees, (T,) each: torque N·m, error rad, velocity rad/s."""
+    """What the model of one joint sees, (T,) each: torque N·m, error rad, velocity rad/s; whether the torque was recorded."""
 
     joint: str
     effort: np.ndarray
     error: np.ndarray
     velocity: np.ndarray
     command: np.ndarray
+    observed: np.ndarray
 
 
 def common_dt(trials: list[Trial]) -> float:
@@ -93,6 +94,6 @@ def joint_data(trials: list[Trial], joint: str) -> JointData:
         t = trial.trajectory
         j = t.joint(joint)
         command = t.position_command[:, j]
-        parts.append((t.effort[:, j], command - t.position[:, j], t.velocity[:, j], command))
-    effort, error, velocity, command = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return JointData(joint, effort, error, velocity, command)
+        parts.append((t.effort[:, j], command - t.position[:, j], t.velocity[:, j], command, t.recorded[:, j]))
+    effort, error, velocity, command, observed = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return JointData(joint, effort, error, velocity, command, observed)

@@ -21,7 +21,7 @@ def channels():
     return effort, error, qd, windows
 
 
-def evaluate(gains, start, channels, limit=np.inf, outlier=np.inf, start_weight=1.0):
+def evaluate(gains, start, channels, limit=np.inf, outlier=np.inf, start_weight=1.0, observed=None):
     effort, error, qd, windows = channels
     count = len(windows)
     hessian, gradient, cost = np.empty((count, 5, 5)), np.empty((count, 5)), np.empty(count)
@@ -39,6 +39,7 @@ def evaluate(gains, start, channels, limit=np.inf, outlier=np.inf, start_weight=
         gradient,
         cost,
         np.empty(400),
+        np.ones(400, dtype=bool) if observed is None else observed,
     )
     return hessian, gradient, cost
 
@@ -104,3 +105,15 @@ def test_moments_solve_noise_free_data_exactly(channels, span):
         effort[k + 1] = GAINS[0] * error[k] + (1 - GAINS[1]) * effort[k] - GAINS[2] * qd[k] + GAINS[3] * h
     moments, right = one_step_moments(effort, error, qd, windows, span)
     np.testing.assert_allclose(np.linalg.solve(moments, right), GAINS, rtol=1e-6)
+
+
+def test_samples_that_were_not_recorded_count_for_nothing(channels):
+    effort, error, qd, windows = channels
+    observed = np.ones(400, dtype=bool)
+    observed[[7, 60, 61, 333]] = False
+    gains, start = GAINS, effort[windows[:, 0]]
+    plain = evaluate(gains, start, (effort, error, qd, windows), observed=observed)
+    effort = np.where(observed, effort, 1e6)
+    for a, b in zip(plain, evaluate(gains, start, (effort, error, qd, windows), observed=observed), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert evaluate(gains, start, (effort, error, qd, windows))[2].sum() > 1e9
