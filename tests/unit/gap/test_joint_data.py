@@ -10,7 +10,8 @@ from planted_logs import STEPS, data_of, in_sections, logs_of
 
 from hqpipe.effects import effect as scales
 from hqpipe.effects.layout import slot
-from hqpipe.gap.joint_data import LOGGED, MAX_WINDOWS, MOVED, by_opening, cut, moved
+from hqpipe.gap.joint_data import LOGGED, MAX_WINDOWS, MOVED, by_opening, cut, joint_data, moved
+from hqpipe.gap.set_fit import JointFitter
 
 
 @pytest.fixture(scope="module")
@@ -91,3 +92,27 @@ def test_sections_keep_the_time_and_the_number_of_their_trial():
         twin = one.signals.bounds[trial // 3] + round(split.signals.time[first] * 1e3)
         at = int(np.flatnonzero(one.signals.first == twin)[0])
         np.testing.assert_array_equal(split.signals.target[:, window], one.signals.target[:, at])
+
+
+def unrecorded(t, rows):
+    observed = np.ones(t.effort.shape, dtype=bool)
+    observed[rows] = False
+    return replace(t, observed=observed)
+
+
+def test_a_sample_that_was_not_recorded_counts_for_nothing(logs):
+    t = logs.fit[0].trajectory
+    holes = unrecorded(t, np.r_[310:330, 777])
+    wild = replace(holes, effort=np.where(holes.observed, holes.effort, 1e7))
+    data = joint_data([holes], [t], 0, "position", STEPS, 1.0)
+    fits = [JointFitter(replace(data, fit=cut([each], 0, "position", STEPS))).fit() for each in (holes, wild)]
+    np.testing.assert_allclose(fits[0].row, fits[1].row, rtol=1e-6)  # the search begins elsewhere
+    np.testing.assert_allclose(fits[0].fitted, fits[1].fitted, rtol=1e-6)
+
+
+def test_no_window_starts_at_a_sample_that_was_not_recorded(logs):
+    t = logs.fit[0].trajectory
+    starts = cut([t], 0, "position", STEPS).signals.first
+    holes = unrecorded(t, [starts[3], *range(starts[6] + 1, starts[6] + 80)])
+    assert set(starts) - set(cut([holes], 0, "position", STEPS).signals.first) == {starts[3], starts[6]}
+    assert np.isfinite(cut([holes], 0, "position", STEPS, masked=False).signals.target).all()
