@@ -29,6 +29,7 @@ DIAGNOSED = Input("diagnosis", "diagnosis", "--diagnosis", optional=True, files=
 POLICY = Input("policy", "policy", "--policy")
 ONNX = Input("onnx", "onnx", "--onnx", also=("--policy",))
 EXPORTED = Input("onnx", "onnx", "--onnx")
+STRICT = ("--strict", "Refuse logs in which anything would have to be repaired, as for continuous integration.")
 ONNX_FLAG = ("--onnx", "Write ONNX; the only format, so it is the default.")
 # What the page of `report` shows beside the exported policy, as far as it has been made.
 SHOWN = tuple(
@@ -52,17 +53,17 @@ STAGES = StageTable(
         Stage("collect", "rollouts", "hqpipe.stages.collect",
               "Record logs of the machine under that policy.", version=3, inputs=(BOOTSTRAP,)),
         Stage("fit-actuator", "actuator", "hqpipe.stages.fit_actuator",
-              "Fit the actuator model to the logs.", version=6, inputs=(LOGS,)),
+              "Fit the actuator model to the logs.", version=7, inputs=(LOGS,), switches=(STRICT,)),
         Stage("diagnose", "diagnosis", "hqpipe.stages.diagnose",
-              "Find where the gap lies, what causes it and how far it shrinks.", version=12,
-              inputs=(LOGS, WALKER, REFERENCE)),
+              "Find where the gap lies, what causes it and how far it shrinks.", version=13,
+              inputs=(LOGS, WALKER, REFERENCE), switches=(STRICT,)),
         Stage("retrain", "policy", "hqpipe.stages.retrain",
               "Train the policy with the actuator model.", version=3, inputs=(ACTUATOR,)),
         Stage("export", "onnx", "hqpipe.stages.export",
               "Write the policy as ONNX for the robot.", version=2, inputs=(POLICY,), flags=(ONNX_FLAG,)),
         Stage("validate", "validation", "hqpipe.stages.validate",
-              "Hold the exported policy against its thresholds; exit 4 if one is missed.", version=2,
-              inputs=(ONNX, LOGS, FITTED)),
+              "Hold the exported policy against its thresholds; exit 4 if one is missed.", version=3,
+              inputs=(ONNX, LOGS, FITTED), switches=(STRICT,)),
         Stage("compare", "comparison", "hqpipe.stages.compare",
               "Train controllers with every actuator model and walk them on the plant.", version=2,
               inputs=(MODELS, DIAGNOSED), alone=True),

@@ -78,9 +78,10 @@ class StageCommand(click.Command):
             for other in needed.also
         ]
         flags = [click.Option([name], is_flag=True, expose_value=False, help=text) for name, text in stage.flags]
+        switches = [click.Option([name], is_flag=True, help=text) for name, text in stage.switches]
         super().__init__(
             stage.name,
-            params=[*inputs, *spellings, *flags, *running_options("KEY=VALUE")],
+            params=[*inputs, *spellings, *flags, *switches, *running_options("KEY=VALUE")],
             callback=click.pass_obj(self.run),
             help=f"{stage.help}\n\nWrites artifacts/{stage.artifact}.",
         )
@@ -101,6 +102,8 @@ class StageCommand(click.Command):
         changes = [f"{section}.{text.removeprefix(f'{section}.')}" for text in overrides]
         if seed is not None:
             changes.append(f"{section}.seed={seed}")
+        parameters = [name.removeprefix("--").replace("-", "_") for name, _ in self.stage.switches]
+        changes += [f"{section}.{name}=true" for name in parameters if options.pop(name)]
         named = {needed.name: _named(needed, options) for needed in self.stage.inputs}
         explicit = {name: path for name, path in named.items() if path is not None}
         project = open_project(table)

@@ -58,6 +58,7 @@ class Stage:
         version: raise it when the code changes what the stage produces, so that old results are made again.
         inputs: the folders that it reads.
         flags: options that are accepted and change nothing, e.g. the only export format, as (option, help).
+        switches: options that set a parameter of the same name to true, as (option, help).
         alone: whether it runs by its own name only, and not in ``hqpipe run all``.
     """
 
@@ -68,6 +69,7 @@ class Stage:
     version: int = 1
     inputs: tuple[Input, ...] = ()
     flags: tuple[tuple[str, str], ...] = ()
+    switches: tuple[tuple[str, str], ...] = ()
     alone: bool = False
 
     @property

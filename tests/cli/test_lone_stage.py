@@ -78,6 +78,17 @@ def test_flag_is_accepted(toy):
     assert toy("square-up", "--exact", "--json").actions == {"square-up": "ran"}
 
 
+def test_switch_sets_its_parameter(toy):
+    toy("numbers")
+    toy("square-up", "--set", "offset=0.4", "--whole-numbers")
+    assert json.loads((toy.artifacts / "squares" / "squares.json").read_text())[0] == 1
+    assert toy("square-up", "--set", "offset=0.4", "--set", "whole_numbers=true", "--json").actions == {
+        "square-up": "current"
+    }
+    toy("square-up", "--set", "offset=0.4")
+    assert json.loads((toy.artifacts / "squares" / "squares.json").read_text())[0] == 1.4
+
+
 def test_dry_run_and_explain(toy):
     toy("numbers")
     answer = toy("square-up", "--dry-run", "--explain")

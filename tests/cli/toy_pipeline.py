@@ -47,6 +47,7 @@ class SquareParams(StageParams):
     offset: float = 0.0
     fault: str = "none"
     steps: int = 0
+    whole_numbers: bool = False
 
 
 class ReportParams(StageParams):
@@ -87,7 +88,7 @@ def square(context) -> dict:
     if params.fault == "chatty":
         (context.output / "note.txt").write_text("more than anyone reads")
     numbers = json.loads((context.inputs["numbers"] / "part" / "numbers.json").read_text())
-    squares = [n * n + params.offset for n in numbers]
+    squares = [round(n * n + params.offset) if params.whole_numbers else n * n + params.offset for n in numbers]
     content = [time.time_ns()] if params.fault == "random" else squares
     (context.output / "squares.json").write_text(json.dumps(content))
     return {"first": squares[0], "resumed_from": first}
@@ -118,6 +119,7 @@ TABLE = StageTable(
             "Square them.",
             inputs=(Input("numbers", "numbers", "--numbers"),),
             flags=(("--exact", "Exactly; the only way."),),
+            switches=(("--whole-numbers", "Round them."),),
         ),
         Stage(
             "report",
