@@ -79,7 +79,7 @@ def test_flag_is_accepted(toy):
 
 
 def test_switch_sets_its_parameter(toy):
-    toy("numbers")
+    toy("numbers", "--seed", "1")
     toy("square-up", "--set", "offset=0.4", "--whole-numbers")
     assert json.loads((toy.artifacts / "squares" / "squares.json").read_text())[0] == 1
     assert toy("square-up", "--set", "offset=0.4", "--set", "whole_numbers=true", "--json").actions == {
