@@ -10,6 +10,7 @@ from pathlib import Path
 from hqpipe.errors import LogError, near_match
 from hqpipe.logs import FORMAT, LOG_READERS
 from hqpipe.logs.checks import check_length
+from hqpipe.logs.clocks import SAME_RATE
 from hqpipe.logs.columns import Shape, check_names, joint_column, joints_of
 from hqpipe.logs.differentiate import window_s
 from hqpipe.logs.long_logs import coverage, joined, plan, read_sections
@@ -91,12 +92,18 @@ def read_log_set(
         base=manifest.base if manifest else None,
         control_mode=mode,
         effort_source=manifest.effort_source if manifest else None,
-        rate_hz=manifest.rate_hz if manifest and manifest.rate_hz else float(f"{1.0 / first.dt:.4g}"),
+        rate_hz=_rate(manifest, first.dt),
         joints=first.joints,
         trials=tuple(trials),
         warnings=tuple(warnings),
         repairs=tuple(logs.repairs),
     )
+
+
+def _rate(manifest: Manifest | None, dt: float) -> float:
+    """The nominal rate where it agrees with the clocks, else theirs, Hz."""
+    stated = manifest.rate_hz if manifest else None
+    return stated if stated and abs(stated * dt - 1.0) <= SAME_RATE else float(f"{1.0 / dt:.4g}")
 
 
 def _nothing_to_fit(folder: Path, logs: Logs) -> LogError:

@@ -83,7 +83,7 @@ def test_switch_sets_its_parameter(toy):
     toy("square-up", "--set", "offset=0.4", "--whole-numbers")
     assert json.loads((toy.artifacts / "squares" / "squares.json").read_text())[0] == 1
     assert toy("square-up", "--set", "offset=0.4", "--set", "whole_numbers=true", "--json").actions == {
-        "square-up": "current"
+        "square-up": "kept"
     }
     toy("square-up", "--set", "offset=0.4")
     assert json.loads((toy.artifacts / "squares" / "squares.json").read_text())[0] == 1.4
