@@ -222,7 +222,10 @@ def _gains(entry: Entry) -> Gains:
 def _urdf_path(entry: Entry, folder: Path) -> Path:
     """The URDF in the robot's own folder: its hash covers the files that are there."""
     name = entry.text()
-    if not name or Path(name).name != name or not (folder / name).is_file():
+    present = {
+        path.name for path in folder.iterdir() if path.is_file()
+    }  # the name may be longer than any file system takes
+    if name not in present:
         raise entry.error(f"no file '{name[:100]}' in {folder}", "name the URDF that lies beside robot.yaml")
     return folder / name
 

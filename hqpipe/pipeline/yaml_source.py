@@ -165,8 +165,10 @@ def _too_deep(mark: Any) -> YamlProblem:
 
 
 def _check_node(node: Any) -> None:
-    """Refuse types that no parameter has, whole numbers of no use, and keys that are no text."""
+    """Refuse types that no parameter has, whole numbers of no use, text that cannot be written, and keys that are no text."""
     line = node.start_mark.line + 1
+    if isinstance(node, yaml.ScalarNode) and not node.value.isascii() and not _is_writable(node.value):
+        raise YamlProblem("text that holds half of a character", "remove the escape such as \\udc80", line)
     if node.tag not in _TAGS:
         name = node.tag.removeprefix(_CORE)
         raise YamlProblem(
@@ -181,6 +183,15 @@ def _check_node(node: Any) -> None:
                 name = shown(key.value) if isinstance(key, yaml.ScalarNode) else "a list or mapping"
                 fix = "give the name of a field, in quotes if it looks like a number or like true, false or null"
                 raise YamlProblem(f"a field must be text, got {name}", fix, key.start_mark.line + 1)
+
+
+def _is_writable(text: str) -> bool:
+    """Whether it can be encoded: escapes such as ``\\udc80`` spell halves of characters, which no file or terminal takes."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _problem(error: yaml.MarkedYAMLError) -> YamlProblem:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 Place = list[Any]
 
+LONGEST_TEXT = 2**21  # characters or members; twice what a YAML file may have, which PyYAML writes in a second or two
 DEEP = "<nested 10000 deep>"  # stands for a list that json could not write
 _NUMBERS = [0, -1, 1, 2**31, 2**63, -(2**63) - 1, 10**400, 0.0, -0.0, 1e-320, 1e300, -1e300, 1e308]
 _TEXTS = [
@@ -86,7 +87,7 @@ def _change(holder: Any, key: Any, change: dict[str, Any]) -> None:
     elif kind in ("rename", "misspell") and isinstance(holder, dict):
         holder[value if kind == "rename" else f"{str(key)[:-1]}{str(key)[-1:] * 2}"] = holder.pop(key)
     elif kind == "repeat" and isinstance(holder[key], list | str):
-        holder[key] = holder[key] * (value + 1)
+        holder[key] = (holder[key] * (value + 1))[:LONGEST_TEXT]
     elif kind == "repeat" and isinstance(holder, list):
         holder.extend([holder[key]] * value)
     elif kind == "wrap":

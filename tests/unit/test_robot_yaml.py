@@ -68,6 +68,7 @@ def test_every_wrong_field_is_refused(folder, content):
         ({"urdf": "../mine/robot.urdf"}, "urdf", "no file '../mine/robot.urdf'"),
         ({"urdf": "/etc/passwd"}, "urdf", "no file '/etc/passwd'"),
         ({"urdf": "other.urdf"}, "urdf", "no file 'other.urdf'"),
+        ({"urdf": "robot.urdf" * 1000}, "urdf", "no file 'robot.urdfrobot.urdf"),
         ({"name": "$\\frac{a}$"}, "name", "expected a name"),
         ({"name": "<b>robot</b>"}, "name", "expected a name"),
         ({"stiff_pd": {"kp": -1.0, "kd": 1.0}}, "stiff_pd.kp", "is -1, expected 0 to 1e+09 N·m/rad"),

@@ -30,6 +30,8 @@ def read(tmp_path, content: bytes | str):
         (CHAIN, "nested more than 50 deep"),
         ("a: &a [*a]", "pipeline.yaml:1: not valid YAML: an alias of what it stands in"),
         ("a: &a {b: *a}", "an alias of what it stands in"),
+        ('a: "\\udc80"', "pipeline.yaml:1: text that holds half of a character"),
+        ('"\\udc80": 1', "pipeline.yaml:1: text that holds half of a character"),
         ("a: *b", "pipeline.yaml:1: not valid YAML: found undefined alias"),
         ("robot: x\nseed: " + "9" * 400, "pipeline.yaml:2: a whole number of 400 digits"),
         ("seed: " + "9" * 5000, "a whole number of 5000 digits"),
