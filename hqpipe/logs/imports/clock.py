@@ -15,7 +15,7 @@ class Regularity:
     """How a clock runs.
 
     Attributes:
-        rate_hz: from the median step. jitter: RMS deviation of the steps from their median, in medians, gaps left out.
+        rate_hz: from the mean step, gaps left out. jitter: RMS deviation of the steps from their median, in medians, gaps left out.
         gaps: steps of more than `GAP_SAMPLES` medians. longest_s: the longest step.
     """
 
@@ -74,4 +74,4 @@ def regularity(time: np.ndarray) -> Regularity:
     gaps = steps > GAP_SAMPLES * median
     usual = steps[~gaps]
     jitter = float(np.sqrt(np.mean((usual / median - 1.0) ** 2)))
-    return Regularity(1.0 / median, jitter, int(gaps.sum()), float(steps.max()))
+    return Regularity(1.0 / float(usual.mean()), jitter, int(gaps.sum()), float(steps.max()))
