@@ -1,4 +1,4 @@
-"""hqpipe logs import, as a user runs it: on logs like those of a small excavator, cylinders in cm and duty cycles in per cent."""
+"""hqpipe logs import, as a user runs it: logs like those of a small excavator, cylinders in cm, duty cycles in per cent."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def test_guess_writes_a_draft_and_imports_with_it(rig, tmp_path, capfd):
     assert run_cli(STAGES, ["logs", "import", str(rig / "manual_1.csv"), "--out", str(out), "--guess"]) == 0
     err = capfd.readouterr().err
     draft = tmp_path / "logs.map.yaml"
-    assert f"drafted {draft}" in " ".join(err.split()).replace("logs. map", "logs.map") or draft.exists()
+    assert "".join(f"drafted {draft}".split()) in "".join(err.split())  # whatever the width of the terminal
     content = yaml.safe_load(draft.read_text())
     assert content["joints"]["Boom"]["valve_command"]["field"] == "Boom Cmd" and "CHECK" in draft.read_text()
     assert (out / "logset.yaml").is_file() and (out / MAP).read_text() == draft.read_text()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from hqpipe.errors import LogError
 from hqpipe.logs.imports import FOREIGN_READERS, PRESETS
-from hqpipe.logs.imports.recording import ImportLogError
 
 
 def test_formats_that_share_a_suffix_say_which_files_are_theirs():
@@ -32,7 +32,7 @@ class TestEveryForeignReader:
         for suffix in FOREIGN_READERS[name].suffixes:
             path = tmp_path / f"trial{suffix}"
             path.write_bytes(content)
-            with pytest.raises(ImportLogError, match="trial") as caught:
+            with pytest.raises(LogError, match="trial") as caught:
                 FOREIGN_READERS[name].read(path)
             assert caught.value.file and caught.value.fix and "\n" not in str(caught.value)
 

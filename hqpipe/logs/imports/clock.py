@@ -15,7 +15,7 @@ class Regularity:
     """How a clock runs.
 
     Attributes:
-        rate_hz: from the mean step, gaps left out. jitter: RMS deviation of the steps from their median, in medians, gaps left out.
+        rate_hz: from the mean step. jitter: RMS deviation of the steps from their median, in medians. Both leave gaps out.
         gaps: steps of more than `GAP_SAMPLES` medians. longest_s: the longest step.
     """
 
