@@ -16,25 +16,31 @@ from hqpipe.files.documents import read_yaml_mapping
 from hqpipe.logs import FORMAT
 
 FILE = "logset.yaml"
-_CHOICES = {
+CHOICES = {
     "base": ("floating", "fixed"),
     "control_mode": ("position", "torque", "valve"),
     "effort_source": ("pressure", "load_cell", "current", "estimate"),
 }
-_KEYS = ("format", "robot", "base", "control_mode", "effort_source", "rate_hz", "trials")
-_TRIAL_KEYS = ("file", "split", "command", "base")
+_KEYS = ("format", "robot", "base", "control_mode", "effort_source", "rate_hz", "drive", "load", "trials")
+_TRIAL_KEYS = ("file", "split", "command", "base", "drive", "load")
 SPLITS = ("fit", "heldout")
 _RATES = (1e-3, 1e7)  # Hz; a sample a quarter of an hour, and a thousand times what joint controllers run at
 
 
 @dataclass(frozen=True)
 class TrialEntry:
-    """One line of `trials`; `file` is relative to the log set, `base` only where it differs from the set's."""
+    """One line of `trials`.
+
+    `file` is relative to the log set. `base`, `drive` and `load` (joint → quantity → value) stand only where they differ from
+    the set's.
+    """
 
     file: str
     split: str
     command: dict[str, float] | None = None
     base: str | None = None
+    drive: dict[str, dict[str, float]] | None = None
+    load: dict[str, dict[str, float]] | None = None
 
 
 @dataclass(frozen=True)
@@ -47,6 +53,8 @@ class Manifest:
     control_mode: str | None = None
     effort_source: str | None = None
     rate_hz: float | None = None
+    drive: dict[str, dict[str, float]] | None = None
+    load: dict[str, dict[str, float]] | None = None
 
 
 def read_manifest(path: Path, files: Iterable[str], *, needs_fit: bool = True) -> Manifest:
@@ -65,7 +73,7 @@ def read_manifest(path: Path, files: Iterable[str], *, needs_fit: bool = True) -
         raise _wrong(
             path, "format", f"format is {shown(raw.get('format'))}, expected {FORMAT}", f"write format: {FORMAT}"
         )
-    for key in _CHOICES:
+    for key in CHOICES:
         _check_choice(path, key, raw.get(key), key)
     rate = raw.get("rate_hz")
     if rate is not None and not (_is_number(rate) and _RATES[0] <= rate <= _RATES[1]):
@@ -75,7 +83,8 @@ def read_manifest(path: Path, files: Iterable[str], *, needs_fit: bool = True) -
         what = f"robot is {shown(raw['robot'])}, expected a name or the path of a URDF"
         raise _wrong(path, "robot", what, "put it in quotes, or leave it out")
     trials = _trials(path, raw.get("trials"), list(files), needs_fit)
-    settings = {key: raw.get(key) for key in ("robot", *_CHOICES)}
+    settings = {key: raw.get(key) for key in ("robot", *CHOICES)}
+    settings |= {key: _per_joint(path, key, raw.get(key)) for key in ("drive", "load")}
     return Manifest(trials=trials, rate_hz=None if rate is None else float(rate), **settings)
 
 
@@ -114,7 +123,25 @@ def _trial(path: Path, index: int, raw: Any, files: list[str]) -> TrialEntry:
             raise _wrong(path, f"{where}.command", what, "correct it, or leave it out")
         command = {str(name): float(value) for name, value in command.items()}
     _check_choice(path, f"{where}.base", raw.get("base"), "base")
-    return TrialEntry(file, split, command, raw.get("base"))
+    stated = {key: _per_joint(path, f"{where}.{key}", raw.get(key)) for key in ("drive", "load")}
+    return TrialEntry(file, split, command, raw.get("base"), **stated)
+
+
+def _per_joint(path: Path, field: str, raw: Any) -> dict[str, dict[str, float]] | None:
+    """joint → quantity → value."""
+    if raw is None:
+        return None
+    if not isinstance(raw, dict) or not all(isinstance(q, dict) for q in raw.values()):
+        what = f"{field} is {shown(raw)}, expected joints with their quantities, e.g. {{knee: {{kp: 20.0}}}}"
+        raise _wrong(path, field, what, "correct it, or leave it out")
+    for joint, quantities in raw.items():
+        for name, value in quantities.items():
+            if not _is_number(value):
+                where = f"{field}.{joint}.{name}"
+                raise _wrong(
+                    path, where, f"{where} is {shown(value)}, expected a number", "correct it, or leave it out"
+                )
+    return {joint: {name: float(value) for name, value in found.items()} for joint, found in raw.items()}
 
 
 def _trial_file(path: Path, field: str, file: Any, files: list[str]) -> str:
@@ -139,7 +166,7 @@ def _trial_file(path: Path, field: str, file: Any, files: list[str]) -> str:
 
 
 def _check_choice(path: Path, field: str, value: Any, key: str) -> None:
-    choices = _CHOICES[key]
+    choices = CHOICES[key]
     if value is not None and value not in choices:
         hint = _near(value, choices)
         what = f"{field} is {shown(value)}{hint}, expected one of {', '.join(choices)}"
@@ -172,12 +199,14 @@ def write_manifest(path: Path, manifest: Manifest) -> None:
     fields: dict[str, Any] = {"format": FORMAT}
     for key in _KEYS[1:-1]:
         value = getattr(manifest, key)
-        if value is not None:
+        if value is not None and value != {}:
             fields[key] = int(value) if isinstance(value, float) and value.is_integer() else value
     fields["trials"] = [
         {"file": t.file, "split": t.split}
         | ({"command": dict(t.command)} if t.command else {})
         | ({"base": t.base} if t.base and t.base != manifest.base else {})
+        | ({"drive": t.drive} if t.drive and t.drive != manifest.drive else {})
+        | ({"load": t.load} if t.load and t.load != manifest.load else {})
         for t in manifest.trials
     ]
     text = yaml.safe_dump(fields, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)

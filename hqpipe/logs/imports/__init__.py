@@ -15,10 +15,9 @@ FOREIGN_READERS = Registry(
         "hdf5": "hqpipe.logs.imports.hdf5:Hdf5Reader",
         "mat": "hqpipe.logs.imports.mat:MatReader",
         "parquet": "hqpipe.logs.imports.parquet_table:ParquetTableReader",
-        "mcap": "hqpipe.logs.imports.mcap:McapReader",
-        "rosbag": "hqpipe.logs.imports.rosbag:RosbagReader",
-        "ulog": "hqpipe.logs.imports.ulog:UlogReader",
-        "mdf": "hqpipe.logs.imports.mdf:MdfReader",
-        "lerobot": "hqpipe.logs.imports.lerobot:LerobotReader",
     },
 )
+"""In the order in which they are asked for a file whose suffix several of them read."""
+
+PRESETS = Registry("preset", {})
+"""Name → a function of the recordings that returns the content of a mapping file for them."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -53,3 +54,27 @@ class Recording:
     notes: tuple[str, ...] = ()
     drive: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     load: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+
+class ForeignReader(Protocol):
+    """A reader of one foreign format.
+
+    Attributes:
+        suffixes: of its files, lower case with the dot.
+        extra: the pip extra that brings the packages it needs; None if hqpipe always has them.
+
+    Two more methods are optional: `claims_file(path) -> bool`, where other formats use the same suffix, and
+    `claims_folder(path) -> bool`, where a whole folder is one recording.
+    """
+
+    suffixes: tuple[str, ...]
+    extra: str | None
+
+    @staticmethod
+    def read(path: Path) -> list[Recording]:
+        """Every recording in a file.
+
+        Raises:
+            ImportLogError: the file cannot be read, or a package is missing.
+        """
+        ...
