@@ -29,7 +29,7 @@ class CsvReader:
         """One recording with one stream. Missing cells are NaN; rows of another length than most are dropped with a note.
 
         Raises:
-            ImportLogError: empty, no text, no row of numbers, a header of another length than the rows, or rows of many lengths.
+            ImportLogError: empty, no text, no row of numbers, or a header or rows of other lengths than most rows.
         """
         with decoding(path, "a table"):
             text = _text(path)

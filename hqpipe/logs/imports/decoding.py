@@ -13,19 +13,22 @@ from hqpipe.logs.size import memory_bytes
 
 AGAIN = "copy it again, or export it anew"
 _COPIES = 3  # in memory at once: as stored, as decoded, and as fields
+_NO_LIMIT = 2**62  # bytes
 
 
 @contextmanager
-def decoding(path: Path, what: str) -> Iterator[None]:
+def decoding(path: Path, what: str, fix: str = AGAIN, streamed: bool = False) -> Iterator[None]:
     """Check the file, and restate what the library says of it.
 
     Args:
-        path: the file. what: the kind of file, with its article, e.g. "a MAT file".
+        path: the file; a folder is not checked. what: the kind of file, with its article, e.g. "a MAT file".
+        fix: what to do about a damaged one. streamed: whether it is read in parts, so that it may be larger than the memory.
 
     Raises:
         ImportLogError: no regular file, empty, truncated, or not what its suffix says.
     """
-    check_file(path, AGAIN, memory_bytes(), ImportLogError)
+    if not (path.is_dir() and streamed):
+        check_file(path, AGAIN, _NO_LIMIT if streamed else memory_bytes(), ImportLogError)
     try:
         yield
     except HqpipeError:
@@ -35,7 +38,7 @@ def decoding(path: Path, what: str) -> Iterator[None]:
         raise ImportLogError(message, file=path, fix="cut it into shorter files") from error
     except Exception as error:  # decoders of damaged files raise whatever their last line of code raises
         reason = (str(error).strip() or type(error).__name__).splitlines()[0][:200]
-        raise ImportLogError(f"{path}: not {what} that can be read ({reason})", file=path, fix=AGAIN) from error
+        raise ImportLogError(f"{path}: not {what} that can be read ({reason})", file=path, fix=fix) from error
 
 
 def check_bytes(path: Path, needed: int) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from hqpipe.logs.columns import TIME
 from hqpipe.logs.imports.clock import regularity
 from hqpipe.logs.imports.mapping import LogMap
-from hqpipe.logs.imports.units import KINDS, kinds_of
+from hqpipe.logs.imports.units import KINDS, kinds_of, slides
 
 _OUTLIER = 5.0  # times the usual size; assumption: motions differ by less, units (cm, mm, deg) by more
 _LEAST_TRIALS = 4  # that tell what is usual
@@ -24,7 +24,8 @@ class TrialSummary:
 
     Attributes:
         file: in the log set. source: file that it comes from. split: "fit" or "heldout".
-        gaps: steps of more than four median ones, longest_s the longest step. ranges: column → smallest, largest value. missing: column → samples without a value.
+        gaps: steps of more than four median ones, longest_s the longest step.
+        ranges: column → smallest and largest value. missing: column → samples without a value.
         notes: on reading and converting it.
     """
 
@@ -66,6 +67,17 @@ class Import:
                 found[name] = min(low, before[0]), max(high, before[1])
         return found
 
+    def unit(self, column: str) -> str:
+        """Unit of a column; that of a joint that slides where its mapping has a linear unit, both where it has none."""
+        kinds = kinds_of(column)
+        joint = column.rpartition("/")[0]
+        sources = [source for name, source in self.log_map.sources.items() if name.rpartition("/")[0] == joint]
+        said = {slides(term.unit.kind) for s in sources for term in s.terms if term.unit and term.scale is None} - {
+            None
+        }
+        fitting = [kind for kind in kinds if len(kinds) == 1 or not said or slides(kind) in said]
+        return " or ".join(KINDS[kind] for kind in fitting)
+
     def notes(self) -> dict[str, list[str]]:
         """Note → files that it is about."""
         found: dict[str, list[str]] = {}
@@ -80,7 +92,7 @@ class Import:
             "folder": str(self.folder),
             "map": str(self.log_map.path),
             "trials": [_plain(trial) for trial in self.trials],
-            "channels": {n: {"unit": unit_text(n), "min": a, "max": b} for n, (a, b) in self.ranges().items()},
+            "channels": {n: {"unit": self.unit(n), "min": a, "max": b} for n, (a, b) in self.ranges().items()},
             "skipped": [{"reason": reason, "files": names} for reason, names in self.skipped.items()],
             "warnings": list(self.warnings),
         }
@@ -128,8 +140,3 @@ def outliers(trials: Sequence[TrialSummary]) -> list[str]:
             what = f"{name} reaches {top:.4g} in {', '.join(odd[:3])}{more}, {usual:.4g} in most trials"
             found.append(f"{what}: another unit or header? split: skip in the mapping leaves them out")
     return found
-
-
-def unit_text(column: str) -> str:
-    """Unit of a column for people: both where the joint may turn or slide."""
-    return " or ".join(KINDS[kind] for kind in kinds_of(column))
