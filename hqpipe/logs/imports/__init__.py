@@ -14,10 +14,26 @@ FOREIGN_READERS = Registry(
         "npz": "hqpipe.logs.imports.npz:NpzReader",
         "hdf5": "hqpipe.logs.imports.hdf5:Hdf5Reader",
         "mat": "hqpipe.logs.imports.mat:MatReader",
+        "mcap": "hqpipe.logs.imports.mcap:McapReader",
+        "rosbag": "hqpipe.logs.imports.rosbag:RosbagReader",
+        "ulog": "hqpipe.logs.imports.ulog:UlogReader",
+        "mdf": "hqpipe.logs.imports.mdf:MdfReader",
+        "lerobot": "hqpipe.logs.imports.lerobot:LerobotReader",
+        "pace": "hqpipe.logs.imports.presets.pace:PaceReader",
+        "bam": "hqpipe.logs.imports.presets.bam:BamReader",
+        "sage": "hqpipe.logs.imports.presets.sage:SageReader",
         "parquet": "hqpipe.logs.imports.parquet_table:ParquetTableReader",
     },
 )
 """In the order in which they are asked for a file whose suffix several of them read."""
 
-PRESETS = Registry("preset", {})
+PRESETS = Registry(
+    "preset",
+    {
+        "pace": "hqpipe.logs.imports.presets.pace:mapping",
+        "bam": "hqpipe.logs.imports.presets.bam:mapping",
+        "sage": "hqpipe.logs.imports.presets.sage:mapping",
+        "unitree": "hqpipe.logs.imports.presets.unitree:mapping",
+    },
+)
 """Name → a function of the recordings that returns the content of a mapping file for them."""
