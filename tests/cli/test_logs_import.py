@@ -151,6 +151,13 @@ def test_a_draft_that_lacks_something_is_written_and_not_used(tmp_path, capfd):
     assert (tmp_path / "logs.map.yaml").is_file() and not out.exists()
 
 
+def test_a_preset_makes_the_mapping_and_leaves_it_to_be_seen(rig, tmp_path, monkeypatch):
+    monkeypatch.setattr("hqpipe.logs.imports.PRESETS", {"rig": lambda recordings: CONTENT})
+    assert run_cli(STAGES, ["logs", "import", str(rig), "--out", str(tmp_path / "logs"), "--preset", "rig"]) == 0
+    assert yaml.safe_load((tmp_path / "logs.map.yaml").read_text()) == CONTENT
+    assert len(list((tmp_path / "logs").glob("*.parquet"))) == 3
+
+
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [

@@ -14,6 +14,7 @@ from hqpipe.logs.imports.decoding import decoding
 from hqpipe.logs.imports.recording import ImportLogError, Recording, Stream
 
 _SAMPLE = 1 << 17  # bytes in which header and first rows are looked for
+_HEAD = 512  # bytes; binary formats have zeros in their headers
 _UNICODE = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
 _MOST_BAD = 0.1  # assumption: a table with more rows of another length has been misread
 
@@ -23,6 +24,15 @@ class CsvReader:
 
     suffixes = (".csv", ".tsv", ".txt", ".dat", ".log")
     extra = None
+
+    @staticmethod
+    def claims_file(path: Path) -> bool:
+        """Whether it is text: .dat and .log are suffixes of binary formats too."""
+        if path.suffix.casefold() in CsvReader.suffixes[:3]:
+            return True
+        with path.open("rb") as stream:
+            head = stream.read(_HEAD)
+        return b"\0" not in head or head[:2] in _UNICODE
 
     @staticmethod
     def read(path: Path) -> list[Recording]:

@@ -374,8 +374,8 @@ def _write_joints(
             entry = {"field": parts[0].name, **unit}
             if channel == "error":
                 place = {"field": channels["position"][0].name, **units[name]["position"][0]}
-                entry = {"sum": [place, entry]}
-                reason = "CHECK: position + error, if the error is target − position"
+                sign, reason = values_of.error_sign(channels["position"][0].values, parts[0].values)
+                entry = {"sum": [place, entry | ({"sign": -1} if sign < 0 else {})]}
             content[name][here[2]] = entry
             earlier = draft.reasons.get(here)
             draft.reasons[here] = f"{earlier}; {reason}" if earlier else reason

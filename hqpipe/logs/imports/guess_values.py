@@ -20,6 +20,7 @@ _STEPS = (
 )  # largest step; 20 Hz to 20 kHz, the rates of controllers
 _SPEED_UNITS = ("rad/s", "deg/s", "rpm", "turn/s", "m/s", "mm/s", "cm/s")
 _SLOPE = 0.15  # assumption: a recorded speed is within 15 % of the derivative of the position
+_SMOOTHER = 0.9  # assumption: sums of steps closer than this do not tell which of two signals is a target
 _CORRELATED = 0.8  # as in `hqpipe.logs.units`
 Guess = tuple[str, str]
 """A unit and the reason for it."""
@@ -118,6 +119,16 @@ def slope_of(first: np.ndarray, second: np.ndarray) -> float | None:
     if scale == 0 or abs(x @ y) < _CORRELATED * scale:
         return None
     return float((x @ y) / (x @ x))
+
+
+def error_sign(position: np.ndarray, error: np.ndarray) -> tuple[int, str]:
+    """Sign with which an error (T,) is added to the position (T,) to give the target, and the reason: a target is smoother."""
+    plus, minus = (float(np.nansum(np.abs(np.diff(position + sign * error)))) for sign in (1, -1))
+    if min(plus, minus) > _SMOOTHER * max(plus, minus):
+        return 1, "CHECK: position + error, if the error is target − position"
+    if plus < minus:
+        return 1, "CHECK: position + error, which is smoother than position − error"
+    return -1, "CHECK: position − error, which is smoother than position + error"
 
 
 def valve_scaling(values: np.ndarray) -> tuple[dict[str, float | str], str]:

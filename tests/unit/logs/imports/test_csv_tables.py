@@ -118,3 +118,10 @@ def test_an_integer_column_that_turns_into_a_fraction_late(tmp_path):
     rows = [f"{i},1" for i in range(300_000)] + ["300000,1.5"]
     stream, _ = read(tmp_path, "t,q\n" + "\n".join(rows))
     assert stream.fields["q"][-1] == 1.5 and len(stream.fields["q"]) == 300_001
+
+
+def test_dat_files_that_are_not_text_are_left_to_others(tmp_path):
+    text, binary = tmp_path / "a.dat", tmp_path / "b.dat"
+    text.write_text(PLAIN)
+    binary.write_bytes(b"MDF     4.10\0\0\0\0" + bytes(200))
+    assert CsvReader.claims_file(text) and not CsvReader.claims_file(binary)

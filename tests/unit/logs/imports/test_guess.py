@@ -149,11 +149,14 @@ def test_a_command_that_does_not_follow_the_position_is_the_valve():
     assert "Boom JS" in found.left and "CHECK" in found.reasons[("joints", "Boom", "valve_command")]
 
 
-def test_an_error_beside_the_position_gives_the_target():
+@pytest.mark.parametrize("sign", [1, -1])
+def test_an_error_beside_the_position_gives_the_target(sign):
+    """Only with the right sign does the sensor's noise cancel."""
     t = np.arange(500) / 50.0
-    found = draft({"Time": t, "Boom Ms": np.sin(t), "Boom Error": 0.1 * np.cos(t)})
+    position = np.sin(t - 0.1) + 0.02 * np.random.default_rng(0).normal(size=500)
+    found = draft({"Time": t, "Boom Ms": position, "Boom Error": sign * (np.sin(t) - position)})
     parts = found.content["joints"]["Boom"]["position_command"]["sum"]
-    assert [part["field"] for part in parts] == ["Boom Ms", "Boom Error"]
+    assert [part["field"] for part in parts] == ["Boom Ms", "Boom Error"] and parts[1].get("sign", 1) == sign
 
 
 @pytest.mark.parametrize(
@@ -182,3 +185,16 @@ def test_a_draft_with_hostile_names_is_still_yaml():
 def test_an_empty_recording_is_no_crash():
     with pytest.raises(LogError):
         parse_map({"format": "hqpipe-log-map/1", **draft({"t": np.arange(5.0)}).content}, Path("map.yaml"))
+
+
+def test_topics_with_clocks_of_their_own_need_no_clock():
+    t = 1.7e9 + np.arange(1000) / 100.0
+    streams = (
+        Stream("/joint_states", {"position/hip": np.sin(t), "position/knee": np.cos(t)}, time=t),
+        Stream("/torques", {"hip effort": np.cos(t[::2]), "knee effort": np.sin(t[::2])}, time=t[::2]),
+    )
+    found = draft_map(Recording(Path("a.mcap"), streams))
+    assert "clock" not in found.content and "clocks" not in found.content and not found.unclear
+    log_map = parse_map(yaml.safe_load(draft_text(found, "a.mcap")), Path("map.yaml"))
+    assert log_map.sources["joint/knee/effort"].terms[0].names == ("/torques/knee effort",)
+    assert log_map.sources["joint/hip/position"].terms[0].names == ("/joint_states/position/hip",)
