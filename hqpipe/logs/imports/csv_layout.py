@@ -174,10 +174,12 @@ def _unit_in(name: str) -> str:
 
 def _distinct(names: Sequence[str]) -> list[str]:
     """Names of columns, each once: `q`, `q (2)`; a blank one becomes `column3`."""
-    seen: Counter[str] = Counter()
-    found = []
+    found: list[str] = []
     for index, name in enumerate(names):
-        name = name.strip() or f"column{index}"
-        seen[name] += 1
-        found.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+        first = free = name.strip() or f"column{index}"
+        count = 1
+        while free in found:
+            count += 1
+            free = f"{first} ({count})"
+        found.append(free)
     return found

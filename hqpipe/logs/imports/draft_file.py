@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from hqpipe.logs.imports.guess import Draft
+from hqpipe.logs.imports.guess_fields import Draft
 from hqpipe.logs.imports.mapping import FORMAT
 
 _HEAD = """\

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,9 @@ from hqpipe.logs.columns import CHANNELS as COMPLETE
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.imports import guess_values as values_of
 from hqpipe.logs.imports.clock import increasing
-from hqpipe.logs.imports.guess_names import Meaning, meaning_of
-from hqpipe.logs.imports.recording import Recording, Stream
-from hqpipe.logs.imports.units import COUNTS, SAMPLES, UNITS, kinds_of, to_si
+from hqpipe.logs.imports.guess_fields import Draft, NamedField, clocks_of, fields_of
+from hqpipe.logs.imports.recording import Recording
+from hqpipe.logs.imports.units import COUNTS, UNITS, kinds_of, to_si
 
 _SLIDING = re.compile(r"stroke|displacement|cylinder|slide|rail|prismatic", re.IGNORECASE)
 _MODES = {"position_command": "position", "effort_command": "torque", "valve_command": "valve"}
@@ -36,45 +35,11 @@ _ORDER += ("voltage", "temperature", "pressure_a", "pressure_b")
 _SEPARATORS = re.compile(r"[^A-Za-z0-9]+")
 
 
-@dataclass(frozen=True, eq=False)
-class _Field:
-    """A field with what its name says."""
-
-    name: str
-    stream: Stream
-    short: str
-    meaning: Meaning
-
-    @property
-    def values(self) -> np.ndarray:
-        return self.stream.fields[self.short]
-
-    @property
-    def unit(self) -> str:
-        """As the file or the name states it."""
-        return self.stream.units.get(self.short, "") or self.meaning.unit
-
-
-@dataclass
-class Draft:
-    """A drafted mapping.
-
-    Attributes:
-        content: of the mapping file. reasons: place, such as ("joints", "knee", "position") → why.
-        unclear: what a person has to say before it can be used. left: fields that are not used → why.
-    """
-
-    content: dict[str, Any] = field(default_factory=dict)
-    reasons: dict[tuple[str, ...], str] = field(default_factory=dict)
-    unclear: list[str] = field(default_factory=list)
-    left: dict[str, str] = field(default_factory=dict)
-
-
 def draft_map(recording: Recording) -> Draft:
     """Draft a mapping for recordings like this one."""
     draft = Draft()
-    fields = _fields(recording, draft)
-    clocks = _clocks(recording, fields, draft)
+    fields = fields_of(recording, draft)
+    clocks = clocks_of(recording, fields, draft)
     joints = _joints(fields, draft)
     _resolve_velocities(joints)
     _resolve_errors(joints)
@@ -87,85 +52,9 @@ def draft_map(recording: Recording) -> Draft:
     return draft
 
 
-def _fields(recording: Recording, draft: Draft) -> list[_Field]:
-    found = []
-    several = len(recording.streams) > 1
-    for stream in recording.streams:
-        for short, values in stream.fields.items():
-            name = f"{stream.name}/{short}" if several and stream.name else short
-            meaning = meaning_of(short)
-            if meaning is None:
-                draft.left[name] = "its name says nothing"
-            elif not np.isfinite(values).any():
-                draft.left[name] = "it holds no value"
-            else:
-                found.append(_Field(name, stream, short, meaning))
-    return found
-
-
-def _clocks(recording: Recording, fields: list[_Field], draft: Draft) -> dict[str, np.ndarray]:
-    """Stream → its clock in s, and the entries `clock` and `clocks`."""
-    entries: dict[str, dict[str, Any]] = {}
-    found: dict[str, np.ndarray] = {}
-    reasons: dict[str, str] = {}
-    for stream in recording.streams:
-        if stream.time is not None:
-            found[stream.name] = stream.time
-            continue
-        named = [f for f in fields if f.stream is stream and f.meaning.channel == "clock"]
-        names = [f.short for f in named if values_of.is_clock(f.values)]
-        others = [
-            n for n in stream.fields if n not in names and values_of.is_clock(stream.fields[n]) and _is_fine(stream, n)
-        ]
-        if not names and not others:
-            draft.unclear.append(f"which field{_of(stream)} is the clock? none increases from row to row")
-            continue
-        chosen = (names or others)[0]
-        entry, reason, factor = _clock_entry(stream, chosen, next((f.unit for f in named if f.short == chosen), ""))
-        reasons[stream.name] = reason if names else f"no field is named like a clock, this one increases; {reason}"
-        if factor is None:
-            draft.unclear.append(
-                f"'{chosen}' counts samples: replace unit and rate_hz of the clock by those of the recorder"
-            )
-        entries[stream.name] = entry
-        found[stream.name] = stream.fields[chosen] * (factor or 1e-3)
-        draft.left |= {f.name: f"a second clock beside '{chosen}'" for f in named if f.short != chosen}
-    if len({str(entry) for entry in entries.values()}) == 1 and len(entries) == len(recording.streams):
-        draft.content["clock"] = next(iter(entries.values()))
-        draft.reasons[("clock",)] = next(iter(reasons.values()))
-    elif entries:
-        draft.content["clocks"] = entries
-        draft.reasons |= {("clocks", name): reason for name, reason in reasons.items()}
-    return found
-
-
-def _of(stream: Stream) -> str:
-    return f" of stream '{stream.name}'" if stream.name else ""
-
-
-def _is_fine(stream: Stream, name: str) -> bool:
-    """Whether a field without the name of a clock may be one: no signal of a joint that happens to rise."""
-    meaning = meaning_of(name)
-    return meaning is None and increasing(stream.fields[name])[0].mean() > 0.99
-
-
-def _clock_entry(stream: Stream, name: str, stated: str) -> tuple[dict[str, Any], str, float | None]:
-    """Entry, reason, and the factor to seconds; None for a clock that counts samples."""
-    if stated in UNITS and UNITS[stated].kind == "time" and stated != SAMPLES:
-        return {"field": name, "unit": stated}, "the unit is stated", UNITS[stated].factor
-    guess = values_of.clock_unit(stream.fields[name])
-    if guess is None:
-        return (
-            {"field": name, "unit": SAMPLES, "rate_hz": 1000},
-            "CHECK: counts samples; the rate is not in the file",
-            None,
-        )
-    return {"field": name, "unit": guess[0]}, guess[1], UNITS[guess[0]].factor
-
-
-def _joints(fields: list[_Field], draft: Draft) -> dict[str, dict[str, list[_Field]]]:
+def _joints(fields: list[NamedField], draft: Draft) -> dict[str, dict[str, list[NamedField]]]:
     """Joint → channel → fields, of joints that have a position."""
-    found: dict[str, dict[str, list[_Field]]] = {}
+    found: dict[str, dict[str, list[NamedField]]] = {}
     for each in fields:
         if each.meaning.channel != "clock" and "/" not in each.meaning.channel:
             found.setdefault(each.meaning.joint, {}).setdefault(each.meaning.channel, []).append(each)
@@ -189,7 +78,7 @@ def _joints(fields: list[_Field], draft: Draft) -> dict[str, dict[str, list[_Fie
     return real
 
 
-def _resolve_velocities(joints: dict[str, dict[str, list[_Field]]]) -> None:
+def _resolve_velocities(joints: dict[str, dict[str, list[NamedField]]]) -> None:
     """Where `qd` and `dq` stand side by side, one of them is a desired position."""
     for channels in joints.values():
         position = channels["position"][0]
@@ -200,7 +89,7 @@ def _resolve_velocities(joints: dict[str, dict[str, list[_Field]]]) -> None:
                 channels["position_command"] = [each]
 
 
-def _resolve_errors(joints: dict[str, dict[str, list[_Field]]]) -> None:
+def _resolve_errors(joints: dict[str, dict[str, list[NamedField]]]) -> None:
     """Keep the error of a joint only where it tells the target."""
     for channels in joints.values():
         errors = channels.pop("error", [])
@@ -208,15 +97,15 @@ def _resolve_errors(joints: dict[str, dict[str, list[_Field]]]) -> None:
             channels["error"] = errors[:1]
 
 
-def _slope(first: _Field, second: _Field) -> float | None:
+def _slope(first: NamedField, second: NamedField) -> float | None:
     return values_of.slope_of(first.values, second.values) if first.stream is second.stream else None
 
 
 def _resolve_commands(
-    joints: dict[str, dict[str, list[_Field]]], clocks: Mapping[str, np.ndarray], draft: Draft
+    joints: dict[str, dict[str, list[NamedField]]], clocks: Mapping[str, np.ndarray], draft: Draft
 ) -> None:
     """What plain commands command, and targets that only their errors tell; the same for every joint."""
-    kinds: dict[str, dict[str, _Field]] = {}  # name without the joint → joint → field
+    kinds: dict[str, dict[str, NamedField]] = {}  # name without the joint → joint → field
     for name, channels in joints.items():
         for each in channels.pop("command", ()):
             kinds.setdefault(_SEPARATORS.sub("", each.short.replace(name, "")).casefold(), {})[name] = each
@@ -244,8 +133,8 @@ def _take_command(
     channel: str,
     kinds: list[str],
     reason: str,
-    whole: dict[str, dict[str, _Field]],
-    joints: dict[str, dict[str, list[_Field]]],
+    whole: dict[str, dict[str, NamedField]],
+    joints: dict[str, dict[str, list[NamedField]]],
     draft: Draft,
 ) -> None:
     """Make the first of `kinds` that channel of every joint, and drop it from `whole`."""
@@ -254,12 +143,12 @@ def _take_command(
         draft.reasons[("joints", name, channel)] = reason
 
 
-def _is_target(command: _Field, channels: Mapping[str, list[_Field]]) -> bool:
+def _is_target(command: NamedField, channels: Mapping[str, list[NamedField]]) -> bool:
     slope = _slope(command, channels["position"][0])
     return slope is not None and _ALIKE[0] < slope < _ALIKE[1]
 
 
-def _drive(command: _Field, position: _Field, clocks: Mapping[str, np.ndarray]) -> float:
+def _drive(command: NamedField, position: NamedField, clocks: Mapping[str, np.ndarray]) -> float:
     """How well a command goes with the velocity, 0…1."""
     if command.stream is not position.stream or position.stream.name not in clocks:
         return 0.0
@@ -270,7 +159,7 @@ def _drive(command: _Field, position: _Field, clocks: Mapping[str, np.ndarray]) 
     return float(abs(np.corrcoef(command.values[present], velocity[present])[0, 1]))
 
 
-def _drop_incomplete(joints: dict[str, dict[str, list[_Field]]], draft: Draft) -> None:
+def _drop_incomplete(joints: dict[str, dict[str, list[NamedField]]], draft: Draft) -> None:
     """Leave out channels that only some joints have, and second fields of one channel."""
     for channel in {c for channels in joints.values() for c in channels}:
         lacking = [name for name, channels in joints.items() if channel not in channels]
@@ -285,7 +174,7 @@ def _drop_incomplete(joints: dict[str, dict[str, list[_Field]]], draft: Draft) -
 
 
 def _units(
-    joints: dict[str, dict[str, list[_Field]]], clocks: Mapping[str, np.ndarray], draft: Draft
+    joints: dict[str, dict[str, list[NamedField]]], clocks: Mapping[str, np.ndarray], draft: Draft
 ) -> dict[str, dict[str, tuple[dict[str, Any], str]]]:
     """Joint → channel → (unit and the like, reason); joints with one habit are judged together."""
     found: dict[str, dict[str, tuple[dict[str, Any], str]]] = {name: {} for name in joints}
@@ -312,14 +201,14 @@ def _units(
     return found
 
 
-def _own_range(each: _Field, reason: str, joints: int) -> str:
+def _own_range(each: NamedField, reason: str, joints: int) -> str:
     """The range of one of several joints that were judged together, where that is in doubt."""
     if joints == 1 or "CHECK" not in reason:
         return ""
     return f"; this one {np.nanmin(each.values):.4g} … {np.nanmax(each.values):.4g}"
 
 
-def _unit_of(parts: Sequence[_Field], channel: str, slides: bool, draft: Draft) -> tuple[dict[str, Any], str]:
+def _unit_of(parts: Sequence[NamedField], channel: str, slides: bool, draft: Draft) -> tuple[dict[str, Any], str]:
     stated = parts[0].unit
     allowed = kinds_of(joint_column("joint", channel)) or kinds_of(joint_column("joint", "position"))
     if stated in UNITS and UNITS[stated].kind in allowed and stated != COUNTS:
@@ -346,7 +235,10 @@ def _unit_of(parts: Sequence[_Field], channel: str, slides: bool, draft: Draft) 
 
 
 def _velocity(
-    channels: Mapping[str, list[_Field]], position: Mapping[str, Any], clocks: Mapping[str, np.ndarray], slides: bool
+    channels: Mapping[str, list[NamedField]],
+    position: Mapping[str, Any],
+    clocks: Mapping[str, np.ndarray],
+    slides: bool,
 ) -> tuple[dict[str, Any], str]:
     """Unit of a velocity, from its slope against the derivative of the position."""
     place, speed = channels["position"][0], channels["velocity"][0]
@@ -361,7 +253,7 @@ def _velocity(
 
 
 def _write_joints(
-    joints: dict[str, dict[str, list[_Field]]],
+    joints: dict[str, dict[str, list[NamedField]]],
     units: Mapping[str, Mapping[str, tuple[dict[str, Any], str]]],
     draft: Draft,
 ) -> None:
@@ -382,7 +274,7 @@ def _write_joints(
     draft.content["joints"] = content
 
 
-def _write_shared(fields: list[_Field], draft: Draft) -> None:
+def _write_shared(fields: list[NamedField], draft: Draft) -> None:
     shared: dict[str, Any] = {}
     for each in fields:
         column = each.meaning.channel
@@ -402,7 +294,7 @@ def _write_shared(fields: list[_Field], draft: Draft) -> None:
         draft.content["shared"] = shared
 
 
-def _write_head(joints: dict[str, dict[str, list[_Field]]], clocks: Mapping[str, np.ndarray], draft: Draft) -> None:
+def _write_head(joints: dict[str, dict[str, list[NamedField]]], clocks: Mapping[str, np.ndarray], draft: Draft) -> None:
     channels = [channel for entry in draft.content["joints"].values() for channel in entry]
     modes = [mode for channel, mode in _MODES.items() if channel in channels]
     if modes:

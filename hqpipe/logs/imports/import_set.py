@@ -12,7 +12,7 @@ import numpy as np
 
 from hqpipe.errors import LogError, UsageError
 from hqpipe.logs.checks import check_length
-from hqpipe.logs.columns import TIME, RawTable, check_names
+from hqpipe.logs.columns import TIME, RawTable, check_names, joints_of
 from hqpipe.logs.imports.convert import Converted, convert
 from hqpipe.logs.imports.mapping import SKIP, LogMap, TrialRule
 from hqpipe.logs.imports.recording import ImportLogError, Recording
@@ -229,13 +229,18 @@ def _converted(
     writing: _Writing, recording: Recording, log_map: LogMap, rule: TrialRule, name: str, strict: bool
 ) -> _Trial:
     converted = convert(recording, log_map, strict=strict)
+    joints = joints_of(converted.columns)
+    stated = {
+        key: {joint: values for joint, values in getattr(recording, key).items() if joint in joints}
+        for key in ("drive", "load")
+    }
     return _Trial(
         writing.free_name(recording),
         name,
         rule,
         converted,
-        _merged(recording.drive, log_map.drive, rule.drive),
-        _merged(recording.load, log_map.load, rule.load),
+        _merged(stated["drive"], log_map.drive, rule.drive),
+        _merged(stated["load"], log_map.load, rule.load),
         (*recording.notes, *converted.notes),
     )
 
