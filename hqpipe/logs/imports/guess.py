@@ -11,6 +11,7 @@ import numpy as np
 from hqpipe.logs.columns import CHANNELS as COMPLETE
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.imports import guess_values as values_of
+from hqpipe.logs.imports.arrays import listed
 from hqpipe.logs.imports.clock import increasing
 from hqpipe.logs.imports.guess_fields import Draft, NamedField, clocks_of, fields_of
 from hqpipe.logs.imports.recording import Recording
@@ -41,6 +42,8 @@ def draft_map(recording: Recording) -> Draft:
     fields = fields_of(recording, draft)
     clocks = clocks_of(recording, fields, draft)
     joints = _joints(fields, draft)
+    if not joints:
+        draft.unclear.append(f"which fields are positions of joints? no name says so{_measured(recording)}")
     _resolve_velocities(joints)
     _resolve_errors(joints)
     _resolve_commands(joints, clocks, draft)
@@ -73,9 +76,14 @@ def _joints(fields: list[NamedField], draft: Draft) -> dict[str, dict[str, list[
         if len(real) == 1:
             return {"joint": real[""]}
         real["joint"] = real.pop("")
-    if not real:
-        draft.unclear.append("which fields are positions of joints? no name says so")
     return real
+
+
+def _measured(recording: Recording) -> str:
+    """Fields that may be positions by the units that the file states."""
+    kinds = ("angle", "length")
+    names = [n for s in recording.streams for n, unit in s.units.items() if unit in UNITS and UNITS[unit].kind in kinds]
+    return f" (in units of angle or length: {listed(names)})" if names else ""
 
 
 def _resolve_velocities(joints: dict[str, dict[str, list[NamedField]]]) -> None:

@@ -49,6 +49,7 @@ class Draft:
 
 
 def fields_of(recording: Recording, draft: Draft) -> list[NamedField]:
+    """The fields whose names mean something and that hold values; the others go to `draft.left`."""
     found = []
     several = len(recording.streams) > 1
     for stream in recording.streams:
@@ -89,6 +90,8 @@ def clocks_of(recording: Recording, fields: list[NamedField], draft: Draft) -> d
                 f"'{chosen}' counts samples: replace unit and rate_hz of the clock by those of the recorder"
             )
         entries[stream.name] = entry
+        draft.left.pop(chosen, None)
+        draft.left.pop(f"{stream.name}/{chosen}", None)
         found[stream.name] = stream.fields[chosen] * (factor or 1e-3)
         draft.left |= {f.name: f"a second clock beside '{chosen}'" for f in named if f.short != chosen}
     if len({str(entry) for entry in entries.values()}) == 1 and len(entries) == len(recording.streams):

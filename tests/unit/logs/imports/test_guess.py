@@ -198,3 +198,11 @@ def test_topics_with_clocks_of_their_own_need_no_clock():
     log_map = parse_map(yaml.safe_load(draft_text(found, "a.mcap")), Path("map.yaml"))
     assert log_map.sources["joint/knee/effort"].terms[0].names == ("/torques/knee effort",)
     assert log_map.sources["joint/hip/position"].terms[0].names == ("/joint_states/position/hip",)
+
+
+def test_names_of_another_language_are_asked_for_with_what_their_units_say():
+    t = np.arange(100) / 50.0
+    found = draft({"Zeit": t, "Winkel": np.sin(t)}, {"Zeit": "s", "Winkel": "°"})
+    assert found.content["clock"] == {"field": "Zeit", "unit": "s"} and set(found.left) == {"Winkel", "(no effort)"}
+    (question,) = found.unclear
+    assert "which fields are positions" in question and "in units of angle or length: Winkel" in question
