@@ -7,6 +7,7 @@ import numpy as np
 from hqpipe.logs.imports.clock import GAP_SAMPLES
 
 _LEAST_CORRELATION = 0.9  # assumption: below it two signals are not the same thing measured twice
+_AS_GOOD = 0.02  # assumption: correlations this close do not tell two lags apart; the shorter one is meant
 _LONGEST_LAG_S = 0.5  # assumption: recorders that buffer for longer do not stamp at all
 _LEAST_POINTS = 200  # samples that a lag is estimated from
 
@@ -64,9 +65,11 @@ def lag_of_velocity(time: np.ndarray, position: np.ndarray, velocity: np.ndarray
     most = min(int(_LONGEST_LAG_S / dt), len(x) // 4)
     shifts = np.arange(-most, most + 1)
     scores = np.array([_correlation(x, y, shift) for shift in shifts])
-    best = int(np.argmax(scores))
-    if most < 1 or scores[best] < _LEAST_CORRELATION or best in (0, len(scores) - 1):
+    inside = np.flatnonzero((scores[1:-1] >= scores[:-2]) & (scores[1:-1] >= scores[2:])) + 1
+    if not len(inside) or scores[inside].max() < _LEAST_CORRELATION:
         return None
+    alike = inside[scores[inside] > scores[inside].max() - _AS_GOOD]  # a periodic motion repeats its peaks
+    best = int(alike[np.argmin(np.abs(shifts[alike]))])
     left, middle, right = scores[best - 1 : best + 2]
     curvature = left - 2.0 * middle + right
     inner = 0.5 * (left - right) / curvature if curvature < 0 else 0.0  # vertex of the parabola through three scores

@@ -15,7 +15,7 @@ class Regularity:
     """How a clock runs.
 
     Attributes:
-        rate_hz: from the median step. jitter: RMS deviation of the steps from their median, in medians, gaps left out.
+        rate_hz: from the mean step. jitter: RMS deviation of the steps from whole medians, in medians. Both leave gaps out.
         gaps: steps of more than `GAP_SAMPLES` medians. longest_s: the longest step.
     """
 
@@ -73,5 +73,6 @@ def regularity(time: np.ndarray) -> Regularity:
     median = float(np.median(steps))
     gaps = steps > GAP_SAMPLES * median
     usual = steps[~gaps]
-    jitter = float(np.sqrt(np.mean((usual / median - 1.0) ** 2)))
-    return Regularity(1.0 / median, jitter, int(gaps.sum()), float(steps.max()))
+    samples = np.maximum(1.0, np.round(usual / median))  # a sample that is lost makes one step of two
+    jitter = float(np.sqrt(np.mean((usual / median - samples) ** 2)))
+    return Regularity(float(samples.sum() / usual.sum()), jitter, int(gaps.sum()), float(steps.max()))

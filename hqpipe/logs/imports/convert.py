@@ -9,8 +9,9 @@ import numpy as np
 from hqpipe.errors import near_match
 from hqpipe.logs.columns import TIME, joint_column, joints_of
 from hqpipe.logs.imports.align import is_held, lag_of_velocity, onto, overlap
+from hqpipe.logs.imports.arrays import listed
 from hqpipe.logs.imports.clock import MOST_DROPPED, increasing, regularity
-from hqpipe.logs.imports.mapping import FIX, ClockSource, LogMap, Source, Term
+from hqpipe.logs.imports.mapping import FIX, ClockSource, LogMap, Term
 from hqpipe.logs.imports.recording import ImportLogError, Recording, Stream
 from hqpipe.logs.imports.units import KINDS, UNITS, Unit, kinds_of, to_si
 
@@ -53,7 +54,7 @@ def convert(recording: Recording, log_map: LogMap, *, strict: bool = False) -> C
     Raises:
         ImportLogError: a field or clock is not there, has no value, or the clock is broken.
     """
-    found = {column: [_find(recording, t) for t in source.terms] for column, source in log_map.sources.items()}
+    found = _find_all(recording, log_map)
     notes: list[str] = []
     clocks: dict[str, _Clocked] = {}
     for stream in {id(s): s for parts in found.values() for s, _ in parts}.values():
@@ -80,15 +81,21 @@ def convert(recording: Recording, log_map: LogMap, *, strict: bool = False) -> C
     return Converted(columns, main.name, tuple(notes))
 
 
-def _find(recording: Recording, term: Term) -> tuple[Stream, str]:
-    """Stream and name of the first of a term's fields that the recording has."""
-    for name in term.names:
-        if found := _lookup(recording, name):
-            return found
-    known = [f"{s.name}/{f}" if s.name else f for s in recording.streams for f in s.fields]
-    wanted = " or ".join(f"'{name}'" for name in term.names)
-    what = f"no field {wanted}{near_match(term.names[0], known)}"
-    raise _wrong(recording, term.names[0], what, "map it in a mapping file of its own, or leave the file out")
+def _find_all(recording: Recording, log_map: LogMap) -> dict[str, list[tuple[Stream, str]]]:
+    """Column → stream and name of the field of each of its terms: the first of the named ones that the recording has."""
+    found: dict[str, list[tuple[Stream, str]]] = {}
+    missing: list[tuple[str, ...]] = []
+    for column, source in log_map.sources.items():
+        for term in source.terms:
+            places = [place for name in term.names if (place := _lookup(recording, name))]
+            found.setdefault(column, []).extend(places[:1])
+            missing += [] if places else [term.names]
+    if missing:
+        names = listed(list(dict.fromkeys(" or ".join(f"'{n}'" for n in each) for each in missing)))
+        known = [f"{s.name}/{f}" if s.name else f for s in recording.streams for f in s.fields]
+        what = f"no field {names}{near_match(missing[0][0], known)}"
+        raise _wrong(recording, missing[0][0], what, "map it in a mapping file of its own, or leave the file out")
+    return found
 
 
 def _lookup(recording: Recording, name: str) -> tuple[Stream, str] | None:
@@ -236,8 +243,3 @@ def _assumed(log_map: LogMap, found: dict[str, list[tuple[Stream, str]]]) -> lis
 def _wrong(recording: Recording, field: str | None, what: str, fix: str = FIX) -> ImportLogError:
     name = f"{recording.path}: {recording.name}" if recording.name else f"{recording.path}"
     return ImportLogError(f"{name}: {what}", file=recording.path, field=field, fix=fix)
-
-
-def sources_text(source: Source) -> str:
-    """Where a column comes from, for people: field names joined by their signs."""
-    return " ".join(f"{'- ' if t.sign < 0 else '+ ' if i else ''}{t.names[0]}" for i, t in enumerate(source.terms))

@@ -158,4 +158,4 @@ def _dates(column: Any) -> Any:
 
     zoned = bool(pc.any(pc.match_substring_regex(column, r"(Z|[+-]\d\d:?\d\d)$")).as_py())
     times = column.cast(pa.timestamp("ns", tz="UTC") if zoned else pa.timestamp("ns"))
-    return pc.divide(times.cast(pa.int64()).cast(pa.float64()), 1e9)
+    return pc.divide(times.cast(pa.int64()).cast(pa.float64(), safe=False), 1e9)

@@ -9,6 +9,7 @@ from hqpipe.logs.imports.units import UNITS
 _RADIANS = 7.0  # just above a full turn, as in `hqpipe.logs.units`
 _DEGREES = 400.0  # just above a full turn
 _BAR, _PSI = 1.0e3, 1.0e4  # hydraulic supplies are below 700 bar (10,000 psi)
+_MEGAPASCAL = 60.0  # assumption: hydraulics of machines stay below 60 MPa, and rarely run below 60 bar
 _AMPERES = 200.0  # assumption: drives of single joints stay below
 _EPOCHS = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))  # the year 1973 in ns, µs and ms; seconds since 1970 are 1.7e9
 _STEPS = (
@@ -69,7 +70,8 @@ def pressure_unit(fields: list[np.ndarray]) -> Guess:
     """Unit of pressures."""
     top = max(size(values) for values in fields)
     unit = "bar" if top < _BAR else "psi" if top < _PSI else "Pa"
-    return unit, f"reaches {top:.4g}: {unit}"
+    doubt = top < _MEGAPASCAL
+    return unit, f"CHECK: reaches {top:.4g}: bar; MPa of a strong supply" if doubt else f"reaches {top:.4g}: {unit}"
 
 
 def current_unit(fields: list[np.ndarray]) -> Guess:

@@ -24,7 +24,7 @@ class ParquetTableReader:
         """One recording with one stream.
 
         Raises:
-            ImportLogError: no Parquet, damaged, or without a column of numbers.
+            LogError: no Parquet, damaged, or without a column of numbers.
         """
         fields = Fields()
         with decoding(path, "a Parquet file"), opened(path) as file:

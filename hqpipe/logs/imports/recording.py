@@ -75,6 +75,6 @@ class ForeignReader(Protocol):
         """Every recording in a file.
 
         Raises:
-            ImportLogError: the file cannot be read, or a package is missing.
+            LogError: the file cannot be read, or a package is missing; most are `ImportLogError`.
         """
         ...
