@@ -94,7 +94,8 @@ def _check_chunks(path: Path, chunks: list[Any]) -> None:
     size = path.stat().st_size
     for chunk in chunks:
         if chunk.uncompressed_size > _LARGEST_RECORD or chunk.chunk_length > size:
-            what = f"{path}: a chunk declares {chunk.uncompressed_size} bytes, expected at most {_LARGEST_RECORD}"
+            sizes = f"{chunk.chunk_length} bytes, {chunk.uncompressed_size} unpacked"
+            what = f"{path}: a chunk declares {sizes}; the file has {size}, and {_LARGEST_RECORD} are the most"
             raise ImportLogError(what, file=path, fix=_FIX)
 
 

@@ -164,10 +164,10 @@ class _Program:
     def recall(self, place: int) -> None:
         self._stack.append(self._memo[place])
 
-    def tuple_of(self, count: int) -> None:
-        values = tuple(self._stack[len(self._stack) - count :])
+    def last(self, count: int) -> list[Any]:
+        values = self._stack[len(self._stack) - count :]
         del self._stack[len(self._stack) - count :]
-        self._stack.append(values)
+        return values
 
     def since_mark(self) -> list[Any]:
         place = max(i for i, value in enumerate(self._stack) if value is _MARK)
@@ -222,16 +222,11 @@ _STEPS: dict[str, _Step] = {
     **dict.fromkeys(("BINPUT", "LONG_BINPUT", "MEMOIZE"), _Program.remember),
     **dict.fromkeys(("BINGET", "LONG_BINGET"), _Program.recall),
     "TUPLE": lambda program, _: program.push(tuple(program.since_mark())),
-    "TUPLE1": lambda program, _: program.tuple_of(1),
-    "TUPLE2": lambda program, _: program.tuple_of(2),
-    "TUPLE3": lambda program, _: program.tuple_of(3),
-    "SETITEM": lambda program, _: program.set_items([*_last_two(program)]),
+    "TUPLE1": lambda program, _: program.push(tuple(program.last(1))),
+    "TUPLE2": lambda program, _: program.push(tuple(program.last(2))),
+    "TUPLE3": lambda program, _: program.push(tuple(program.last(3))),
+    "SETITEM": lambda program, _: program.set_items(program.last(2)),
     "SETITEMS": lambda program, _: program.set_items(program.since_mark()),
     "BINPERSID": lambda program, _: program.storage(),
     "REDUCE": lambda program, _: program.reduce(),
 }
-
-
-def _last_two(program: _Program) -> tuple[Any, Any]:
-    program.tuple_of(2)
-    return program._stack.pop()

@@ -21,7 +21,10 @@ _MOST_FIELDS = 4096  # of one topic; assumption: more come from a damaged format
 
 
 class UlogReader:
-    """Every topic, and every instance of it; a topic that is logged more than once is named `esc_status[1]`."""
+    """Every topic, and every instance of it; a topic that is logged more than once is named `esc_status[1]`.
+
+    A log that ends early, as at a loss of power, is read up to there.
+    """
 
     suffixes = (".ulg", ".ulog")
     extra = "px4"

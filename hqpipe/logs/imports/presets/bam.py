@@ -79,7 +79,7 @@ def mapping(recordings: Sequence[Recording]) -> dict[str, Any]:
     if _in_all(streams, "speed"):
         channels["velocity"] = {"field": "speed", "unit": "rad/s"}
     if _in_all(streams, _DUTY):
-        channels["duty"] = {"field": _DUTY}
+        channels["duty"] = {"field": _DUTY, "unit": "1"}
     shared = {}
     if _in_all(streams, "input_volts"):
         shared["supply/voltage"] = {"field": "input_volts", "unit": "V"}

@@ -22,6 +22,7 @@ _SECONDS = {
     1e-6: "µs",
 }  # in simulation; of the collectors for Unitree and Realman; of the README
 _SLOWEST = 1.0  # assumption: no recorder runs at a lower rate than 1 Hz, so that a larger step is no second
+_ALIKE = 2.0  # times; assumption: noise and coarse speeds change the distance by less
 _GRIPPERS = ("Jaw", "gripper")  # so101_lerobot_collector.py writes 0 to 1 for it
 _FIX = "copy the folder again, or leave it out"
 
@@ -156,7 +157,11 @@ def _factor(stamps: np.ndarray, fields: dict[str, np.ndarray], notes: list[str])
         if distance > 0 and covered > 0:
             ratio = distance / covered
             factor = min((1e-5, 1e-6), key=lambda each: abs(np.log(ratio / each)))
-            reason = f"with which the recorded velocities cover {factor / ratio:.2f} times the distance travelled"
+            reason = "with which the recorded velocities cover the distance travelled"
+            if not 1 / _ALIKE < ratio / factor < _ALIKE:
+                reason = (
+                    f"although the recorded velocities then cover {factor / ratio:.2g} times the distance travelled"
+                )
     notes.append(f"{_CLOCK} is in units of {_SECONDS[factor]}, {reason}")
     return factor
 

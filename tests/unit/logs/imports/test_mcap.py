@@ -109,6 +109,27 @@ def test_messages_of_ros1(tmp_path: Path) -> None:
     assert state.time_name == "header stamp"
 
 
+def test_messages_of_ros2_defined_in_idl(tmp_path: Path) -> None:
+    from rosbags.typesys import Stores, get_types_from_idl, get_typestore
+
+    idl = "module robot { module msg { struct Motor { double q; sequence<double> tau; string mode; }; }; };"
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_idl(idl))
+    kind = "robot/msg/Motor"
+    with (tmp_path / "log.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2")
+        text = f"{'=' * 80}\nIDL: {kind}\n{idl}"
+        channel = writer.register_channel("/motor", "cdr", writer.register_schema(kind, "ros2idl", text.encode()))
+        for i in range(3):
+            message = store.types[kind](0.5 * i, np.array([1.0, i]), "stand")
+            writer.add_message(channel, START + i, bytes(store.serialize_cdr(message, kind)), START)
+        writer.finish()
+    (motor,) = read_one(tmp_path / "log.mcap").streams
+    np.testing.assert_array_equal(motor.fields["q"], [0, 0.5, 1])
+    np.testing.assert_array_equal(motor.fields["tau[1]"], [0, 1, 2])
+
+
 @pytest.mark.parametrize(
     "options",
     [

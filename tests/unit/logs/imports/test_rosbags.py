@@ -12,7 +12,7 @@ pytest.importorskip("rosbags")
 
 from ros_messages import ROS1, ROS2, START, image, joint_state, motion, multi_array
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 from hqpipe.errors import HqpipeError
@@ -89,6 +89,26 @@ def test_a_folder_of_ros2_is_claimed(tmp_path: Path) -> None:
     write(tmp_path / "log", 2)
     assert RosbagReader.claims_folder(tmp_path / "log")
     assert not RosbagReader.claims_folder(tmp_path)
+
+
+def test_compressed_bags_are_read(tmp_path: Path) -> None:
+    states = [joint_state(store, START, JOINTS, [1.0, 2.0]) for store in (ROS1, ROS2)]
+    for index, compression in enumerate(Writer1.CompressionFormat):
+        writer = Writer1(tmp_path / f"{index}.bag")
+        writer.set_compression(compression)
+        with writer:
+            connection = writer.add_connection(STATE, "sensor_msgs/msg/JointState", typestore=ROS1)
+            writer.write(connection, START, ROS1.serialize_ros1(states[0], connection.msgtype))
+    for mode in (CompressionMode.FILE, CompressionMode.MESSAGE):
+        writer = Writer2(tmp_path / mode.name, version=9)
+        writer.set_compression(mode, CompressionFormat.ZSTD)
+        with writer:
+            connection = writer.add_connection(STATE, "sensor_msgs/msg/JointState", typestore=ROS2)
+            writer.write(connection, START, ROS2.serialize_cdr(states[1], connection.msgtype))
+    paths = list(tmp_path.iterdir())
+    assert len(paths) == 4
+    for path in paths:
+        assert RosbagReader.read(path)[0].streams[0].fields["position/knee"] == [2.0]
 
 
 def test_a_lone_database_is_read(tmp_path: Path) -> None:
