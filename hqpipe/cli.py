@@ -34,6 +34,7 @@ COMMANDS = {
     "diff": ("hqpipe.pipeline.query_commands:diff", "Show what differs between two artifacts."),
     "gc": ("hqpipe.pipeline.query_commands:gc", "Remove results that no current or last run of a profile needs."),
     "init": ("hqpipe.pipeline.query_commands:init", "Make a new project."),
+    "logs": ("hqpipe.stages.log_commands:logs", "Import, check, show and export logs."),
     "blind": ("hqpipe.stages.blind:blind", "Check the diagnosis on data whose effect is withheld."),
     "doctor": ("hqpipe.pipeline.query_commands:doctor", "Check that this machine is ready."),
 }

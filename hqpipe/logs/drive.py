@@ -15,10 +15,14 @@ DRIVE = {
     "torque_constant": "N·m/A",
     "ohm": "Ω",
     "control_hz": "Hz",
+    "supply_v": "V",
+    "firmware_kp": "the firmware's own unit",
+    "firmware_kd": "the firmware's own unit",
 }
-"""Quantity of a drive → unit: gains of its position loop, motor constant and resistance, rate of the loop."""
-LOAD = {"mass_kg": "kg", "lever_m": "m"}
-"""Quantity of a load → unit: a known mass at a known distance from the axis."""
+"""Quantity of a drive → unit: gains of its position loop, motor constant and resistance, rate of the loop, and supply. Gains
+that the firmware counts in a unit of its own have names of their own."""
+LOAD = {"mass_kg": "kg", "lever_m": "m", "arm_mass_kg": "kg"}
+"""Quantity of a load → unit: a known mass at a known distance from the axis, and the mass of the arm that carries it."""
 EVERY_JOINT = "*"
 Stated = dict[str, dict[str, float]]
 """Joint, or `EVERY_JOINT`, → quantity → number."""

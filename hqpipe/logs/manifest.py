@@ -17,7 +17,7 @@ from hqpipe.logs import FORMAT
 from hqpipe.logs.drive import DRIVE, EVERY_JOINT, LOAD, Stated, read_stated
 
 FILE = "logset.yaml"
-_CHOICES = {
+CHOICES = {
     "base": ("floating", "fixed"),
     "control_mode": ("position", "torque", "valve"),
     "effort_source": ("pressure", "load_cell", "current", "estimate"),
@@ -89,7 +89,7 @@ def read_manifest(path: Path, files: Iterable[str], *, needs_fit: bool = True) -
         raise _wrong(
             path, "format", f"format is {shown(raw.get('format'))}, expected {FORMAT}", f"write format: {FORMAT}"
         )
-    for key in _CHOICES:
+    for key in CHOICES:
         _check_choice(path, key, raw.get(key), key)
     rate = raw.get("rate_hz")
     if rate is not None and not (_is_number(rate) and _RATES[0] <= rate <= _RATES[1]):
@@ -111,7 +111,7 @@ def read_manifest(path: Path, files: Iterable[str], *, needs_fit: bool = True) -
         drive=read_stated(path, "drive", raw.get("drive"), DRIVE),
         load=read_stated(path, "load", raw.get("load"), LOAD),
         joint_map=dict(names),
-        **{key: raw.get(key) for key in ("robot", "urdf", *_CHOICES)},
+        **{key: raw.get(key) for key in ("robot", "urdf", *CHOICES)},
     )
 
 
@@ -177,7 +177,7 @@ def _trial_file(path: Path, field: str, file: Any, files: list[str]) -> str:
 
 
 def _check_choice(path: Path, field: str, value: Any, key: str) -> None:
-    choices = _CHOICES[key]
+    choices = CHOICES[key]
     if value is not None and value not in choices:
         hint = _near(value, choices)
         what = f"{field} is {shown(value)}{hint}, expected one of {', '.join(choices)}"
@@ -221,7 +221,8 @@ def write_manifest(path: Path, manifest: Manifest) -> None:
         {"file": t.file, "split": t.split}
         | ({"command": dict(t.command)} if t.command else {})
         | ({"base": t.base} if t.base and t.base != manifest.base else {})
-        | {key: _stated(stated) for key, stated in (("drive", t.drive), ("load", t.load)) if stated}
+        | ({"drive": _stated(t.drive)} if t.drive and t.drive != manifest.drive else {})
+        | ({"load": _stated(t.load)} if t.load and t.load != manifest.load else {})
         for t in manifest.trials
     ]
     text = yaml.safe_dump(fields, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)

@@ -16,6 +16,7 @@ from hqpipe.logs import FORMAT
 from hqpipe.logs.checks import check_clock, check_values
 from hqpipe.logs.clocks import clock
 from hqpipe.logs.columns import TIME, RawTable, check_names, joints_of, order_columns, unit_of
+from hqpipe.logs.drive import Stated
 from hqpipe.logs.manifest import FILE, SPLITS, Manifest, TrialEntry, write_manifest
 
 _ROW_GROUP = 65536  # rows; fixed, because the bytes depend on it
@@ -30,6 +31,7 @@ class LogSetWriter:
         robot, base, control_mode, effort_source, rate_hz: fields of logset.yaml, see `Manifest`.
         clock_source: what the `time` column was taken from, e.g. "controller tick".
         urdf_sha256: hash of the robot description that the joints belong to.
+        drive, load: joint → quantity → value, where they are known.
     """
 
     def __init__(
@@ -43,12 +45,14 @@ class LogSetWriter:
         rate_hz: float | None = None,
         clock_source: str = "unspecified",
         urdf_sha256: str = "",
+        drive: Mapping[str, Mapping[str, float]] | None = None,
+        load: Mapping[str, Mapping[str, float]] | None = None,
     ) -> None:
         self.folder = Path(folder)
         if (self.folder / FILE).exists():
             raise LogError(f"{self.folder}: already holds a log set", file=self.folder, fix="write to an empty folder")
         self.folder.mkdir(parents=True, exist_ok=True)
-        self._manifest = Manifest((), robot, base, control_mode, effort_source, rate_hz)
+        self._manifest = Manifest((), robot, base, control_mode, effort_source, rate_hz, _plain(drive), _plain(load))
         self._metadata = {"clock_source": clock_source, "urdf_sha256": urdf_sha256}
         self._entries: list[TrialEntry] = []
 
@@ -69,6 +73,10 @@ class LogSetWriter:
         split: str = "fit",
         command: Mapping[str, float] | None = None,
         base: str | None = None,
+        drive: Mapping[str, Mapping[str, float]] | None = None,
+        load: Mapping[str, Mapping[str, float]] | None = None,
+        clock_source: str | None = None,
+        repairable: bool = False,
     ) -> Path:
         """Write one trial.
 
@@ -77,7 +85,8 @@ class LogSetWriter:
             columns: full column name → (T,); stored as float32, `time` as float64.
             split: "fit" or "heldout".
             command: body velocity command of the trial, for logset.yaml.
-            base: "floating" or "fixed" where the trial differs from the log set.
+            base, drive, load, clock_source: where the trial differs from the log set.
+            repairable: accept missing samples (NaN) and an irregular clock, which the reader repairs; time must still increase.
 
         Raises:
             LogError: the columns would not be accepted when read back.
@@ -91,21 +100,27 @@ class LogSetWriter:
             )
         table = RawTable(path, {name: np.asarray(values) for name, values in columns.items()})
         check_names(table)
-        check_values(table)
-        check_clock(path, clock(table.columns[TIME]))
-        entry = TrialEntry(file, split, None if command is None else {k: float(v) for k, v in command.items()}, base)
-        self._write(table, entry)
+        if repairable:
+            _check_repairable(table)
+        else:
+            check_values(table)
+            check_clock(path, clock(table.columns[TIME]))
+        numbers = None if command is None else {k: float(v) for k, v in command.items()}
+        entry = TrialEntry(file, split, numbers, base, _plain(drive), _plain(load))
+        self._write(table, entry, {} if clock_source is None else {"clock_source": clock_source})
         self._entries.append(entry)
         return path
 
-    def _write(self, table: RawTable, entry: TrialEntry) -> None:
+    def _write(self, table: RawTable, entry: TrialEntry, metadata: Mapping[str, str]) -> None:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
         joints = joints_of(table.columns)
         names = order_columns(table.columns, joints)
         arrays = [pa.array(table.columns[n].astype(np.float64 if n == TIME else np.float32, copy=False)) for n in names]
-        metadata = self._metadata | {
+        metadata = {
+            **self._metadata,
+            **metadata,
             "format": FORMAT,
             "joints": ",".join(joints),
             "units": json.dumps({n: unit_of(n) for n in names if unit_of(n)}, ensure_ascii=False),
@@ -134,3 +149,21 @@ class LogSetWriter:
         if not self._entries:
             raise LogError(f"{self.folder}: a log set needs at least one trial", file=self.folder, fix="add one")
         write_manifest(self.folder / FILE, replace(self._manifest, trials=tuple(self._entries)))
+
+
+def _check_repairable(table: RawTable) -> None:
+    """Refuse what a reader cannot repair: too few rows, columns of unequal length, time that does not increase."""
+    time = table.columns[TIME]
+    check_values(RawTable(table.path, {TIME: time}))
+    for name, values in table.columns.items():
+        if values.shape != time.shape or values.dtype.kind not in "fiub":
+            what = f"{table.path}: column '{name}' has shape {values.shape} of {values.dtype}, expected {time.shape} numbers"
+            raise LogError(what, file=table.path, field=name, fix="give every column one number per row")
+    if not (np.diff(time) > 0).all():
+        row = int(np.argmax(np.diff(time) <= 0)) + 1
+        what = f"{table.path}: column 'time', row {row}: {time[row]:.6f} after {time[row - 1]:.6f}, expected increasing seconds"
+        raise LogError(what, file=table.path, field=TIME, fix="sort the rows and drop duplicates")
+
+
+def _plain(per_joint: Mapping[str, Mapping[str, float]] | None) -> Stated:
+    return {j: {k: float(v) for k, v in found.items()} for j, found in (per_joint or {}).items()}

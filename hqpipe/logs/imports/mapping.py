@@ -1,0 +1,308 @@
+"""The mapping file `hqpipe-log-map/1`: which field is which channel, in which unit, on which clock."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping as MappingType
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hqpipe.errors import near_match
+from hqpipe.files.documents import read_yaml_mapping
+from hqpipe.files.entries import Entry
+from hqpipe.logs.columns import CHANNELS as CHANNELS_OF_A_LOG_SET
+from hqpipe.logs.columns import SHARED_UNITS, TIME, joint_column
+from hqpipe.logs.drive import DRIVE, LOAD
+from hqpipe.logs.imports.recording import ImportLogError
+from hqpipe.logs.imports.units import COUNTS, KINDS, SAMPLES, UNITS, Unit, kinds_of, slides
+from hqpipe.logs.manifest import CHOICES, SPLITS
+
+FORMAT = "hqpipe-log-map/1"
+SKIP = "skip"
+_STATED = {"drive": DRIVE, "load": LOAD}
+FIX = "correct the mapping file; docs/how-to/import-logs.md lists what it may hold"
+CHANNELS = (
+    "position",
+    "velocity",
+    "effort",
+    "position_command",
+    "effort_command",
+    "valve_command",
+    "current",
+    "voltage",
+    "duty",
+    "temperature",
+    "pressure_a",
+    "pressure_b",
+)
+SHARED = (*SHARED_UNITS, "supply/voltage", "supply/current")
+_MOST_COUNTS = 2.0**40  # counts per turn; encoders of 32 bits exist
+_MOST = 1e12  # of scale, offset and zero; assumption: beyond it lies a slip of the hand
+_MOST_FILES = 10_000  # patterns of `trials`
+
+
+@dataclass(frozen=True)
+class Term:
+    """One field: value = sign × scale × unit(raw − zero) + offset.
+
+    Attributes:
+        names: of the field; the first one that a recording has is taken.
+        unit: None for the one that the file states, else SI. unit_name: as written.
+        zero: raw reading that means 0. offset: in the unit of the channel.
+    """
+
+    names: tuple[str, ...]
+    unit: Unit | None = None
+    unit_name: str = ""
+    sign: float = 1.0
+    scale: float | None = None
+    zero: float = 0.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a column comes from: the sum of `terms`, plus `offset`."""
+
+    terms: tuple[Term, ...]
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class ClockSource:
+    """A clock: `field` of its stream, None for the stream's own time; `factor` makes it seconds.
+
+    `stream` is the one whose clock the trial keeps, None for that of the effort, else of the position.
+    """
+
+    field: str | None = None
+    factor: float | None = None
+    stream: str | None = None
+
+
+@dataclass(frozen=True)
+class TrialRule:
+    """What is stated for the files that one of `files` matches."""
+
+    files: tuple[str, ...]
+    split: str | None = None
+    command: dict[str, float] | None = None
+    base: str | None = None
+    drive: dict[str, dict[str, float]] = field(default_factory=dict)
+    load: dict[str, dict[str, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LogMap:
+    """A mapping file.
+
+    Attributes:
+        sources: full column name → where it comes from.
+        clock, clocks: for all streams, and stream → its own.
+        trials: rules, the first that matches a file counts. drive, load: joint → quantity → value, of all trials.
+        robot, base, control_mode, effort_source, rate_hz: as in logset.yaml.
+    """
+
+    path: Path
+    sources: MappingType[str, Source]
+    clock: ClockSource = ClockSource()
+    clocks: MappingType[str, ClockSource] = field(default_factory=dict)
+    trials: tuple[TrialRule, ...] = ()
+    drive: dict[str, dict[str, float]] = field(default_factory=dict)
+    load: dict[str, dict[str, float]] = field(default_factory=dict)
+    robot: str | None = None
+    base: str | None = None
+    control_mode: str | None = None
+    effort_source: str | None = None
+    rate_hz: float | None = None
+
+
+def read_map(path: Path) -> LogMap:
+    """Read and check a mapping file.
+
+    Raises:
+        ImportLogError: names the field, what was found and what was expected.
+    """
+    return parse_map(read_yaml_mapping(path, FIX, ImportLogError), path)
+
+
+def parse_map(content: dict[str, Any], path: Path) -> LogMap:
+    """The same from plain data.
+
+    Args:
+        content: of the file. path: named in messages.
+    """
+    entry = Entry(content, path, FIX, kind=ImportLogError)
+    optional = ("robot", *CHOICES, "rate_hz", "clock", "clocks", "shared", "trials", "drive", "load")
+    fields = entry.mapping(("format", "joints"), optional)
+    if fields["format"].value != FORMAT:
+        raise fields["format"].wrong(FORMAT)
+    joints = fields["joints"].table()
+    if not joints:
+        raise fields["joints"].wrong("at least one joint")
+    sources: dict[str, Source] = {}
+    for name, joint in joints.items():
+        sources |= _joint(name, joint)
+    _check_complete(fields["joints"], sources)
+    for name, source in fields["shared"].table().items() if "shared" in fields else ():
+        _check_shared(name, source)
+        sources[name] = _source(source, name)
+    return LogMap(
+        path=path,
+        sources=sources,
+        clock=_clock(fields["clock"]) if "clock" in fields else ClockSource(),
+        clocks={n: _clock(c, False) for n, c in fields["clocks"].table().items()} if "clocks" in fields else {},
+        trials=tuple(_rule(r, tuple(joints)) for r in fields["trials"].items(0, _MOST_FILES))
+        if "trials" in fields
+        else (),
+        **{key: per_joint(fields[key], tuple(joints), known) for key, known in _STATED.items() if key in fields},
+        robot=fields["robot"].text() if "robot" in fields else None,
+        rate_hz=fields["rate_hz"].number(1e-3, 1e7, unit="Hz") if "rate_hz" in fields else None,
+        **{key: fields[key].text(CHOICES[key]) for key in CHOICES if key in fields},
+    )
+
+
+def _joint(name: str, entry: Entry) -> dict[str, Source]:
+    if not name or "/" in name or name != name.strip() or not name.isprintable():
+        raise entry.error(f"'{name}' is no name of a joint, expected letters, digits, '.', '-' or '_'")
+    channels = entry.table()
+    if not channels:
+        raise entry.wrong(f"channels such as {', '.join(CHANNELS[:4])}")
+    for channel, source in channels.items():
+        if channel not in CHANNELS:
+            hint = near_match(channel[:80], CHANNELS)
+            raise source.error(f"unknown channel '{channel[:80]}'{hint}, expected one of {', '.join(CHANNELS)}")
+    if "position" not in channels:
+        raise entry.error(f"joint '{name}' has no position, expected one for every joint")
+    found = {joint_column(name, c): _source(e, joint_column(name, c)) for c, e in channels.items()}
+    kinds = {t.unit.kind for s in found.values() for t in s.terms if t.unit and t.scale is None}
+    if len({slides(kind) for kind in kinds} - {None}) > 1:
+        what = f"its units mix a joint that turns with one that slides ({', '.join(sorted(kinds))})"
+        raise entry.error(what, "give all its channels angular or all of them linear units")
+    return found
+
+
+def _check_complete(entry: Entry, sources: MappingType[str, Source]) -> None:
+    """Refuse a channel that only some joints have, which no log set may hold."""
+    joints = list(entry.table())
+    for column in sources:
+        _, joint, channel = column.split("/")
+        lacking = [j for j in joints if joint_column(j, channel) not in sources]
+        if lacking and channel in CHANNELS_OF_A_LOG_SET:
+            what = f"joint '{joint}' has {channel}, joint '{lacking[0]}' has not; a log set has it for every joint or for none"
+            raise entry.error(what, f"add {channel} to {', '.join(lacking)}, or drop it")
+
+
+def _check_shared(name: str, entry: Entry) -> None:
+    known = name in SHARED or name.split("/")[0] in ("foot", "servo", "other")
+    if not known or name == TIME:
+        hint = near_match(name[:80], SHARED)
+        raise entry.error(f"unknown column '{name[:80]}'{hint}, expected one of {', '.join(SHARED)}, or other/<name>")
+
+
+def _source(entry: Entry, column: str) -> Source:
+    if isinstance(entry.value, str):
+        return Source((Term((entry.text(),)),))
+    if isinstance(entry.value, dict) and "sum" in entry.value:
+        fields = entry.mapping(("sum",), ("offset",))
+        terms = tuple(_term(item, column) for item in fields["sum"].items(1, 8))
+        return Source(terms, fields["offset"].number(-_MOST, _MOST) if "offset" in fields else 0.0)
+    return Source((_term(entry, column),))
+
+
+def _term(entry: Entry, column: str) -> Term:
+    if isinstance(entry.value, str):
+        return Term((entry.text(),))
+    fields = entry.mapping(("field",), ("unit", "counts_per_turn", "sign", "scale", "zero", "offset"))
+    names = fields["field"]
+    found = tuple(n.text() for n in names.items(1)) if isinstance(names.value, list) else (names.text(),)
+    if not all(found):
+        raise names.wrong("the name of a field")
+    scale = fields["scale"].number(-_MOST, _MOST) if "scale" in fields else None
+    if scale == 0.0:
+        raise fields["scale"].wrong("a number other than 0")
+    sign = fields["sign"].whole(-1, 1) if "sign" in fields else 1
+    if sign == 0:
+        raise fields["sign"].wrong("1 or -1")
+    unit = _unit(fields, column, scale) if "unit" in fields else None
+    rest = {key: fields[key].number(-_MOST, _MOST) for key in ("zero", "offset") if key in fields}
+    return Term(found, unit, str(fields["unit"].value) if unit else "", float(sign), scale, **rest)
+
+
+def _unit(fields: dict[str, Entry], column: str, scale: float | None) -> Unit:
+    entry = fields["unit"]
+    name = str(entry.value) if entry.value == 1 and not isinstance(entry.value, bool) else entry.text()
+    unit = unit_named(name, entry)
+    if name == SAMPLES:
+        raise entry.error("samples are a unit of clocks only")
+    if name == COUNTS:
+        if "counts_per_turn" not in fields:
+            raise entry.error("counts need counts_per_turn", "write counts_per_turn: 4096, or use scale")
+        unit = Unit("angle", 2.0 * np.pi / fields["counts_per_turn"].number(1e-3, _MOST_COUNTS))
+    elif "counts_per_turn" in fields:
+        raise fields["counts_per_turn"].error("belongs to unit: counts")
+    allowed = kinds_of(column)
+    if allowed and unit.kind not in allowed and scale is None:
+        expected = " or ".join(f"{kind} ({KINDS[kind]})" for kind in allowed)
+        what = f"{name} is a unit of {unit.kind}, expected {expected} for {column}"
+        raise entry.error(what, f"name another unit, or add scale: what one {KINDS[unit.kind]} is in {column}")
+    return unit
+
+
+def unit_named(name: str, entry: Entry) -> Unit:
+    """The unit of that name.
+
+    Raises:
+        HqpipeError: of the entry, with the near match.
+    """
+    if name not in UNITS:
+        folded = {each.casefold(): each for each in UNITS}
+        meant = folded.get(name.casefold())
+        hint = f" – did you mean '{meant}'?" if meant else near_match(name[:80], UNITS)
+        raise entry.error(f"unknown unit '{name[:80]}'{hint}, expected one such as rad, deg, mm, N·m, bar, ms, A, V, %")
+    return UNITS[name]
+
+
+def _clock(entry: Entry, with_stream: bool = True) -> ClockSource:
+    fields = entry.mapping((), ("field", "unit", "rate_hz", *(("stream",) if with_stream else ())))
+    factor = None
+    if "unit" in fields:
+        unit = unit_named(fields["unit"].text(), fields["unit"])
+        if unit.kind != "time":
+            raise fields["unit"].wrong("a unit of time: s, ms, us, ns or samples")
+        factor = unit.factor
+        if fields["unit"].value == SAMPLES:
+            if "rate_hz" not in fields:
+                raise fields["unit"].error("samples need rate_hz", "write rate_hz: samples per second")
+            factor = 1.0 / fields["rate_hz"].number(1e-3, 1e9, unit="Hz")
+    if "rate_hz" in fields and (not factor or fields["unit"].value != SAMPLES):
+        raise fields["rate_hz"].error("belongs to unit: samples; the nominal rate stands at the top of the file")
+    if factor is not None and "field" not in fields:
+        raise entry.error("a unit belongs to a field", "name the field of the clock, or leave the unit out")
+    text = {key: fields[key].text() for key in ("field", "stream") if key in fields}
+    return ClockSource(text.get("field"), factor, text.get("stream"))
+
+
+def _rule(entry: Entry, joints: tuple[str, ...]) -> TrialRule:
+    fields = entry.mapping(("files",), ("split", "command", "base", "drive", "load"))
+    files = fields["files"]
+    return TrialRule(
+        tuple(f.text() for f in files.items(1)) if isinstance(files.value, list) else (files.text(),),
+        fields["split"].text((*SPLITS, SKIP)) if "split" in fields else None,
+        {n: v.number(-_MOST, _MOST) for n, v in fields["command"].table().items()} if "command" in fields else None,
+        fields["base"].text(CHOICES["base"]) if "base" in fields else None,
+        **{key: per_joint(fields[key], joints, known) for key, known in _STATED.items() if key in fields},
+    )
+
+
+def per_joint(entry: Entry, joints: tuple[str, ...], known: MappingType[str, str]) -> dict[str, dict[str, float]]:
+    """joint → quantity → value; a name that is no joint or none of the `known` quantities is an error."""
+    found = {}
+    for name, quantities in entry.table().items():
+        if name not in joints:
+            raise quantities.error(f"no joint '{name[:80]}'{near_match(name[:80], joints)}")
+        stated = quantities.mapping((), tuple(known))
+        found[name] = {quantity: value.number(0.0, _MOST, unit=known[quantity]) for quantity, value in stated.items()}
+    return found
