@@ -35,6 +35,7 @@ COMMANDS = {
     "gc": ("hqpipe.pipeline.query_commands:gc", "Remove results that no current or last run of a profile needs."),
     "init": ("hqpipe.pipeline.query_commands:init", "Make a new project."),
     "blind": ("hqpipe.stages.blind:blind", "Check the diagnosis on data whose effect is withheld."),
+    "logs": ("hqpipe.stages.log_commands:logs", "Import, check, show and export logs."),
     "doctor": ("hqpipe.pipeline.query_commands:doctor", "Check that this machine is ready."),
 }
 """Command name → (where it is, one line of help)."""
