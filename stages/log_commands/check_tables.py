@@ -25,7 +25,8 @@ def print_survey(result: Survey) -> None:
     """Print verdict, trials, channels, motion, layers and findings."""
     console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else WIDTH, highlight=False)
     files = list(dict.fromkeys(trial.file for trial in result.trials))
-    console.print(Text(_headline(result), style="bold"), "", sep="\n")
+    console.print(Text(_headline(result), style="bold"), soft_wrap=True)
+    console.print()
     _table(console, ("trials", "split", "each", "rate", "clock", "missing", "verdict"), _trial_rows(result.trials))
     _table(
         console,
@@ -38,10 +39,10 @@ def print_survey(result: Survey) -> None:
     _table(console, ("layer of the diagnosis", "", "why"), (_layer_row(layer) for layer in result.layers))
     for trial in result.trials:
         if trial.error:
-            console.print(Text(f"refused: {trial.error}", style="red"))
+            console.print(Text(f"refused: {trial.error}", style="red"), soft_wrap=True)
     for finding in result.findings:
         kind, style = ("note", "") if finding.is_note else ("finding", "yellow")
-        console.print(Text(f"{kind}: {finding.line(len(files))}", style=style))
+        console.print(Text(f"{kind}: {finding.line(len(files))}", style=style), soft_wrap=True)
 
 
 def _headline(result: Survey) -> str:

@@ -16,7 +16,7 @@ _TURNING = (
 _RESTING = 0.05  # of the 95 % speed; of a sine 3 % of the time is spent below
 _SEGMENT_S = 4.0  # of the spectrum: 0.25 Hz apart
 _POWER = 0.95
-_LIVELY = 0.1  # of the largest standard deviation; the spectrum of a command that hardly moves says nothing
+_LIVELY = 0.1  # of the largest range; the spectrum of a command that hardly moves says nothing
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def _reversals(position: np.ndarray, least: float) -> int:
 
 def _bandwidth(signals: Sequence[tuple[np.ndarray, float]]) -> float | None:
     """Hz, the largest of (signal (T,), dt) that move."""
-    spread = [float(values.std()) for values, _ in signals]
+    spread = [float(np.ptp(values)) for values, _ in signals]
     lively = [signal for signal, size in zip(signals, spread, strict=True) if size > _LIVELY * max(spread)]
     return max((_upper_frequency(*signal) for signal in lively), default=None)
 

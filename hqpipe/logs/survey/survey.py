@@ -62,7 +62,7 @@ class Survey:
             "trials": [_trial_json(trial) for trial in self.trials],
             "channels": [_channel_json(channel) for channel in self.channels],
             "excitation": [{"joint": e.joint, "unit": CHANNELS["position"], **asdict(e)} for e in self.excitation],
-            "layers": [asdict(layer) for layer in self.layers],
+            "layers": [asdict(layer) | {"missing": list(layer.missing)} for layer in self.layers],
             "other_columns": list(self.other_columns),
             "findings": [_finding_json(finding) for finding in self.findings if not finding.is_note],
             "notes": [_finding_json(finding) for finding in self.findings if finding.is_note],
