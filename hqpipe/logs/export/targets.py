@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path, PurePosixPath
 
 from hqpipe.errors import UsageError
-from hqpipe.system.durable import new_folder, remove, sync_tree
+from hqpipe.logs.export import EXPORTERS
+from hqpipe.system.durable import new_folder, remove, sync, sync_tree
 
 Write = Callable[[Path, int], None]
 """Writes the trial of this index to a path."""
@@ -21,8 +22,14 @@ def targets(out: Path, files: Sequence[str], ending: str) -> list[Path]:
         ending: of the format, with its dot.
 
     Raises:
-        UsageError: several trials are to go into one file.
+        UsageError: several trials are to go into one file, or the file has the ending of another format.
     """
+    other = next((f".{kind}" for kind in EXPORTERS if out.suffix == f".{kind}" != ending), None)
+    if other and not out.is_dir():
+        what = f"{out} ends in {other}, expected a folder or a file that ends in {ending}"
+        raise UsageError(
+            what, file=out, field="--out", fix=f"name it {out.with_suffix(ending).name}, or add --format {other[1:]}"
+        )
     if out.suffix != ending or out.is_dir():
         paths = [out / PurePosixPath(file).with_suffix(ending) for file in files]
         if len(set(paths)) < len(paths):
@@ -74,10 +81,12 @@ def write_all(out: Path, paths: Sequence[Path], write: Write, *, force: bool = F
         sync_tree(staged)
         if not alone and not os.path.lexists(out):
             os.rename(staged, out)
+            sync(out.parent)
             return
         for part, path in zip(parts, paths, strict=True):
             path.parent.mkdir(parents=True, exist_ok=True)
             os.replace(part, path)
+            sync(path.parent)
     finally:
         remove(staged)
 

@@ -54,6 +54,8 @@ def _at_upper_end(
     """Position, largest distance of the command beyond it and files, of (file, dt, position, command)."""
     top = max(float(q.max()) for _, _, q, _ in signals)
     travel = top - min(float(q.min()) for _, _, q, _ in signals)
+    if travel == 0.0:
+        return None  # a constant position, which is found as such
     stretches, elsewhere = [], []
     for file, dt, q, c in signals:
         standing = (q >= top - _NEAR * travel) & (c > q)

@@ -36,7 +36,9 @@ def test_a_single_trial_may_be_a_file(tmp_path):
     write_all(out, [out], write)
     assert tree(tmp_path) == {"one.csv": "trial 0"}
     with pytest.raises(UsageError, match="one file, expected a folder for 2 trials"):
-        targets(out, FILES, ".csv") and targets(tmp_path / "two.csv", FILES, ".csv")
+        targets(tmp_path / "two.csv", FILES, ".csv")
+    with pytest.raises(UsageError, match="ends in .csv, expected a folder or a file that ends in .mcap"):
+        targets(tmp_path / "two.csv", FILES[:1], ".mcap")
 
 
 @pytest.mark.parametrize("single", [True, False])
