@@ -159,12 +159,12 @@ def _saturated(trials: list[Trial]) -> list[str]:
             if values is None or (channel == "velocity" and trial.trajectory.velocity_source != "measured"):
                 continue
             for j, joint in enumerate(trial.trajectory.joints):
-                if (limit := _limit_of(values[:, j])) is not None:
+                if (limit := saturation_limit(values[:, j])) is not None:
                     where.append(f"{joint_column(joint, channel)} at {limit:.6g} in {trial.file}")
     return [f"saturated: {_listed(where)}; values beyond the limit are lost"] if where else []
 
 
-def _limit_of(values: np.ndarray) -> float | None:
+def saturation_limit(values: np.ndarray) -> float | None:
     """The extreme at which a signal stays for whole runs of samples, or None."""
     for limit in (values.max(), values.min()):
         stuck = values == limit

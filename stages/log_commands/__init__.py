@@ -9,6 +9,9 @@ from hqpipe.registry import load
 
 LOG_COMMANDS = {
     "import": ("hqpipe.stages.log_commands.import_logs:import_logs", "Make a log set of other programs' logs."),
+    "check": ("hqpipe.stages.log_commands.check:check", "Say what a log set is good for, and what is wrong with it."),
+    "info": ("hqpipe.stages.log_commands.info:info", "Show what is in a log set, with a sparkline per signal."),
+    "export": ("hqpipe.stages.log_commands.export:export", "Write a log set as MCAP (ROS 2) or CSV files."),
 }
 """Name → (where it is, one line of help)."""
 

@@ -1,0 +1,74 @@
+"""Figures of one sampled signal: the step of its sensor, its noise, how long each value is held."""
+
+from __future__ import annotations
+
+import numpy as np
+
+_SINGLE = float(np.finfo(np.float32).eps)  # logs are often stored in single precision
+_MIN_STEPS = 20  # changes of the value; assumption: with fewer neither a step nor a period can be told
+_ON_GRID = 0.1  # of a step, within which a change is a multiple of it
+_GRID_SHARE = 0.95  # of the changes that must be multiples; of a continuous signal a fifth are
+_FAR = 50  # steps; the rounding of larger changes adds up
+_WHITE = (-0.75, 0.3, -0.05)  # correlation of third differences of white noise 1, 2 and 3 samples apart
+_LIKE_WHITE = 0.1  # deviation from these; assumption
+_MEDIAN_SQUARE = 0.455  # median of the square of a standard normal number
+_THIRD = 20.0  # variance of the third difference of white noise of variance 1: 1 + 9 + 9 + 1
+_REST = 50  # samples; a longer run of one value is a rest
+_SINGLE_SHARE = 0.3  # of the runs; with more runs of one sample the value is not held; assumption
+_JUMP = 3.0  # steps of the sensor; smaller changes are those of a slow signal
+
+
+def resolution(values: np.ndarray) -> float | None:
+    """One step of a quantised signal (T,), in its unit; None where it has no step, or too few changes to tell."""
+    changes = np.abs(np.diff(values))
+    changes = changes[changes > 4.0 * _SINGLE * np.abs(values).max(initial=0.0)]
+    if len(changes) < _MIN_STEPS:
+        return None
+    rank = len(changes) // 1000  # a few odd changes, as at a clipped peak, do not count
+    step = float(np.partition(changes, rank)[rank])
+    ratio = changes[changes < _FAR * step] / step
+    step *= float(np.median(ratio / np.maximum(np.round(ratio), 1.0)))  # the smallest change is off by its own rounding
+    ratio = changes[changes < _FAR * step] / step
+    on_grid = len(ratio) >= _MIN_STEPS and np.mean(np.abs(ratio - np.round(ratio)) < _ON_GRID) >= _GRID_SHARE
+    return step if on_grid else None
+
+
+def noise(values: np.ndarray, step: float | None) -> float | None:
+    """Standard deviation of the white noise on a signal (T,), from its third differences.
+
+    Differences remove what is smooth. Where what they leave is not white, as with motion that the rate hardly resolves, or is
+    no larger than a step of the sensor, the noise cannot be told.
+
+    Args:
+        values: (T,). step: as of `resolution`.
+
+    Returns:
+        In the unit of the signal, or None.
+    """
+    third = np.diff(values, 3)
+    power = float(third @ third)
+    if len(third) < _MIN_STEPS or power == 0.0:
+        return None
+    sigma = float(np.sqrt(np.median(third**2) / _MEDIAN_SQUARE / _THIRD))
+    white = all(
+        abs(float(third[lag:] @ third[:-lag]) / power - expected) < _LIKE_WHITE
+        for lag, expected in enumerate(_WHITE, 1)
+    )
+    floor = max(step or 0.0, 2.0 * _SINGLE * float(np.abs(values).max()))
+    return sigma if white and sigma > floor else None
+
+
+def held(values: np.ndarray, step: float | None) -> int | None:
+    """Samples for which a changing signal (T,) keeps each value, if that is more than one: its source is slower than the clock.
+
+    Args:
+        values: (T,). step: as of `resolution`; a signal that creeps from one step of its sensor to the next is not held.
+    """
+    at = np.flatnonzero(np.diff(values) != 0.0)
+    runs = np.diff(at)
+    runs = runs[runs <= _REST]
+    if len(runs) < _MIN_STEPS or np.mean(runs == 1) > _SINGLE_SHARE:
+        return None
+    jump = float(np.median(np.abs(np.diff(values)[at])))
+    length = int(np.median(runs))
+    return length if length > 1 and (step is None or jump >= _JUMP * step) else None

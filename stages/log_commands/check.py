@@ -1,0 +1,53 @@
+"""``hqpipe logs check``: what a log set is good for, and what is wrong with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hqpipe.errors import LogError
+from hqpipe.pipeline.answer import answer
+from hqpipe.pipeline.options import Folder, json_option, traceback_option, with_options
+
+
+@with_options(json_option(), traceback_option())
+@click.command()
+@click.argument("folder", metavar="DIR", type=Folder())
+@click.option("--strict", is_flag=True, help="Exit 1 when anything is found.")
+def check(folder: Path, strict: bool, as_json: bool) -> None:
+    """Say what the log set DIR is good for, and what is wrong with it, without fitting a model.
+
+    One verdict per trial, channel and joint, how each joint was moved, and what can be diagnosed. Exit 1 when no command can
+    use the set as it is.
+    """
+    from hqpipe.logs.survey.reading import read
+    from hqpipe.logs.survey.survey import survey
+    from hqpipe.stages.log_commands.check_tables import print_survey
+
+    reading = read(folder)
+    result = survey(reading, _diagnosis_warnings(reading.log_set) if reading.log_set else ())
+    if as_json:
+        answer(**result.to_json())
+    else:
+        print_survey(result)
+    if reading.refused is not None:
+        raise reading.refused
+    if strict and result.defects:
+        raise LogError(
+            f"{folder}: {len(result.defects)} finding{'s' if len(result.defects) > 1 else ''}, expected none with --strict",
+            file=folder,
+            fix="correct the logs, or leave --strict out",
+        )
+
+
+def _diagnosis_warnings(log_set: Any) -> list[str]:
+    """What `hqpipe diagnose` checks in the channels beyond what reading them does."""
+    from hqpipe.gap.sanity import too_short
+    from hqpipe.gap.sanity_values import value_defects
+    from hqpipe.gap.sensing import channel_warnings
+
+    mismatched = [d for d in value_defects(log_set, set()) if d.kind == "velocity_mismatch"]
+    found = channel_warnings([trial.trajectory for trial in log_set.trials])
+    return [*found, *(defect.message for defect in (*mismatched, *too_short(log_set)))]

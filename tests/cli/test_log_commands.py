@@ -1,0 +1,156 @@
+"""hqpipe logs check, info and export as a user runs them."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from hqpipe.cli import run_cli
+from hqpipe.stages import STAGES
+
+TIME = np.arange(3000) * 1e-3
+
+
+def trial(phase: float) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(int(10 * phase))
+    columns = {"time": TIME}
+    for joint, pace in (("hip", 8.0), ("knee", 13.0)):  # an inertia with damping behind a spring
+        tones = [(0.3, pace, phase), (0.1, 2.7 * pace, 0.0)]
+        position = sum(a * np.sin(w * TIME + p) for a, w, p in tones)
+        velocity = sum(a * w * np.cos(w * TIME + p) for a, w, p in tones)
+        acceleration = sum(-a * w**2 * np.sin(w * TIME + p) for a, w, p in tones)
+        effort = 5.0 * acceleration + 20.0 * velocity
+        columns[f"joint/{joint}/position"] = position + 1e-5 * rng.normal(size=len(TIME))
+        columns[f"joint/{joint}/velocity"] = velocity + 1e-3 * rng.normal(size=len(TIME))
+        columns[f"joint/{joint}/effort"] = effort + rng.normal(size=len(TIME))
+        columns[f"joint/{joint}/position_command"] = position + effort / 20_000.0
+    return columns
+
+
+@pytest.fixture
+def logs(tmp_path):
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    for i, file in enumerate(("a.parquet", "b.parquet")):
+        pq.write_table(pa.table(trial(float(i))), folder / file)
+    return folder
+
+
+def run(capfd, *words):
+    """(exit code, standard output, standard error)"""
+    capfd.readouterr()
+    code = run_cli(STAGES, ["logs", *map(str, words)])
+    return code, *capfd.readouterr()
+
+
+class TestCheck:
+    def test_a_sound_set(self, logs, capfd):
+        code, out, err = run(capfd, "check", logs, "--strict")
+        assert (code, err) == (0, "")
+        assert "usable; 2 joints, position control" in out and "finding" not in out
+        tables = [line for line in out.splitlines() if str(logs) not in line and not line.startswith("note:")]
+        assert max(map(len, tables)) <= 120
+
+    def test_findings_fail_only_when_strict(self, logs, capfd):
+        columns = trial(2.0)
+        columns["joint/hip/velocity"] *= 180 / np.pi
+        pq.write_table(pa.table(columns), logs / "c.parquet")
+        code, out, _ = run(capfd, "check", logs)
+        assert code == 0 and "usable, with " in out
+        (line,) = [line for line in out.splitlines() if line.startswith("finding: joint/hip/velocity is 57")]
+        assert line.endswith("(in c.parquet)"), "one line per finding, however long"
+        code, _, err = run(capfd, "check", logs, "--strict")
+        assert code == 1 and "expected none with --strict" in err
+
+    def test_a_broken_file_is_named_beside_what_the_others_hold(self, logs, capfd):
+        (logs / "c.parquet").write_bytes(b"")
+        (logs / "d.parquet").write_bytes(b"junk that is no log")
+        code, out, err = run(capfd, "check", logs)
+        assert code == 1 and err.startswith("error:") and err.count("\n") == 1
+        assert "cannot be used as it is; 2 of 4 files cannot be read" in out
+        assert "c.parquet: the file is empty" in out and "d.parquet: not a complete Parquet file" in out
+        assert "a.parquet, b.parquet" in out and "position_command" in out
+
+    def test_every_file_broken(self, logs, capfd):
+        for path in logs.iterdir():
+            path.write_bytes(b"")
+        code, out, _ = run(capfd, "check", logs)
+        assert code == 1 and out.count("refused:") == 2
+
+    def test_json(self, logs, capfd):
+        code, out, _ = run(capfd, "check", logs, "--json")
+        plain = json.loads(out)
+        assert code == 0 and plain["ok"] and plain["verdict"] == "usable" and len(plain["trials"]) == 2
+        (logs / "c.parquet").write_bytes(b"")
+        code, out, _ = run(capfd, "check", logs, "--json")
+        plain = json.loads(out)
+        assert code == 1 == plain["exit_code"] and plain["verdict"] == "refused"
+        assert [t["file"] for t in plain["trials"] if t["error"]] == ["c.parquet"]
+        assert plain["error"]["file"].endswith("c.parquet")
+
+    def test_no_such_folder(self, tmp_path, capfd):
+        code, out, err = run(capfd, "check", tmp_path / "absent")
+        assert (code, out) == (1, "") and "does not exist" in err
+
+
+class TestInfo:
+    def test_a_line_per_joint_in_every_trial(self, logs, capfd):
+        code, out, _ = run(capfd, "info", logs)
+        assert code == 0 and out.count("\nhip ") == out.count("\nknee ") == 2
+        assert max(map(len, out.splitlines())) <= 100
+        assert "▁" in out and "█" in out
+
+    def test_filters(self, logs, capfd):
+        code, out, _ = run(capfd, "info", logs, "--joint", "knee", "--trial", "b")
+        assert code == 0 and "\nb.parquet:" in out and "\na.parquet:" not in out and "\nhip " not in out
+        code, _, err = run(capfd, "info", logs, "--joint", "kneee")
+        assert code == 2 and "did you mean 'knee'" in err
+        code, _, err = run(capfd, "info", logs, "--trial", "c.parquet", "--json")
+        assert code == 2 and "has no trial 'c.parquet'" in err
+        _, out, _ = run(capfd, "info", logs, "--joint", "knee", "--trial", "b.parquet", "--json")
+        plain = json.loads(out)
+        assert list(plain["ranges"]) == ["knee"] and [t["file"] for t in plain["trials"]] == ["b.parquet"]
+
+    def test_ascii_where_there_are_no_blocks(self, logs, monkeypatch):
+        stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+        monkeypatch.setattr(sys, "stdout", stream)
+        assert run_cli(STAGES, ["logs", "info", str(logs)]) == 0
+        stream.seek(0)
+        assert "#" in stream.read()
+
+
+class TestExport:
+    @pytest.mark.parametrize("kind", ["csv", "mcap"])
+    def test_one_file_per_trial(self, logs, tmp_path, capfd, kind):
+        if kind == "mcap":
+            pytest.importorskip("rosbags", reason="needs the package rosbags")
+        out = tmp_path / "out"
+        code, text, _ = run(capfd, "export", logs, "--out", out, "--format", kind, "--json")
+        assert code == 0 and json.loads(text)["files"] == [str(out / f"a.{kind}"), str(out / f"b.{kind}")]
+        assert sorted(p.name for p in out.iterdir()) == [f"a.{kind}", f"b.{kind}"]
+        code, _, err = run(capfd, "export", logs, "--out", out, "--format", kind)
+        assert code == 2 and "is there already" in err and "--force" in err
+        assert run(capfd, "export", logs, "--out", out, "--format", kind, "--force")[0] == 0
+
+    def test_a_lone_trial_is_whole(self, logs, tmp_path, capfd):
+        (logs / "b.parquet").unlink()
+        assert run(capfd, "export", logs, "--out", tmp_path / "a.csv", "--format", "csv")[0] == 0
+        assert len((tmp_path / "a.csv").read_text().splitlines()) == 1 + len(TIME)
+
+    def test_the_log_set_is_left_alone(self, logs, capfd):
+        code, _, err = run(capfd, "export", logs, "--out", logs, "--format", "csv")
+        assert code == 2 and "is the log set itself" in err
+        assert sorted(p.name for p in logs.iterdir()) == ["a.parquet", "b.parquet"]
+
+
+def test_help_and_near_matches(capfd):
+    code, out, _ = run(capfd, "--help")
+    assert code == 0 and all(name in out for name in ("check", "info", "export"))
+    code, _, err = run(capfd, "chek")
+    assert code == 2 and "did you mean 'check'" in err

@@ -1,0 +1,155 @@
+"""The survey of whole log sets: sound ones, refused ones, and real machines without false alarms."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from log_builders import make_columns, put
+
+from hqpipe.errors import LogError
+from hqpipe.logs.survey.findings import grouped
+from hqpipe.logs.survey.reading import read
+from hqpipe.logs.survey.survey import survey
+
+DATA = Path(__file__).parents[5] / "shared" / "data"
+
+
+def surveyed(folder):
+    return survey(read(folder))
+
+
+def test_a_sound_set_is_usable(logs):
+    found = surveyed(logs)
+    assert (found.verdict, found.defects) == ("usable", [])
+    assert [t.verdict for t in found.trials] == ["ok", "ok"]
+    assert [f.text.partition(":")[0] for f in found.findings] == ["no logset.yaml"], "a note"
+    assert [(x.layer, x.mode) for x in found.layers if x.evaluated] == [("actuator", "position"), ("sensing", None)]
+
+
+def test_the_json_has_its_keys_and_no_numpy(logs):
+    plain = surveyed(logs).to_json()
+    assert json.loads(json.dumps(plain)) == plain
+    assert set(plain) == {
+        *(
+            "path",
+            "verdict",
+            "log_set",
+            "trials",
+            "channels",
+            "excitation",
+            "layers",
+            "other_columns",
+            "findings",
+            "notes",
+        )
+    }
+    assert set(plain["trials"][0]) == {
+        *("file", "split", "seconds", "samples", "rate_hz", "clock", "missing", "verdict", "error")
+    }
+    assert set(plain["trials"][0]["clock"]) == {"verdict", "jitter_rms", "jitter_max", "gaps"}
+    assert set(plain["channels"][0]) == {
+        *("joint", "channel", "file", "unit", "min", "max", "resolution", "noise", "held_samples", "limit"),
+        *("verdict", "flags"),
+    }
+    assert len(plain["channels"]) == 2 * 2 * 4
+
+
+def test_of_a_refused_set_each_file_is_judged_on_its_own(logs):
+    (logs / "c.parquet").write_bytes(b"PAR1 not a log")
+    late = make_columns(seed=2)
+    late["time"] = np.where(np.arange(2000) > 900, late["time"] + 0.5, late["time"])
+    put(logs, "d.parquet", late)
+    found = surveyed(logs)
+    assert found.verdict == "refused" and isinstance(found.reading.refused, LogError)
+    assert {t.file: t.verdict for t in found.trials} == {
+        "a.parquet": "ok",
+        "b.parquet": "ok",
+        "c.parquet": "refused",
+        "d.parquet": "refused",
+    }
+    errors = {t.file: t.error for t in found.trials if t.error}
+    assert "not a complete Parquet file" in errors["c.parquet"] and "samples lost" in errors["d.parquet"]
+    assert {c.file for c in found.channels} == {"a.parquet", "b.parquet"}
+
+
+def test_trials_with_different_joints_are_still_judged(logs):
+    other = {name.replace("knee", "ankle"): values for name, values in make_columns(seed=2).items()}
+    put(logs, "c.parquet", other)
+    found = surveyed(logs)
+    assert found.verdict == "refused" and "no joint 'knee'" in str(found.reading.refused)
+    assert [t.verdict for t in found.trials] == ["ok"] * 3
+    assert {c.joint for c in found.channels} == {"hip", "knee", "ankle"}
+
+
+def test_a_broken_manifest_hides_no_trial(logs):
+    (logs / "logset.yaml").write_text("format: [")
+    found = surveyed(logs)
+    assert found.verdict == "refused" and [t.verdict for t in found.trials] == ["ok", "ok"]
+
+
+def test_a_set_that_only_holds_out_is_judged_with_its_splits(logs):
+    (logs / "logset.yaml").write_text("format: hqpipe-log/1\ntrials:\n  - {file: a.parquet, split: heldout}\n")
+    found = surveyed(logs)
+    assert found.verdict == "refused" and [(t.file, t.split) for t in found.trials] == [("a.parquet", "heldout")]
+
+
+def test_a_folder_without_trials_is_an_error(tmp_path):
+    with pytest.raises(LogError, match="no trial in it"):
+        read(tmp_path)
+    with pytest.raises(LogError, match="does not exist"):
+        read(tmp_path / "absent")
+
+
+def test_defects_are_found_once(logs):
+    for file, seed in (("a.parquet", 0), ("b.parquet", 1), ("c.parquet", 2)):
+        columns = make_columns(seed=seed)
+        columns["joint/hip/velocity"] *= 180 / np.pi
+        columns["joint/knee/position_command"] = np.full(2000, 0.1)
+        put(logs, file, columns)
+    found = surveyed(logs)
+    units = [f for f in found.defects if "degrees" in f.text]
+    assert [(f.files, f.joints) for f in units] == [(("a.parquet", "b.parquet", "c.parquet"), ("hip",))]
+    assert "in all 3 files" in units[0].line(3)
+    assert found.verdict == "usable_with_findings"
+
+
+def test_without_an_effort_nothing_can_be_diagnosed(logs):
+    for file, seed in (("a.parquet", 0), ("b.parquet", 1)):
+        columns = make_columns(seed=seed)
+        put(logs, file, {name: values for name, values in columns.items() if not name.endswith("effort")})
+    found = surveyed(logs)
+    assert found.verdict == "not_diagnosable"
+    assert [f.text for f in found.defects] == [
+        "hqpipe diagnose names no cause in these logs: the actuator layer needs joint/<name>/effort"
+    ]
+
+
+def test_warnings_that_differ_in_file_joint_and_figures_are_one():
+    files = [f"{i:02}.parquet" for i in range(12)]
+    warnings = [f"{file}: joint/{joint}/position reaches {i}.5" for i, file in enumerate(files[:10]) for joint in "ab"]
+    both = grouped([*warnings, "11.parquet: joint/a/effort reaches 2"], files)
+    assert [(len(f.files), f.joints) for f in both] == [(10, ("a", "b")), (1, ("a",))]
+    assert both[0].line(12) == "joint/a/position reaches 0.5 (also b; in 10 of 12 files)"
+    assert both[1].line(12) == "joint/a/effort reaches 2 (in 11.parquet)"
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="needs ../shared/data, the logs of five real machines")
+@pytest.mark.parametrize(
+    ("name", "verdict", "defects", "notes"),
+    [
+        ("emps", "usable", [], ["no velocity"]),
+        ("go2", "not_diagnosable", ["names no cause"], ["no velocity", "is a staircase"]),
+        ("xl330", "not_diagnosable", ["names no cause"], []),
+        ("cranfield_ref", "usable_with_findings", ["lost the sign"], ["no velocity"]),
+        ("cranfield_lube1", "usable_with_findings", ["lost the sign"], ["no velocity"]),
+        ("so101", "usable_with_findings", ["lost the sign", "constant"], ["is a staircase"]),
+    ],
+)
+def test_real_machines_raise_no_false_alarm(name, verdict, defects, notes):
+    found = surveyed(DATA / name)
+    assert found.verdict == verdict and {t.verdict for t in found.trials} == {"ok"}
+    for words, lines in ((defects, found.defects), (notes, [f for f in found.findings if f.is_note])):
+        assert len(words) == len(lines) and all(w in f.text for w, f in zip(words, lines, strict=True)), lines
