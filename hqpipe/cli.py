@@ -36,7 +36,6 @@ COMMANDS = {
     "init": ("hqpipe.pipeline.query_commands:init", "Make a new project."),
     "logs": ("hqpipe.stages.log_commands:logs", "Import, check, show and export logs."),
     "blind": ("hqpipe.stages.blind:blind", "Check the diagnosis on data whose effect is withheld."),
-    "logs": ("hqpipe.stages.log_commands:logs", "Import, check, show and export logs."),
     "doctor": ("hqpipe.pipeline.query_commands:doctor", "Check that this machine is ready."),
 }
 """Command name → (where it is, one line of help)."""

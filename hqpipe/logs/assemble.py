@@ -36,7 +36,7 @@ def assemble(data: Uniform) -> Trajectory:
     if slope is not None:
         velocity = channels.get("velocity", slope)
         channels["velocity"] = np.where(np.isnan(velocity), slope, velocity)
-    taken = {TIME, *(joint_column(j, c) for j in joints for c in CHANNELS)}
+    taken = {TIME, *(joint_column(j, c) for j in joints for c in channels)}
     extra = {name: np.asarray(values, np.float64) for name, values in columns.items() if name not in taken}
     return Trajectory(
         time=time, joints=joints, extra=extra, velocity_source=source, observed=_observed(data, joints), **channels

@@ -13,7 +13,8 @@ from hqpipe.logs.columns import TIME
 
 MOST_REPEATED = 0.01  # of the rows; assumption: a driver sends a sample twice now and then, a broken clock stands still
 STEADY = 0.05  # jitter (RMS, share of a sample) that the models do not notice; assumption
-SAME_RATE = 0.01  # assumption: trials may differ by the drift of a clock
+SAME_RATE = 0.02  # assumption: trials may differ by the drift of a clock or the load of a bus
+_NOMINAL = 1e-3  # assumption: a clock that is off by less was meant to run at the nominal rate
 _JITTER_SIGMAS = 8.0  # assumption: a step beyond this many robust sigmas of the clock is a missing sample
 _STEPS = (1e-9, 1e11)  # s between samples; 10 kHz counted in days is 1e-9, 100 s counted in ns is 1e11
 
@@ -112,7 +113,7 @@ def shared_dt(clocks: Iterable[tuple[float, float]], stated_hz: float | None = N
         else:
             groups.append([each])
     dt = float(np.median([dt for dt, _ in max(groups, key=lambda group: sum(seconds for _, seconds in group))]))
-    return 1.0 / stated_hz if stated_hz and abs(dt * stated_hz - 1.0) <= SAME_RATE else dt
+    return 1.0 / stated_hz if stated_hz and abs(dt * stated_hz - 1.0) <= _NOMINAL else dt
 
 
 def jitter(time: np.ndarray) -> tuple[float, float]:

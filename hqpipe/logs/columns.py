@@ -28,6 +28,9 @@ CHANNELS = {
     "pressure_b": "Pa",
 }
 
+PARTIAL = ("current", "duty")
+"""Channels that some joints may have and others not, as drives of different makes do; such a column is kept as it is."""
+
 SHARED_UNITS = {
     "supply/pressure": "Pa",
     "supply/oil_temperature": "°C",
@@ -180,7 +183,7 @@ def _check_joint_name(table: RawTable, joint: str) -> None:
 
 
 def _check_complete(table: RawTable, joints: tuple[str, ...]) -> None:
-    for channel in CHANNELS:
+    for channel in (name for name in CHANNELS if name not in PARTIAL):
         having = [j for j in joints if joint_column(j, channel) in table.columns]
         if having and len(having) < len(joints):
             lacking = joint_column(next(j for j in joints if j not in having), channel)

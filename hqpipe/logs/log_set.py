@@ -97,6 +97,7 @@ def read_log_set(
         trials=tuple(trials),
         warnings=tuple(warnings),
         repairs=tuple(logs.repairs),
+        as_recorded=logs.as_recorded,
     )
 
 

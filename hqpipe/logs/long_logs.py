@@ -18,7 +18,7 @@ from hqpipe.logs.losses import leave_out
 from hqpipe.logs.manifest import Manifest, TrialEntry
 from hqpipe.logs.overlap import fingerprint_file
 from hqpipe.logs.repair import Source, look_through, repair
-from hqpipe.logs.repairs import describe
+from hqpipe.logs.repairs import as_recorded, describe
 from hqpipe.logs.sections import Rows, rows_within, sections, shares
 from hqpipe.logs.size import check_size
 from hqpipe.logs.split import split_rows
@@ -141,7 +141,8 @@ def read_sections(
             excerpt = Excerpt(entry.file, place.start + t.start, place.whole)
             trials.append(trial_of(own, entry, manifest, replace(t, excerpt=excerpt)))
     prints = {file: fingerprint_file(readers, folder / file) for file in printed}
-    return Logs(trials, prints, repairs)
+    before = {name: as_recorded(sources[name], found) for name, found in repaired.items()}
+    return Logs(trials, prints, repairs, before)
 
 
 @dataclass(frozen=True, eq=False)

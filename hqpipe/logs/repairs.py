@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from hqpipe.logs.clocks import SAME_RATE, STEADY
 from hqpipe.logs.repair import Repaired, Source
-from hqpipe.logs.trajectory import Repair
+from hqpipe.logs.trajectory import AsRecorded, Repair
 
 
 def describe(sources: Mapping[str, Source], repaired: Mapping[str, Repaired], dt: float) -> list[Repair]:
@@ -22,6 +22,22 @@ def describe(sources: Mapping[str, Source], repaired: Mapping[str, Repaired], dt
         _jitter(sources, repaired, dt),
     ]
     return [each for each in found if each]
+
+
+def as_recorded(source: Source, found: Repaired) -> AsRecorded:
+    """A file before its repair."""
+    own = source.clock
+    return AsRecorded(
+        rows=source.rows,
+        rate_hz=1.0 / own.dt,
+        jitter_rms=own.jitter_rms,
+        jitter_max=own.jitter_max,
+        lost=int(own.lost.sum()),
+        gaps=int((own.lost > 0).sum()),
+        repeated=own.repeated,
+        missing=sum(source.missing.values()) / (source.rows * len(source.table.columns)),
+        stretches=len(found.stretches),
+    )
 
 
 def _repeated(sources: Mapping[str, Source]) -> Repair | None:

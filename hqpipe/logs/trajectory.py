@@ -187,6 +187,28 @@ class Repair:
     share: float = 0.0
 
 
+@dataclass(frozen=True)
+class AsRecorded:
+    """A file, or a section of one, before its repair.
+
+    Attributes:
+        rows: in it. rate_hz: of rows that follow each other. jitter_rms, jitter_max: of their steps, shares of a sample.
+        lost: rows that are missing by the clock. gaps: places where they are.
+        repeated: rows that bore the time of the one before. stretches: into which it was cut.
+        missing: share of the values that are missing or without physical sense.
+    """
+
+    rows: int
+    rate_hz: float
+    jitter_rms: float
+    jitter_max: float
+    lost: int
+    gaps: int
+    repeated: int
+    missing: float
+    stretches: int
+
+
 @dataclass(frozen=True, eq=False)
 class LogSet:
     """Trials of one machine with the same joints.
@@ -198,7 +220,7 @@ class LogSet:
             "current", "estimate" or None.
         rate_hz: nominal sample rate.
         warnings: what looks wrong but is not certain to be, and what was repaired or left out.
-        repairs: what was repaired or left out.
+        repairs: what was repaired or left out. as_recorded: file, or name of a section that was read of it → before its repair.
     """
 
     path: Path
@@ -213,6 +235,7 @@ class LogSet:
     trials: tuple[Trial, ...]
     warnings: tuple[str, ...] = ()
     repairs: tuple[Repair, ...] = ()
+    as_recorded: Mapping[str, AsRecorded] = field(default_factory=dict)
 
     @property
     def fit(self) -> list[Trial]:
@@ -224,7 +247,9 @@ class LogSet:
 
     def header(self) -> dict[str, Any]:
         """Everything but the trials, JSON-able."""
-        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("trials", "repairs")}
+        plain = {
+            f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("trials", "repairs", "as_recorded")
+        }
         return plain | {
             "path": str(self.path),
             "joints": list(self.joints),

@@ -17,9 +17,9 @@ from hqpipe.logs.losses import leave_out
 from hqpipe.logs.manifest import Manifest, TrialEntry
 from hqpipe.logs.overlap import Fingerprint, fingerprint
 from hqpipe.logs.repair import Repaired, Source, look_through, repair
-from hqpipe.logs.repairs import describe
+from hqpipe.logs.repairs import as_recorded, describe
 from hqpipe.logs.split import infer_split
-from hqpipe.logs.trajectory import Excerpt, Repair, Trajectory, Trial
+from hqpipe.logs.trajectory import AsRecorded, Excerpt, Repair, Trajectory, Trial
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +29,13 @@ class Logs:
     Attributes:
         trials: in the order of the files; of a file that was cut, each stretch is one.
         prints: file → fingerprint of its samples as recorded. repairs: what was done.
+        as_recorded: file, or section of one → before its repair.
     """
 
     trials: list[Trial]
     prints: dict[str, Fingerprint]
     repairs: list[Repair]
+    as_recorded: dict[str, AsRecorded]
 
 
 def read_whole(
@@ -78,7 +80,8 @@ def read_whole(
         if len(empty) == len(stretches):
             raise _only_gaps(folder / empty[0])
     stretches = {file: found for file, found in stretches.items() if found}
-    return Logs(_trials(stretches, manifest, all_heldout), prints, repairs)
+    before = {file: as_recorded(sources[file], found) for file, found in repaired.items()}
+    return Logs(_trials(stretches, manifest, all_heldout), prints, repairs, before)
 
 
 def _trials(

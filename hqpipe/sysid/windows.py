@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.errors import IdentificationError
+from hqpipe.logs.clocks import SAME_RATE
 from hqpipe.logs.trajectory import Trial
 from hqpipe.sysid.free_run import require_channels, window_samples
 
-_SAME_RATE = 0.01  # assumption: the coefficients are per sample, trials may differ by a clock's drift only
 _SHORTEST = 0.5  # share of a window that the last one of a trial must fill
 
 
@@ -52,7 +52,7 @@ def common_dt(trials: list[Trial]) -> float:
     steps = [trial.trajectory.dt for trial in trials]
     dt = float(np.median(steps))
     for trial, step in zip(trials, steps, strict=True):
-        if abs(step / dt - 1.0) > _SAME_RATE:
+        if abs(step / dt - 1.0) > SAME_RATE:
             raise IdentificationError(
                 f"{trial.file} runs at {1 / step:.6g} Hz, the other trials at {1 / dt:.6g} Hz; the "
                 "coefficients are per sample, so fit trials of one rate only"

@@ -6,8 +6,9 @@ path              the folder
 verdict           "usable", "usable_with_findings", "not_diagnosable" (it can be read, but lacks what every layer of the
                   diagnosis needs) or "refused" (no command takes it as it is)
 log_set           joints, control_mode, effort_source, rate_hz, base, robot, sha256; null where the set is refused
-trials            per trial: file, split, seconds, samples, rate_hz, clock {verdict, jitter_rms, jitter_max, gaps},
-                  missing (share of the samples), verdict ("ok", "jitter", "gaps" or "refused"), error (of a refused file)
+trials            per trial: file, split, seconds, samples, rate_hz, clock {verdict, jitter_rms, jitter_max, gaps}, lost (share
+                  of the rows), stretches (into which it is cut), missing (share of the values), verdict ("ok", "jitter",
+                  "gaps" or "refused"), error (of a refused file)
 channels          per joint, channel and trial: joint, channel, file, unit, min, max, resolution (one step of the sensor), noise
                   (standard deviation), held_samples, limit (where it saturates), verdict ("ok", "empty",
                   "constant", "end stop", "saturated", "held" or "coarse") and flags (all of these that apply); null where it

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hqpipe.logs.checks import jitter
-from hqpipe.logs.trajectory import Trajectory, Trial, recording_of
+from hqpipe.logs.clocks import STEADY
+from hqpipe.logs.trajectory import AsRecorded, Trajectory, Trial, recording_of
 
-UNEVEN = 0.05  # of a sample, root mean square; below it the models do not notice, as in hqpipe.logs.log_set
 _UNIFORM = 1e-3  # of a sample; less is the rounding of the time column
-_GAP = 1.5  # samples; a step from which on a sample is missing, as in hqpipe.logs.checks
 
 
 @dataclass(frozen=True)
@@ -23,8 +21,8 @@ class TrialVerdict:
         file: of the recording. split: "fit", "heldout" or "" where it is not known.
         seconds: s, of the recording. samples: that were read. rate_hz: median.
         jitter_rms, jitter_max: deviation of the sample time from its median, share of a sample.
-        gaps: steps of more than a sample.
-        missing: share of all samples of all channels that are not finite.
+        gaps: places where rows are missing. lost: share of the rows that are. stretches: into which it was cut.
+        missing: share of all samples of all channels that are missing or without physical sense.
         verdict: "ok", "jitter", "gaps" or "refused". error: why it is refused.
     """
 
@@ -36,6 +34,8 @@ class TrialVerdict:
     jitter_rms: float | None = None
     jitter_max: float | None = None
     gaps: int | None = None
+    lost: float | None = None
+    stretches: int | None = None
     missing: float | None = None
     verdict: str = "ok"
     error: str | None = None
@@ -56,26 +56,26 @@ def recordings(trials: Sequence[Trial]) -> dict[tuple[str, str], list[Trajectory
     return found
 
 
-def trial_verdict(file: str, split: str, parts: Sequence[Trajectory]) -> TrialVerdict:
-    """Judge the clock of one trial, of which some sections may have been read."""
-    sizes = [jitter(part.time) for part in parts]
-    dt = float(np.median([part.dt for part in parts]))
-    gaps = sum(int((np.diff(part.time) > _GAP * dt).sum()) for part in parts)
-    rms = max(size[0] for size in sizes)
+def trial_verdict(file: str, split: str, parts: Sequence[Trajectory], before: Sequence[AsRecorded]) -> TrialVerdict:
+    """Judge the clock of one trial.
+
+    Args:
+        parts: stretches or sections of it. before: the file, or its sections, before their repair.
+    """
+    rows = sum(each.rows for each in before)
+    gaps = sum(each.gaps for each in before)
+    rms = max(each.jitter_rms for each in before)
     return TrialVerdict(
         file=file,
         split=split,
         seconds=parts[0].whole,
         samples=sum(part.samples for part in parts),
-        rate_hz=1.0 / dt,
+        rate_hz=float(np.median([each.rate_hz for each in before])),
         jitter_rms=rms,
-        jitter_max=max(size[1] for size in sizes),
+        jitter_max=max(each.jitter_max for each in before),
         gaps=gaps,
-        missing=_missing(parts),
-        verdict="gaps" if gaps else "jitter" if rms > UNEVEN else "ok",
+        lost=sum(each.lost for each in before) / (rows + sum(each.lost for each in before)),
+        stretches=sum(each.stretches for each in before),
+        missing=sum(each.missing * each.rows for each in before) / rows,
+        verdict="gaps" if gaps else "jitter" if rms > STEADY else "ok",
     )
-
-
-def _missing(parts: Sequence[Trajectory]) -> float:
-    arrays = [values for part in parts for values in (*part.channels().values(), *part.extra.values())]
-    return float(sum((~np.isfinite(values)).sum() for values in arrays) / sum(values.size for values in arrays))

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from hqpipe.errors import LogError
 from hqpipe.logs import LOG_READERS
-from hqpipe.logs.assemble import assemble
+from hqpipe.logs.columns import check_names
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.logs.manifest import FILE, Manifest, read_manifest
+from hqpipe.logs.repair import look_through, repair
+from hqpipe.logs.repairs import as_recorded
 from hqpipe.logs.size import check_size
-from hqpipe.logs.trajectory import LogSet, Trial
+from hqpipe.logs.trajectory import AsRecorded, LogSet, Trial
 from hqpipe.logs.units import unit_warnings
+from hqpipe.logs.whole_logs import named_stretches
 from hqpipe.logs.wiring import wiring_warnings
 
 MOST = 4_000_000  # samples × joints; half an hour of two joints or 6 minutes of twelve at 1 kHz, read in seconds
@@ -27,6 +31,7 @@ class Reading:
         control_mode: as stated or inferred; None where neither can be done.
         warnings: of the set, or of the trials where the set is refused.
         refused: why the set cannot be used as it is. errors: file → why it cannot be read.
+        as_recorded: file, or section that was read of it → before its repair.
     """
 
     folder: Path
@@ -36,6 +41,7 @@ class Reading:
     warnings: tuple[str, ...] = ()
     refused: LogError | None = None
     errors: dict[str, LogError] = field(default_factory=dict)
+    as_recorded: Mapping[str, AsRecorded] = field(default_factory=dict)
 
 
 def read(folder: Path, most: int = MOST) -> Reading:
@@ -51,7 +57,9 @@ def read(folder: Path, most: int = MOST) -> Reading:
         log_set = read_log_set(folder, most=most)
     except LogError as error:
         return _one_by_one(folder, error)
-    return Reading(folder, log_set, log_set.trials, log_set.control_mode, log_set.warnings)
+    return Reading(
+        folder, log_set, log_set.trials, log_set.control_mode, log_set.warnings, as_recorded=log_set.as_recorded
+    )
 
 
 def _one_by_one(folder: Path, refused: LogError) -> Reading:
@@ -60,10 +68,11 @@ def _one_by_one(folder: Path, refused: LogError) -> Reading:
     if not files:
         raise refused
     splits = {entry.file: entry.split for entry in manifest.trials} if manifest else {}
-    trials, errors = [], {}
+    trials, before, errors = [], {}, {}
     for file in files:
         try:
-            trials.append(_trial(folder, file, splits.get(file, "")))
+            found, before[file] = _trials(folder, file, splits.get(file, ""))
+            trials += found
         except LogError as error:
             errors[file] = error
     rate = manifest.rate_hz if manifest else None
@@ -71,7 +80,7 @@ def _one_by_one(folder: Path, refused: LogError) -> Reading:
     if len({(t.trajectory.joints, tuple(t.trajectory.channels())) for t in trials}) == 1:
         warnings += wiring_warnings(trials)
     mode = manifest.control_mode if manifest else None
-    return Reading(folder, None, tuple(trials), mode, tuple(warnings), refused, errors)
+    return Reading(folder, None, tuple(trials), mode, tuple(warnings), refused, errors, before)
 
 
 def _manifest(folder: Path) -> Manifest | None:
@@ -93,11 +102,16 @@ def _readers() -> dict[str, type]:
     return {suffix: reader for reader in LOG_READERS.values() for suffix in reader.suffixes}
 
 
-def _trial(folder: Path, file: str, split: str) -> Trial:
+def _trials(folder: Path, file: str, split: str) -> tuple[list[Trial], AsRecorded]:
+    """The stretches of a file, on its own clock."""
     readers, path = _readers(), folder / file
     reader = readers.get(path.suffix)
     if reader is None:
         what = f"{path}: no reader for '{path.suffix}' (known: {', '.join(readers)})"
         raise LogError(what, file=path, fix=f"convert it to {next(iter(readers))}")
     check_size(folder, [reader.outline(path)])
-    return Trial(file, split, None, assemble(reader.read(path)))
+    table = reader.read(path)
+    check_names(table)
+    source = look_through(table)
+    found = repair(source, source.clock.dt)
+    return [Trial(name, split, None, t) for name, t in named_stretches(file, source, found)], as_recorded(source, found)

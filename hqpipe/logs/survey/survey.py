@@ -16,7 +16,7 @@ from hqpipe.logs.survey.excitation import Excitation, excitations
 from hqpipe.logs.survey.findings import Finding, grouped
 from hqpipe.logs.survey.layers import COMMAND_OF, Layer, layers
 from hqpipe.logs.survey.reading import Reading
-from hqpipe.logs.trajectory import Trajectory
+from hqpipe.logs.trajectory import AsRecorded, Trajectory
 
 USABLE, WITH_FINDINGS, NOT_DIAGNOSABLE, REFUSED = "usable", "usable_with_findings", "not_diagnosable", "refused"
 _HEADER = ("joints", "control_mode", "effort_source", "rate_hz", "base", "robot", "sha256")
@@ -76,7 +76,7 @@ def survey(reading: Reading, more_warnings: Iterable[str] = ()) -> Survey:
         reading: of the log set. more_warnings: of other checks, in the form of `LogSet.warnings`.
     """
     parts = recordings(reading.trials)
-    trials = [trial_verdict(file, split, each) for (file, split), each in parts.items()]
+    trials = [trial_verdict(file, split, each, _before(reading, file)) for (file, split), each in parts.items()]
     channels = [verdict for (file, _), each in parts.items() for verdict in channel_verdicts(file, each)]
     alike = _with_same_joints([(file, part) for (file, _), each in parts.items() for part in each])
     stops = end_stops(alike)
@@ -96,6 +96,12 @@ def survey(reading: Reading, more_warnings: Iterable[str] = ()) -> Survey:
         findings=tuple(sorted((*grouped([*reading.warnings, *more_warnings], files), *own), key=lambda f: f.is_note)),
         other_columns=tuple(sorted({name for trial in reading.trials for name in trial.trajectory.extra})),
     )
+
+
+def _before(reading: Reading, file: str) -> list[AsRecorded]:
+    """A file, or its sections, before their repair."""
+    own = reading.as_recorded.get(file)
+    return [own] if own else [each for name, each in reading.as_recorded.items() if name.startswith(f"{file} (")]
 
 
 def _with_same_joints(trials: Sequence[tuple[str, Trajectory]]) -> list[tuple[str, Trajectory]]:

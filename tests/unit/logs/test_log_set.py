@@ -168,3 +168,10 @@ def test_audit_is_plain_data(logs):
     assert summary["trials"][0]["rate_hz"] == pytest.approx(1000.0)
     assert summary["ranges"]["knee"]["position"]["max"] == pytest.approx(0.4, abs=1e-3)
     assert summary["duration_s"] == {"fit": 1.999, "heldout": 1.999}
+
+
+def test_a_current_of_some_joints_only_is_kept_under_its_name(logs):
+    for seed, file in enumerate(("a.parquet", "b.parquet")):
+        put(logs, file, make_columns(seed=seed) | {"joint/hip/current": np.full(2000, 1.5)})
+    trial = read_log_set(logs).trials[0].trajectory
+    assert trial.current is None and trial.extra["joint/hip/current"][0] == 1.5

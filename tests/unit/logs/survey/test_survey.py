@@ -47,7 +47,7 @@ def test_the_json_has_its_keys_and_no_numpy(logs):
         )
     }
     assert set(plain["trials"][0]) == {
-        *("file", "split", "seconds", "samples", "rate_hz", "clock", "missing", "verdict", "error")
+        *("file", "split", "seconds", "samples", "rate_hz", "clock", "lost", "stretches", "missing", "verdict", "error")
     }
     assert set(plain["trials"][0]["clock"]) == {"verdict", "jitter_rms", "jitter_max", "gaps"}
     assert set(plain["channels"][0]) == {
@@ -68,11 +68,12 @@ def test_of_a_refused_set_each_file_is_judged_on_its_own(logs):
         "a.parquet": "ok",
         "b.parquet": "ok",
         "c.parquet": "refused",
-        "d.parquet": "refused",
+        "d.parquet": "gaps",
     }
     errors = {t.file: t.error for t in found.trials if t.error}
-    assert "not a complete Parquet file" in errors["c.parquet"] and "samples lost" in errors["d.parquet"]
-    assert {c.file for c in found.channels} == {"a.parquet", "b.parquet"}
+    assert list(errors) == ["c.parquet"] and "not a complete Parquet file" in errors["c.parquet"]
+    assert {c.file for c in found.channels} == {"a.parquet", "b.parquet", "d.parquet"}
+    assert next(t for t in found.trials if t.file == "d.parquet").stretches == 2
 
 
 def test_trials_with_different_joints_are_still_judged(logs):

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from log_builders import make_columns
 
 from hqpipe.logs.assemble import assemble
 from hqpipe.logs.columns import RawTable
+from hqpipe.logs.repair import look_through, repair
+from hqpipe.logs.repairs import as_recorded
+from hqpipe.logs.resample import Uniform
 from hqpipe.logs.survey.channel import channel_verdicts
 from hqpipe.logs.survey.clock import trial_verdict
 from hqpipe.logs.survey.end_stop import end_stops
@@ -17,7 +18,7 @@ from hqpipe.logs.survey.excitation import excitations
 
 
 def trajectory(tmp_path, columns=None):
-    return assemble(RawTable(tmp_path / "a.parquet", columns or make_columns()))
+    return assemble(Uniform(RawTable(tmp_path / "a.parquet", columns or make_columns()), {}))
 
 
 def verdicts(tmp_path, **changes):
@@ -26,6 +27,12 @@ def verdicts(tmp_path, **changes):
         columns[f"joint/hip/{name}"] = values(columns[f"joint/hip/{name}"])
     found = channel_verdicts("a.parquet", [trajectory(tmp_path, columns)])
     return {v.channel: v for v in found if v.joint == "hip"}
+
+
+def clock_of(tmp_path, columns):
+    source = look_through(RawTable(tmp_path / "a.parquet", columns))
+    before = as_recorded(source, repair(source, source.clock.dt))
+    return trial_verdict("a.parquet", "fit", [trajectory(tmp_path)], [before])
 
 
 def test_sound_channels_are_ok(tmp_path):
@@ -68,25 +75,24 @@ def test_saturation_says_where_and_holding_for_how_long(tmp_path):
     ],
 )
 def test_clocks(tmp_path, time, verdict, clock):
-    found = trial_verdict("a.parquet", "fit", [replace(trajectory(tmp_path), time=time)])
+    found = clock_of(tmp_path, make_columns() | {"time": time})
     assert (found.verdict, found.clock) == (verdict, clock)
     assert found.gaps == (1 if clock == "gaps" else 0)
     assert found.rate_hz == pytest.approx(1000, rel=0.02)
 
 
 def test_samples_that_are_missing_are_counted(tmp_path):
-    whole = trajectory(tmp_path)
-    effort = whole.effort.copy()
-    effort[:200, 0] = np.nan
-    found = trial_verdict("a.parquet", "fit", [replace(whole, effort=effort)])
-    assert found.missing == pytest.approx(200 / (2000 * 8))
+    columns = make_columns()
+    columns["joint/hip/effort"][:200] = np.nan
+    found = clock_of(tmp_path, columns)
+    assert found.missing == pytest.approx(200 / (2000 * 9))
 
 
 def moving(position, command, rate=200.0):
     """A one-joint trial."""
     time = np.arange(len(position)) / rate
     columns = {"time": time, "joint/arm/position": position, "joint/arm/position_command": command}
-    return assemble(RawTable(__file__, columns))
+    return assemble(Uniform(RawTable(__file__, columns), {}))
 
 
 SLOW = 0.5 * np.sin(2 * np.pi * 0.4 * np.arange(2000) / 200.0)
