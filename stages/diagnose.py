@@ -72,12 +72,13 @@ def _second_half(progress: Any) -> Any:
 
 
 def _metrics(diagnosis: Any, loop: Any) -> dict[str, Any]:
+    from hqpipe.report.diagnosis_words import size_text
+
     gap, where, causes = (diagnosis.content[key] for key in ("gap", "where", "causes"))
     headline = diagnosis.verdict.replace("_", " ")
     if gap is not None:
-        headline += (
-            f", gap {gap['before']:.3g} → {gap['after']:.3g} {gap['unit']} over a floor of {gap['noise_floor']:.2g}"
-        )
+        before, after, floor = (size_text(gap, name) for name in ("before", "after", "noise_floor"))
+        headline += f", gap {before} → {after} over a floor of {floor}"
     if causes:
         since = " changed since the reference" if "reference" in diagnosis.content else ""
         headline += f"{since}: {', '.join(dict.fromkeys(cause['effect'] for cause in causes))}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from stat import S_ISDIR, S_ISREG
 from typing import Any
@@ -14,6 +14,7 @@ import yaml
 from hqpipe.errors import LogError, near_match, shown
 from hqpipe.files.documents import read_yaml_mapping
 from hqpipe.logs import FORMAT
+from hqpipe.logs.joint_kinds import KINDS
 
 FILE = "logset.yaml"
 _CHOICES = {
@@ -21,7 +22,8 @@ _CHOICES = {
     "control_mode": ("position", "torque", "valve"),
     "effort_source": ("pressure", "load_cell", "current", "estimate"),
 }
-_KEYS = ("format", "robot", "base", "control_mode", "effort_source", "rate_hz", "trials")
+_KEYS = ("format", "robot", "base", "control_mode", "effort_source", "rate_hz", "joints", "trials")
+_JOINT_KEYS = ("type",)
 _TRIAL_KEYS = ("file", "split", "command", "base")
 SPLITS = ("fit", "heldout")
 _RATES = (1e-3, 1e7)  # Hz; a sample a quarter of an hour, and a thousand times what joint controllers run at
@@ -39,7 +41,7 @@ class TrialEntry:
 
 @dataclass(frozen=True)
 class Manifest:
-    """The fields of logset.yaml; None where it is silent."""
+    """The fields of logset.yaml; None where it is silent. kinds: joint → type, of the joints that it names."""
 
     trials: tuple[TrialEntry, ...]
     robot: str | None = None
@@ -47,6 +49,7 @@ class Manifest:
     control_mode: str | None = None
     effort_source: str | None = None
     rate_hz: float | None = None
+    kinds: Mapping[str, str] = field(default_factory=dict)
 
 
 def read_manifest(path: Path, files: Iterable[str], *, needs_fit: bool = True) -> Manifest:
@@ -76,7 +79,29 @@ def read_manifest(path: Path, files: Iterable[str], *, needs_fit: bool = True) -
         raise _wrong(path, "robot", what, "put it in quotes, or leave it out")
     trials = _trials(path, raw.get("trials"), list(files), needs_fit)
     settings = {key: raw.get(key) for key in ("robot", *_CHOICES)}
-    return Manifest(trials=trials, rate_hz=None if rate is None else float(rate), **settings)
+    kinds = _kinds(path, raw.get("joints"))
+    return Manifest(trials=trials, rate_hz=None if rate is None else float(rate), kinds=kinds, **settings)
+
+
+def _kinds(path: Path, raw: Any) -> dict[str, str]:
+    """Joint → type of `joints`, as {slide: {type: prismatic}}."""
+    if raw is None:
+        return {}
+    fix = "write joints: {NAME: {type: prismatic}}, or leave it out"
+    if not isinstance(raw, dict):
+        raise _wrong(path, "joints", f"joints is {shown(raw)}, expected the joints by name", fix)
+    kinds = {}
+    for name, entry in raw.items():
+        where = f"joints.{name[:99]}"
+        if not isinstance(entry, dict):
+            raise _wrong(path, where, f"{where} is {shown(entry)}, expected {{type: prismatic}}", fix)
+        _check_keys(path, where + ".", entry, _JOINT_KEYS)
+        if entry.get("type") not in KINDS:
+            found = entry.get("type")
+            what = f"{where}.type is {shown(found)}{_near(found, KINDS)}, expected one of {', '.join(KINDS)}"
+            raise _wrong(path, f"{where}.type", what, fix)
+        kinds[name] = entry["type"]
+    return kinds
 
 
 def _trials(path: Path, raw: Any, files: list[str], needs_fit: bool) -> tuple[TrialEntry, ...]:
@@ -170,10 +195,12 @@ def _wrong(path: Path, field: str | None, what: str, fix: str) -> LogError:
 def write_manifest(path: Path, manifest: Manifest) -> None:
     """Write a logset.yaml; silent fields are left out."""
     fields: dict[str, Any] = {"format": FORMAT}
-    for key in _KEYS[1:-1]:
+    for key in _KEYS[1:-2]:
         value = getattr(manifest, key)
         if value is not None:
             fields[key] = int(value) if isinstance(value, float) and value.is_integer() else value
+    if manifest.kinds:
+        fields["joints"] = {joint: {"type": kind} for joint, kind in manifest.kinds.items()}
     fields["trials"] = [
         {"file": t.file, "split": t.split}
         | ({"command": dict(t.command)} if t.command else {})

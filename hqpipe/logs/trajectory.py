@@ -161,6 +161,7 @@ class LogSet:
             "torque", "valve" or None if no command was recorded. effort_source: "pressure", "load_cell",
             "current", "estimate" or None.
         rate_hz: nominal sample rate.
+        kinds: joint → "revolute" or "prismatic"; empty where nobody says, see `hqpipe.logs.joint_kinds`.
         warnings: what looks wrong but is not certain to be.
     """
 
@@ -175,6 +176,7 @@ class LogSet:
     joints: tuple[str, ...]
     trials: tuple[Trial, ...]
     warnings: tuple[str, ...] = ()
+    kinds: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def fit(self) -> list[Trial]:
