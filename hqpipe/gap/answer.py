@@ -25,6 +25,7 @@ from hqpipe.gap.since import Earlier
 from hqpipe.gap.verdict import FLOOR_MARGIN, Evidence
 from hqpipe.logs.joint_kinds import unit_of
 from hqpipe.logs.trajectory import LogSet, recording_of
+from hqpipe.sysid.window_choice import WindowChoice
 
 LAYER = "actuator"
 EXPLAINED = 0.25  # of the squared error above the noise may be left in an explained gap; assumption
@@ -51,7 +52,7 @@ Pair = tuple[Any, Any]
 def answer(
     log_set: LogSet,
     signed: SignedLogs,
-    window_s: float,
+    window: WindowChoice,
     found: Accusation,
     scales: list[Cause],
     evidence: tuple[Evidence, Evidence],
@@ -96,7 +97,7 @@ def answer(
     where = [_place(p, log_set) for p in (telling(places[0], passing) if gap_before.any() else [])]
     remaining = [_place(p, log_set) for p in (telling(places[1]) if unexplained else [])]
     content = _head(log_set, verdict, earlier) | {
-        "gap": _gap(log_set, window_s, found, evidence),
+        "gap": _gap(log_set, window, found, evidence),
         "where": where,
         "causes": causes,
         "effects_considered": considered(found, log_set),
@@ -143,7 +144,9 @@ def _room(found: Accusation, evidence: tuple[Evidence, Evidence]) -> float:
     return max(after - noise, 0.0) / max(before, 1e-300) if found.causes else 0.0
 
 
-def _gap(log_set: LogSet, window_s: float, found: Accusation, evidence: tuple[Evidence, Evidence]) -> dict[str, Any]:
+def _gap(
+    log_set: LogSet, window: WindowChoice, found: Accusation, evidence: tuple[Evidence, Evidence]
+) -> dict[str, Any]:
     signed, after = (pooled(e.error, found.scale) for e in evidence)
     before = _before_signs(found, evidence[0])
     part = signed / before if before > 0 else 0.0
@@ -157,7 +160,8 @@ def _gap(log_set: LogSet, window_s: float, found: Accusation, evidence: tuple[Ev
     return {
         "layer": LAYER,
         "metric": "free_run_rmse",
-        "window_s": window_s,
+        "window_s": window.seconds,
+        "window_reason": window.reason,
         **gap_entry(log_set, squares, found.scale),
         "shrink": significant(1.0 - after / before) if before > 0 else 0.0,
         "shrink_ci95": [significant(low), significant(min(high + part * _room(found, evidence), 1.0))],

@@ -35,7 +35,6 @@ from hqpipe.gap.tally import ALL, Tally, tally
 from hqpipe.gap.traces import worst_windows
 from hqpipe.gap.verdict import Evidence, shortage, weigh
 from hqpipe.logs.trajectory import LogSet
-from hqpipe.sysid.free_run import WINDOW_S
 
 LARGEST = 3_800_000  # samples × joints in memory: 5 min of twelve joints at 1 kHz, which takes 1.5 GB
 FILE, TABLE, TRACES = "diagnosis.json", "residuals.csv", "traces.json"
@@ -83,7 +82,7 @@ class Diagnosis:
 def diagnose(
     log_set: LogSet,
     *,
-    window_s: float = WINDOW_S,
+    window_s: float | None = None,
     without: Sequence[str] = (),
     effort_limit: np.ndarray | None = None,
     workers: int = 1,
@@ -94,7 +93,7 @@ def diagnose(
 
     Args:
         log_set: fit and held-out trials of one machine.
-        window_s: length of the free-running windows, s.
+        window_s: length of the free-running windows, s; None for that of `earlier` logs, or for what suits the logs.
         without: effects left out of the library.
         effort_limit: (J,) N·m at which the actuator saturates; None for no limit.
         workers: joints searched at a time; the answer does not depend on it.
@@ -107,17 +106,20 @@ def diagnose(
     """
     if earlier is not None:
         earlier.fits(log_set)
-    intake = take_in(log_set, window_s, without)
+    if window_s is None and earlier is not None and earlier.window_s is not None:
+        intake = take_in(log_set, earlier.window_s, without)
+        intake = replace(intake, window=replace(intake.window, reason="as long as those of the reference"))
+    else:
+        intake = take_in(log_set, window_s, without)
     if earlier is not None:
         intake = replace(intake, warnings=(*intake.warnings, *earlier.warnings))
     if intake.reasons:
         return Diagnosis(not_identifiable(intake.log_set, list(intake.warnings), intake.advice, earlier))
-    return _actuator(intake, window_s, without, effort_limit, workers, progress, earlier)
+    return _actuator(intake, without, effort_limit, workers, progress, earlier)
 
 
 def _actuator(
     intake: Intake,
-    window_s: float,
     without: Sequence[str],
     effort_limit: np.ndarray | None,
     workers: int,
@@ -145,7 +147,7 @@ def _actuator(
     content = answer(
         log_set,
         signed,
-        window_s,
+        intake.window,
         found,
         scale_causes(checked, joints),
         (before.evidence, after.evidence),

@@ -104,6 +104,7 @@ GAP = {
     "metric": TEXT,
     "unit": TEXT_OR_NULL,
     "window_s": SIZE,
+    "window_reason": Maybe(TEXT, absent=True),
     **UNITLESS,
     "normalised": Maybe(SIZES, absent=True),
     "joints": Maybe([JOINT_GAP], absent=True),
