@@ -13,7 +13,7 @@ from hqpipe.system.failures import system_failure
 from hqpipe.system.processes import in_processes
 
 DIAGNOSIS, ORACLE, FAILED, CONTENT = "diagnosis", "oracle", "failed.json", "diagnosis.json"
-GAPS = "gaps.json"
+GAPS = "true_gaps.json"
 SCORE, PAGE = "score.json", "score.html"
 Progress = Callable[[float, float, str], None]
 
@@ -97,17 +97,18 @@ def diagnose_case(case: Path, output: Path, without: tuple[str, ...]) -> None:
 
 
 def truth_gaps(folder: Path, case: str, sets: dict[str, str]) -> dict[str, dict[str, float]]:
-    """Base gaps of a case ("with") and of its machines without effects, kept in truth/<case>/gaps.json; N·m.
+    """Base gaps of a case ("with") and of its machines without effects, kept in truth/<case>/true_gaps.json.
 
     Args:
         folder: of the cases. case: name. sets: name of a set as in `hqpipe.gap.blind_truth.Gaps` → its log set.
     """
-    from hqpipe.gap.blind_truth import base_gap
+    from hqpipe.gap.blind_truth import base_gap, scales
 
     path = folder / "truth" / case / GAPS
     if kept := _read(path):
         return kept
-    gaps = {name: base_gap(folder / place) for name, place in {"with": case, **sets}.items()}
+    scale = scales(folder / case)
+    gaps = {name: base_gap(folder / place, scale) for name, place in {"with": case, **sets}.items()}
     _write(path, gaps)
     return gaps
 

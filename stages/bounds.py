@@ -44,6 +44,8 @@ StressSeconds = zero_or(float, 1.0, 600.0, _TRIAL)
 WindowSeconds = Annotated[
     float, within(1e-3, 10.0, "s; from a sample at 1 kHz to a window in which any model drifts off")
 ]
+WindowChoice = WindowSeconds | None
+"""None for windows that suit the logs."""
 Walks = Annotated[int, within(1, 1000, "each takes seconds on the plant")]
 Trainings = Annotated[int, within(1, 1000, "each takes minutes")]
 Iterations = Annotated[int, within(1, 1_000_000, "of a training of nets, 1000 times the paper's")]

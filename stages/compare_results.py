@@ -64,7 +64,7 @@ def loop_closed(rows: Rows, diagnosis: Path | None) -> dict[str, Any]:
     policies = [row for row in rows if row["actor"] == POLICY]
     names = {row["controller"] for row in policies}
     return {
-        "gap": {key: gap[key] for key in _GAP} if gap else None,
+        "gap": {key: gap[key] for key in (*_GAP, "normalised") if key in gap} if gap else None,
         "since_reference": "reference" in content,
         "against": STIFF,
         "controllers": {

@@ -8,7 +8,7 @@ from pydantic import AfterValidator
 
 from hqpipe.errors import near_match
 from hqpipe.pipeline.config import StageParams
-from hqpipe.stages.bounds import WindowSeconds
+from hqpipe.stages.bounds import WindowChoice
 
 
 def _known_effects(names: list[str]) -> list[str]:
@@ -25,12 +25,12 @@ def _known_effects(names: list[str]) -> list[str]:
 
 class Params(StageParams):
     """Attributes:
-    window_s: length of the free-running windows, s.
+    window_s: length of the free-running windows, s; null for what suits the logs.
     strict: refuse logs in which anything would have to be repaired.
     without: effects left out of the library.
     """
 
-    window_s: WindowSeconds = 0.1
+    window_s: WindowChoice = None
     strict: bool = False
     without: Annotated[list[str], AfterValidator(_known_effects)] = []
 
@@ -60,6 +60,8 @@ def run(context: Any) -> dict[str, Any]:
     left_out = f" --set 'without=[{', '.join(context.params.without)}]'" if context.params.without else ""
     since = f" --reference {diagnosis.content[REFERENCE]['path']}" if REFERENCE in context.inputs else ""
     write_page(context.output, provenance={"command": f"hqpipe diagnose --logs {log_set.path}{since}{left_out}"})
+    if (gap := diagnosis.content["gap"]) is not None:
+        show(f"windows of {1e3 * gap['window_s']:.0f} ms: {gap['window_reason']}")
     show(diagnosis_table(diagnosis.content))
     if loop is not None:
         show(*closed_loop_lines(loop))
@@ -72,12 +74,13 @@ def _second_half(progress: Any) -> Any:
 
 
 def _metrics(diagnosis: Any, loop: Any) -> dict[str, Any]:
+    from hqpipe.report.diagnosis_words import size_text
+
     gap, where, causes = (diagnosis.content[key] for key in ("gap", "where", "causes"))
     headline = diagnosis.verdict.replace("_", " ")
     if gap is not None:
-        headline += (
-            f", gap {gap['before']:.3g} → {gap['after']:.3g} {gap['unit']} over a floor of {gap['noise_floor']:.2g}"
-        )
+        before, after, floor = (size_text(gap, name) for name in ("before", "after", "noise_floor"))
+        headline += f", gap {before} → {after} over a floor of {floor}"
     if causes:
         since = " changed since the reference" if "reference" in diagnosis.content else ""
         headline += f"{since}: {', '.join(dict.fromkeys(cause['effect'] for cause in causes))}"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from hqpipe.pipeline.config import StageParams
-from hqpipe.stages.bounds import Iterations, WindowSeconds, each_once, within
+from hqpipe.stages.bounds import Iterations, WindowChoice, each_once, within
 from hqpipe.stages.constants import write_constants
 from hqpipe.stages.judging import judge, write_data_curve
 from hqpipe.stages.logs import FIT, read_logs
@@ -34,7 +35,8 @@ FOREIGN = "the joints are not those of the robot: R is 1, k1 in N·m/rad, and no
 
 class Params(StageParams):
     """Attributes:
-    scope: which fit the later stages use; both are made. window_s: length of the free-running windows, s.
+    scope: which fit the later stages use; both are made. window_s: length of the free-running windows, s; null for what
+        suits the logs.
     data_seconds: lengths of fit data, s, for the curve of error against data; none for no curve. Every length costs a fit of
         every model.
     rivals: models that the paper's is held against: itself with diagnosed effects, two chambers of oil, nets as in the paper,
@@ -44,7 +46,7 @@ class Params(StageParams):
     """
 
     scope: Literal["per_joint", "shared"] = "per_joint"
-    window_s: WindowSeconds = 0.1
+    window_s: WindowChoice = None
     data_seconds: Annotated[list[DataSeconds], Field(max_length=MOST_LENGTHS)] = []
     rivals: Annotated[list[Rival], each_once("rivals")] = list(EVERY)
     net_iterations: Iterations = 1000  # the paper's
@@ -58,10 +60,13 @@ def run(context: Any) -> dict[str, Any]:
     from hqpipe.stages.terminal import show
     from hqpipe.sysid.fit_actuator import fit_actuator
     from hqpipe.sysid.timing import timed
+    from hqpipe.sysid.window_choice import window_for
 
     log_set = read_logs(context)
     constants = joint_constants(context.robot, log_set.joints)
-    options = {"window_s": context.params.window_s, **constants}
+    window = window_for(log_set, context.params.window_s)
+    show(f"windows of {1e3 * window.seconds:.0f} ms: {window.reason}")
+    options = {"window_s": window.seconds, **constants}
     fits, models, fit_s = {}, {}, {}
     total = len(SCOPES) + len(context.params.rivals) + 2
     for index, scope in enumerate(SCOPES):
@@ -75,8 +80,8 @@ def run(context: Any) -> dict[str, Any]:
     show(coefficient_table(chosen.to_dict()))
     notes = [*([] if constants else [FOREIGN]), *chosen.warnings]
     show(*(f"warning: {text}" for text in notes))
-    _write(context.output, log_set, fits)
-    settings = _settings(context, constants)
+    _write(context.output, log_set, fits, window)
+    settings = _settings(context, constants, window.seconds)
     rivals = _rivals(context, log_set, settings, total)
     others = {title: rival.model for title, rival in rivals.items() if rival.model is not None}
     chambers = rivals.get(TITLES["two_chamber"])
@@ -89,12 +94,12 @@ def run(context: Any) -> dict[str, Any]:
     show(*(f"warning: {text}" for text in refused))
     context.progress(total - 2, total, "held-out trials")
     fit_s |= {title: rivals[title].seconds for title in others}
-    metrics = judge(context, log_set, models | others, fit_s)
+    metrics = judge(context, log_set, models | others, fit_s, window.seconds)
     context.progress(total - 1, total, "figures")
-    draw_fit(context.output, log_set, chosen.model, context.params.window_s)
+    draw_fit(context.output, log_set, chosen.model, window.seconds)
     if context.params.data_seconds:
         with rival_fits(context.params.rivals, settings) as fits_of_rivals:
-            write_data_curve(context, log_set, paper_fits(options) | fits_of_rivals)
+            write_data_curve(context, log_set, paper_fits(options) | fits_of_rivals, window.seconds)
     return {
         **_metrics(metrics, chosen),
         "effects": diagnosed.effects if diagnosed is not None else None,
@@ -114,11 +119,11 @@ def _rivals(context: Any, log_set: Any, settings: Settings, total: int) -> dict[
     return found
 
 
-def _settings(context: Any, constants: dict[str, Any]) -> Settings:
+def _settings(context: Any, constants: dict[str, Any], window_s: float) -> Settings:
     p = context.params
     return Settings(
         effort_limit=constants.get("effort_limit", float("inf")),
-        window_s=p.window_s,
+        window_s=window_s,
         iterations=(p.net_iterations, p.strong_net_iterations),
         seed=context.seed,
         workers=context.workers,
@@ -135,8 +140,12 @@ def _save(model: Any, posterior: Any, folder: Path) -> None:
         save_posterior(posterior, model, folder)
 
 
-def _write(output: Path, log_set: Any, fits: dict[str, Any]) -> None:
-    report = {"logs": log_set.header(), **{scope: fit.to_dict() for scope, fit in fits.items()}}
+def _write(output: Path, log_set: Any, fits: dict[str, Any], window: Any) -> None:
+    report = {
+        "logs": log_set.header(),
+        "window": asdict(window),
+        **{scope: fit.to_dict() for scope, fit in fits.items()},
+    }
     (output / FIT).write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
 
 

@@ -10,11 +10,13 @@ from typing import Any
 from hqpipe.stages.logs import read_stress
 
 
-def judge(context: Any, log_set: Any, models: Mapping[str, Any], fit_s: Mapping[str, float]) -> dict[str, Any]:
+def judge(
+    context: Any, log_set: Any, models: Mapping[str, Any], fit_s: Mapping[str, float], window_s: float
+) -> dict[str, Any]:
     """Compare models beside the baselines; writes comparison.csv, comparison.json and figures, and shows the table.
 
     Args:
-        context: of the stage; its parameters have `window_s` and `strict`.
+        context: of the stage; its parameters have `strict`. window_s: of the free run.
         log_set: with held-out trials. models: name → any model of `hqpipe.sysid.free_run`.
         fit_s: wall time of the fits, s, of any of the models. Times are told, and are in no file, so that the same seed
             gives the same bytes.
@@ -32,7 +34,6 @@ def judge(context: Any, log_set: Any, models: Mapping[str, Any], fit_s: Mapping[
     from hqpipe.sysid.score_files import finite, long_rows, score_tree
     from hqpipe.sysid.timing import step_time
 
-    window_s = context.params.window_s
     rows = compare_models(log_set, models, window_s=window_s, stress=read_stress(context, log_set))
     longest = max((trial.trajectory for trial in log_set.heldout), key=lambda t: t.samples)
     step_us = {name: 1e6 * step_time(longest, stepped(model), window_s) for name, model in models.items()}
@@ -60,11 +61,11 @@ def judge(context: Any, log_set: Any, models: Mapping[str, Any], fit_s: Mapping[
     }
 
 
-def write_data_curve(context: Any, log_set: Any, fits: Mapping[str, Callable[[Any], Any]]) -> None:
+def write_data_curve(context: Any, log_set: Any, fits: Mapping[str, Callable[[Any], Any]], window_s: float) -> None:
     """data_curve.json and data_curve.png: held-out errors of models that were fitted to `data_seconds` of data.
 
     Args:
-        context: of the stage; its parameters have `window_s` and `data_seconds`.
+        context: of the stage; its parameters have `data_seconds`. window_s: of the free run.
         log_set: with fit and held-out trials. fits: name → fit, see `hqpipe.sysid.data_curve`.
     """
     from hqpipe.stages.figures import draw_data_curve
@@ -73,7 +74,7 @@ def write_data_curve(context: Any, log_set: Any, fits: Mapping[str, Callable[[An
     from hqpipe.sysid.score_files import finite
 
     p = context.params
-    curve = data_curve(log_set, fits, p.data_seconds, window_s=p.window_s, workers=context.workers)
+    curve = data_curve(log_set, fits, p.data_seconds, window_s=window_s, workers=context.workers)
     for point in curve.points:
         if point.reason:
             show(f"warning: {point.model} from {point.seconds:g} s of data: {point.reason}")

@@ -25,7 +25,27 @@ def read_logs(context: Any, most: int | None = None, name: str = "logs") -> Any:
     told = "" if name == "logs" else f"{name}: "
     log_set = read_log_set(context.inputs[name], strict=context.params.strict, most=most)
     show(*(f"warning: {told}{text}" for text in log_set.warnings))
-    return replace(log_set, path=shown_path(context, log_set.path))
+    kinds = log_set.kinds or _kinds(context, log_set)
+    return replace(log_set, path=shown_path(context, log_set.path), kinds=kinds)
+
+
+def _kinds(context: Any, log_set: Any) -> dict[str, str]:
+    """Joint → revolute or prismatic, by a URDF that lies in the log set, or by that of the project's robot if its joints are
+    those of the logs."""
+    from hqpipe.logs.joint_kinds import from_urdf
+    from hqpipe.robots import load_robot
+    from hqpipe.urdf import read_urdf
+
+    described = Path(log_set.robot or "")
+    inside = described.suffix == ".urdf" and not described.is_absolute() and ".." not in described.parts
+    if inside and (log_set.path / described).is_file():
+        urdf = log_set.path / described
+    else:
+        robot = load_robot(context.robot)
+        if not set(log_set.joints) <= set(robot.joints):
+            return {}
+        urdf = robot.urdf
+    return from_urdf({name: joint.kind for name, joint in read_urdf(urdf).joints.items()}, log_set.joints)
 
 
 def shown_path(context: Any, path: Path) -> Path:

@@ -12,13 +12,13 @@ from hqpipe.effects.layout import slot
 from hqpipe.gap.causes import Cause, assemble
 from hqpipe.gap.integrator_start import tell_offsets
 from hqpipe.gap.joint_data import (
-    BY_SPEED,
     LOGGED,
     MOVED,
     SPEEDS,
     Flow,
     JointData,
     by_opening,
+    by_speed,
     joint_data,
     output_of,
     row_lag,
@@ -37,6 +37,7 @@ from hqpipe.gap.since import Earlier
 from hqpipe.gap.spans import Spans, search_spans
 from hqpipe.gap.unchanged import drop_unchanged, familiar_error, only_needed
 from hqpipe.gap.worth import close_gap, drop_outweighed, drop_slight, drop_trifles
+from hqpipe.logs.joint_kinds import PRISMATIC
 from hqpipe.logs.trajectory import LogSet, recording_of
 from hqpipe.sysid.noise import difference_noise
 
@@ -63,9 +64,9 @@ class Accusation:
         floor: (J,) mean squared error that is no gap: what noise leaves, or an earlier record of the machine.
         noise: (J,) what noise alone leaves. sensor: (J,) the same of the output's sensor only.
         familiar: (J,) what an earlier record may be off by without anything having changed; 0 without one.
-        raw: (W,) held-out squared error per window, mean over the joints, of the base model on the log as it came, where
-            a torque had lost its sign; else None.
-        final: (W,) the same with all causes in the model.
+        raw: (W, J) held-out squared error per window of the base model on the log as it came, where a torque had lost its
+            sign; else None.
+        final: (W, J) the same with all causes in the model.
     """
 
     library: tuple[str, ...]
@@ -82,6 +83,11 @@ class Accusation:
     familiar: np.ndarray
     raw: np.ndarray | None
     final: np.ndarray
+
+    @property
+    def scale(self) -> np.ndarray:
+        """(J,) what the errors of the joints count against where they are pooled."""
+        return np.array([state.data.scale for state in self.states])
 
     @property
     def before(self) -> RowModel:
@@ -189,22 +195,24 @@ def prepare(
     mode, joints = log_set.control_mode, log_set.joints
     fit, heldout = ([t.trajectory for t in split] for split in (log_set.fit, log_set.heldout))
     late = row_lag([*fit, *heldout]) if mode == "valve" else 0.0
+    linear = [log_set.kinds.get(joint) == PRISMATIC for joint in joints]
 
     def cut_up(speed: str, flow: Flow) -> list[JointData]:
         data = []
         for j, joint in enumerate(joints):
             noise = output_noise(heldout or fit, j, mode, speed)
             limit = np.inf if effort_limit is None else float(effort_limit[j])
-            one = joint_data(fit, heldout, j, mode, steps, noise, limit, speed, flow)
+            one = joint_data(fit, heldout, j, mode, steps, noise, limit, speed, flow, linear[j])
             data.append(replace(one, barred=BLURRED) if signed and joint in signed.joints else one)
         return data
 
     if earlier is not None:
-        return _as_then(earlier, cut_up, workers)
+        return _as_then(earlier, cut_up, joints, by_speed(fit, linear), workers)
     known = (ROW_OFFSET,) if mode == "valve" else ()  # a delay must not choose the speed that hides a part of it
-    speed, data = MOVED, cut_up(MOVED, BY_SPEED)
+    flow = by_speed(fit, linear)
+    speed, data = MOVED, cut_up(MOVED, flow)
     if late <= FILTERED_ROWS:  # two cuts at a time: they are the largest thing in memory
-        logged = cut_up(LOGGED, BY_SPEED)
+        logged = cut_up(LOGGED, flow)
         if _misfit(logged, known, workers) < _misfit(data, known, workers):
             speed, data = LOGGED, logged
         del logged
@@ -213,17 +221,17 @@ def prepare(
         shift = min(EARLIER_OR_LATER, key=lambda rows: _misfit(_timed(data, rows), (RUBBING,), workers))
         data = _timed(data, shift)
     if SHARED in names:
-        opened = _timed(cut_up(speed, by_opening(fit, mode)), shift)
+        opened = _timed(cut_up(speed, by_opening(fit, mode, linear)), shift)
         data = min(data, opened, key=lambda option: _misfit(option, (SHARED,), workers))
     return data, speed, late
 
 
 def _as_then(
-    earlier: Earlier, cut_up: Callable[[str, Flow], list[JointData]], workers: int
+    earlier: Earlier, cut_up: Callable[[str, Flow], list[JointData]], joints: Sequence[str], flow: Flow, workers: int
 ) -> tuple[list[JointData], str, float]:
-    """The joints beside an earlier record, with its speed and flow; where it does not say, the speed that suits it."""
-    known = np.nan_to_num(earlier.then[earlier.joints[0]].row[FLOW])
-    flow = tuple(known.tolist()) if known.any() else BY_SPEED
+    """The joints beside an earlier record, with its speed and flow; where it says neither, the speed that suits, and `flow`."""
+    known = np.nan_to_num([earlier.then[joint].row[FLOW] for joint in joints])
+    flow = tuple(known.T) if known.any() else flow
     options = {speed: earlier.beside(cut_up(speed, flow)) for speed in ([earlier.speed] if earlier.speed else SPEEDS)}
     speed = min(options, key=lambda name: _misfit(options[name], (), workers))
     return options[speed], speed, 0.0
@@ -278,12 +286,12 @@ def _tidy_spans(spans: Spans | None, states: list[JointState], floor: np.ndarray
 
 def _final_error(states: list[JointState], spans: Spans | None) -> np.ndarray:
     inside = {state.joint: state for state in spans.states} if spans else {}
-    return np.mean(
+    return np.stack(
         [
             spans.errors(s.joint, inside[s.joint].chosen.heldout) if s.joint in inside else s.chosen.heldout
             for s in states
         ],
-        axis=0,
+        axis=1,
     )
 
 
@@ -302,7 +310,7 @@ def _raw_error(
             errors.append(JointFitter(unsigned).fit().heldout)
         else:
             errors.append(state.base.heldout)
-    return np.mean(errors, axis=0)
+    return np.stack(errors, axis=1)
 
 
 def output_noise(trials: Sequence, j: int, mode: str, speed: str = LOGGED) -> float:
@@ -346,7 +354,7 @@ def _with_spans(model: RowModel, spans: Spans | None, states: list[JointState], 
 
 
 def _shrink(states: list[JointState], causes: list[Cause], lasting: int, spans: Spans | None) -> Shrink:
-    """Shapley shares of the causes, over the held-out windows of all joints.
+    """Shapley shares of the causes, over the held-out windows of all joints, each against its own scale.
 
     Args:
         causes: the first `lasting` of them act all the time, the others inside `spans`.
@@ -367,7 +375,7 @@ def _shrink(states: list[JointState], causes: list[Cause], lasting: int, spans: 
         return left if np.isfinite(left).all() else state.base.heldout  # a set that runs away explains nothing
 
     def errors(subset: frozenset[int]) -> np.ndarray:
-        return sum(np.add.reduceat(error(state, subset), edges) for state in states)
+        return sum(np.add.reduceat(error(state, subset), edges) / state.data.scale**2 for state in states)
 
     if not causes:
         zero = np.zeros((0, 2))

@@ -11,7 +11,9 @@ from hqpipe.gap.bootstrap import block_weights, interval
 from hqpipe.gap.causes import Cause
 from hqpipe.gap.changes import CANDIDATES, FACTORS
 from hqpipe.gap.considered import considered, significant
+from hqpipe.gap.gap_entry import gap_entry, output_unit, undeclared
 from hqpipe.gap.groups import scope_of
+from hqpipe.gap.joint_scale import pooled
 from hqpipe.gap.locate import Place, telling
 from hqpipe.gap.reference import Explained
 from hqpipe.gap.replay import persistence_error
@@ -21,7 +23,9 @@ from hqpipe.gap.signs import NAME as UNSIGNED
 from hqpipe.gap.signs import SignedLogs
 from hqpipe.gap.since import Earlier
 from hqpipe.gap.verdict import FLOOR_MARGIN, Evidence
+from hqpipe.logs.joint_kinds import unit_of
 from hqpipe.logs.trajectory import LogSet, recording_of
+from hqpipe.sysid.window_choice import WindowChoice
 
 LAYER = "actuator"
 EXPLAINED = 0.25  # of the squared error above the noise may be left in an explained gap; assumption
@@ -48,7 +52,7 @@ Pair = tuple[Any, Any]
 def answer(
     log_set: LogSet,
     signed: SignedLogs,
-    window_s: float,
+    window: WindowChoice,
     found: Accusation,
     scales: list[Cause],
     evidence: tuple[Evidence, Evidence],
@@ -68,13 +72,17 @@ def answer(
     """
     gap_before, gap_after = (_matters(e, found) for e in evidence)
     unexplained = bool(gap_after.any())
-    excess_before, excess_after = (np.maximum(e.error - found.floor, 0.0)[gap_before].sum() for e in evidence)
+    weight = found.scale**-2.0
+    excess_before, excess_after = (
+        (weight * np.maximum(e.error - found.floor, 0.0))[gap_before].sum() for e in evidence
+    )
     if found.raw is not None:
-        excess_before = max(len(found.floor) * found.raw.mean() - found.floor.sum(), excess_before)
+        excess_before = max(float(weight @ (found.raw.mean(axis=0) - found.floor)), excess_before)
     left = float(excess_after / excess_before) if excess_before > 0 else 0.0
     raw, room = _before_signs(found, evidence[0]), _room(found, evidence)
-    part = _rms(evidence[0].error) / raw  # the causes' shares are of the error once the signs are back
-    whole = 1.0 - _rms(evidence[1].error) / max(_rms(evidence[0].error), 1e-300)
+    bare, full = (pooled(e.error, found.scale) for e in evidence)
+    part = bare / raw if raw > 0.0 else 0.0  # the causes' shares are of the error once the signs are back
+    whole = 1.0 - full / max(bare, 1e-300)
     if found.shrink.whole > 0.0:
         part *= whole / found.shrink.whole  # the search thins the windows of long logs, the gap is of all of them
     lost = signed.findings and not (earlier and set(signed.joints) <= set(earlier.unsigned))
@@ -86,10 +94,10 @@ def answer(
     ]
     verdict = _verdict(bool(causes), bool(gap_before.any()), unexplained, left)
     passing = {joint for cause in found.passing for joint in cause.joints}
-    where = [_place(p) for p in (telling(places[0], passing) if gap_before.any() else [])]
-    remaining = [_place(p) for p in (telling(places[1]) if unexplained else [])]
+    where = [_place(p, log_set) for p in (telling(places[0], passing) if gap_before.any() else [])]
+    remaining = [_place(p, log_set) for p in (telling(places[1]) if unexplained else [])]
     content = _head(log_set, verdict, earlier) | {
-        "gap": _gap(log_set, window_s, found, evidence),
+        "gap": _gap(log_set, window, found, evidence),
         "where": where,
         "causes": causes,
         "effects_considered": considered(found, log_set),
@@ -97,10 +105,15 @@ def answer(
             "share_of_gap": significant(min(left, 1.0)),
             "above_noise": unexplained,
             "where": remaining,
-            "depends_on": _depends_on(log_set, evidence[1], explained[1], gap_after),
+            "depends_on": _depends_on(log_set, evidence[1], explained[1], gap_after, found.scale),
         },
         "next_experiment": _next(causes, unexplained, found),
-        "warnings": [*warnings, *_known_miss(found, earlier), *_remarks(log_set.joints, evidence, found)],
+        "warnings": [
+            *warnings,
+            *undeclared(log_set, found.scale),
+            *_known_miss(found, earlier),
+            *_remarks(log_set.joints, evidence, found),
+        ],
     }
     validate_diagnosis(content)
     return content
@@ -119,31 +132,37 @@ def _verdict(causes: bool, gap: bool, unexplained: bool, left: float) -> str:
 
 
 def _before_signs(found: Accusation, evidence: Evidence) -> float:
-    """RMSE of the base model on the log as it came."""
-    return _rms(found.raw) if found.raw is not None else _rms(evidence.error)
+    """Pooled error of the base model on the log as it came."""
+    return pooled(evidence.error if found.raw is None else found.raw.mean(axis=0), found.scale)
 
 
 def _room(found: Accusation, evidence: tuple[Evidence, Evidence]) -> float:
-    """Share of the RMSE before that is left above the sensors' noise, as far as that is known: a cause could be worth so much
+    """Share of the error before that is left above the sensors' noise, as far as that is known: a cause could be worth so much
     more than its model shows, for what it stirs up beyond prediction, as chatter, would go with it."""
-    before = max(_rms(evidence[0].error), 1e-300)
-    return max(_rms(evidence[1].error) - _rms(found.sensor / FLOOR_MARGIN), 0.0) / before if found.causes else 0.0
+    before, after = (pooled(e.error, found.scale) for e in evidence)
+    noise = pooled(found.sensor / FLOOR_MARGIN, found.scale)
+    return max(after - noise, 0.0) / max(before, 1e-300) if found.causes else 0.0
 
 
-def _gap(log_set: LogSet, window_s: float, found: Accusation, evidence: tuple[Evidence, Evidence]) -> dict[str, Any]:
-    signed, after = (_rms(e.error) for e in evidence)
+def _gap(
+    log_set: LogSet, window: WindowChoice, found: Accusation, evidence: tuple[Evidence, Evidence]
+) -> dict[str, Any]:
+    signed, after = (pooled(e.error, found.scale) for e in evidence)
     before = _before_signs(found, evidence[0])
     part = signed / before if before > 0 else 0.0
-    low, high = found.shrink.whole_ci95 if found.raw is None else _fall(found.raw, found.final)
+    low, high = found.shrink.whole_ci95 if found.raw is None else _fall(found.raw, found.final, found.scale)
+    squares = {
+        "before": evidence[0].error if found.raw is None else found.raw.mean(axis=0),
+        "after": evidence[1].error,
+        "noise_floor": found.noise,
+        "persistence": persistence_error(found.heldout),
+    }
     return {
         "layer": LAYER,
         "metric": "free_run_rmse",
-        "unit": "rad/s" if log_set.control_mode == "valve" else "N·m",
-        "window_s": window_s,
-        "before": before,
-        "after": after,
-        "noise_floor": _rms(found.noise),
-        "persistence": _rms(persistence_error(found.heldout)),
+        "window_s": window.seconds,
+        "window_reason": window.reason,
+        **gap_entry(log_set, squares, found.scale),
         "shrink": significant(1.0 - after / before) if before > 0 else 0.0,
         "shrink_ci95": [significant(low), significant(min(high + part * _room(found, evidence), 1.0))],
     }
@@ -151,11 +170,12 @@ def _gap(log_set: LogSet, window_s: float, found: Accusation, evidence: tuple[Ev
 
 def _cause(cause: Cause, shrink: float, interval: np.ndarray, log_set: LogSet) -> dict[str, Any]:
     effect = CANDIDATES[cause.effect]
-    units = {p.name: p.unit for p in effect.parameters}
+    units = {p.name: p.unit.replace("command", COMMAND_UNITS[log_set.control_mode]) for p in effect.parameters}
+    kind = None if effect.machine else log_set.kinds.get(cause.joints[0])
     parameters = {
         name: {
             "value": significant(part.value),
-            "unit": COMMAND_UNITS[log_set.control_mode] if units[name] == "command" else units[name],
+            "unit": unit_of(units[name], kind),
             "ci95": [significant(part.low), significant(part.high)],
         }
         for name, part in cause.parameters.items()
@@ -177,8 +197,8 @@ def _cause(cause: Cause, shrink: float, interval: np.ndarray, log_set: LogSet) -
 
 def _unsigned(signed: SignedLogs, log_set: LogSet, found: Accusation, evidence: Evidence) -> dict[str, Any]:
     """The cause that was removed before anything else, with what that did to the base model's error."""
-    low, high = _fall(found.raw, np.mean([state.base.heldout for state in found.states], axis=0))
-    shrink = 1.0 - _rms(evidence.error) / _rms(found.raw)
+    low, high = _fall(found.raw, np.stack([state.base.heldout for state in found.states], axis=1), found.scale)
+    shrink = 1.0 - pooled(evidence.error, found.scale) / _before_signs(found, evidence)
     ratio = float(np.mean([entry.error_ratio for entry in signed.findings]))
     return {
         "effect": UNSIGNED,
@@ -193,8 +213,9 @@ def _unsigned(signed: SignedLogs, log_set: LogSet, found: Accusation, evidence: 
     }
 
 
-def _fall(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
-    """95 % interval of the fall of the RMSE, from (W,) squared errors per window."""
+def _fall(before: np.ndarray, after: np.ndarray, scale: np.ndarray) -> tuple[float, float]:
+    """95 % interval of the fall of the pooled error, from (W, J) squared errors per window; scale: (J,)."""
+    before, after = ((square / scale**2).sum(axis=1) for square in (before, after))
     edges = np.arange(0, len(before), WINDOWS_PER_BLOCK)
     weights = block_weights(len(edges))
     low, high = interval(
@@ -204,17 +225,17 @@ def _fall(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
 
 
 def _depends_on(
-    log_set: LogSet, evidence: Evidence, explained: list[Explained], gap: np.ndarray
+    log_set: LogSet, evidence: Evidence, explained: list[Explained], gap: np.ndarray, scale: np.ndarray
 ) -> list[dict[str, Any]]:
     """Signals by the share of the remaining gap that they explain, over the joints where it is predictable."""
     joints, known = log_set.joints, SIGNALS.get(log_set.control_mode, {})
     clear = gap & evidence.predictable
-    total = np.sum((evidence.error - evidence.floor)[gap])
+    total = np.sum(((evidence.error - evidence.floor) / scale**2)[gap])
     found: dict[str, dict[str, float]] = {}
     for j in np.flatnonzero(clear):
         for signal, drop in explained[j].signals.items():
             if drop > MIN_SHARE * (evidence.error[j] - evidence.floor[j]):
-                found.setdefault(known.get(signal, signal), {})[joints[j]] = drop
+                found.setdefault(known.get(signal, signal), {})[joints[j]] = drop / scale[j] ** 2
     rows = [
         {"signal": name, "joints": list(drops), "share": significant(min(1.0, sum(drops.values()) / total))}
         for name, drops in found.items()
@@ -244,10 +265,11 @@ def _known_miss(found: Accusation, earlier: Earlier | None) -> list[str]:
     """What the record itself leaves open, and which coefficients it lacks."""
     if earlier is None:
         return []
-    notes, known = [], _rms(found.familiar)
-    if known > MISSES * _rms(found.noise):
+    notes, known = [], pooled(found.familiar, found.scale)
+    if known > MISSES * pooled(found.noise, found.scale):
         notes.append(
-            f"the reference is no better than {known:.3g} on a machine that has not changed: less is no change"
+            f"the reference is no better than {known:.2%} of the joints' spread on a machine that has not changed: less is no "
+            "change"
         )
     for name in (name for name in FACTORS if name in found.library):
         if lacking := [s.joint for s in found.states if name not in s.search.library]:
@@ -265,21 +287,23 @@ def _remarks(joints: tuple[str, ...], evidence: tuple[Evidence, Evidence], found
             f"{start:.1f}–{end:.1f} s of {recording_of(found.heldout[i])}" for i, start, end in found.spans.stretches
         )
         remarks.append(f"{cause.effect} acts for some time only: {times}")
-    before, persistence = _rms(evidence[0].error), _rms(persistence_error(found.heldout))
+    before, persistence = (pooled(s, found.scale) for s in (evidence[0].error, persistence_error(found.heldout)))
     if before > persistence:
         remarks.append(
-            f"the base model ({before:.4g}) is worse than holding the output of the window start ({persistence:.4g})"
+            f"the base model is off by {before:.2%} of the joints' spread, holding the output of the window start by "
+            f"{persistence:.2%}: it is worse"
         )
     if evidence[0].gap.any():
-        share = np.sum(np.maximum(evidence[0].explained, 0.0) * evidence[0].error) / np.sum(evidence[0].error)
+        relative = evidence[0].error / found.scale**2
+        share = np.sum(np.maximum(evidence[0].explained, 0.0) * relative) / np.sum(relative)
         remarks.append(
             f"a flexible model predicts {share:.0%} of the base model's squared held-out error from the logged signals"
         )
-    fitted = np.sqrt(np.mean([state.base.fitted.mean() for state in found.states]))
+    fitted = pooled(np.array([state.base.fitted.mean() for state in found.states]), found.scale)
     if before > UNLIKE * fitted:
         remarks.append(
-            f"the base model is off by {fitted:.4g} in the fit trials and by {before:.4g} in the held-out ones: something "
-            "acts in these that no fit trial shows; give the fit a trial of their kind"
+            f"the base model is off by {fitted:.2%} of the joints' spread in the fit trials and by {before:.2%} in the "
+            "held-out ones: something acts in these that no fit trial shows; give the fit a trial of their kind"
         )
     outer = evidence[1].above & ~evidence[1].predictable & _matters(evidence[1], found)
     if outer.any():
@@ -320,9 +344,10 @@ def _head(log_set: LogSet, verdict: str, earlier: Earlier | None) -> dict[str, A
     return {"format": FORMAT, "verdict": verdict, "logs": logs} | reference
 
 
-def _place(p: Place) -> dict[str, Any]:
-    return {"layer": LAYER, "joint": p.joint, "regime": p.regime, "share": significant(p.share)}
-
-
-def _rms(mean_square: np.ndarray) -> float:
-    return significant(float(np.sqrt(np.mean(mean_square))))
+def _place(p: Place, log_set: LogSet) -> dict[str, Any]:
+    sizes = {
+        "rmse": significant(p.rmse),
+        "unit": output_unit(log_set, p.joint),
+        "normalised": significant(p.normalised),
+    }
+    return {"layer": LAYER, "joint": p.joint, "regime": p.regime, "share": significant(p.share), **sizes}

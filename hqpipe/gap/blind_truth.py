@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from hqpipe.errors import LogError
+from hqpipe.gap.joint_scale import joint_scale, pooled
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.sysid.fit_actuator import fit_actuator
 from hqpipe.sysid.free_run import WINDOW_S, free_run
@@ -23,7 +24,7 @@ LEAST_RISE = 0.05  # assumption: an effect that alone raises no joint's gap by m
 GAPLESS = {"torque_scale"}  # the model's coefficients take it up: there is no gap, and other channels show it
 
 Gap = Mapping[str, float]
-"""RMSE by joint, and over "all", N·m."""
+"""RMSE by joint, N·m, and over "all", each joint's against its scale in the case."""
 Gaps = Mapping[str, Gap]
 """`Gap` of the case ("with"), of its machine without effects ("all"), without one (`lacking`) and with one (`alone`)."""
 
@@ -109,18 +110,29 @@ def _answer(entry: Mapping[str, Any]) -> Answer:
     return Answer(entry["case"], entry["kind"], effects, entry["truth"])
 
 
-def base_gap(folder: Path) -> Gap:
+def scales(folder: Path) -> dict[str, float]:
+    """Joint → what its errors count against, N·m, as in a diagnosis of the log set."""
+    log_set = read_log_set(folder)
+    torques = [trial.trajectory.effort for trial in log_set.fit]
+    return {joint: joint_scale([t[:, j] for t in torques]) for j, joint in enumerate(log_set.joints)}
+
+
+def base_gap(folder: Path, scale: Mapping[str, float]) -> Gap:
     """Held-out free-running error of the paper's four coefficients, fitted to the fit trials of a log set.
 
+    Args:
+        scale: joint → N·m, of the case, for all sets that are compared with it.
+
     Returns:
-        "all": RMSE over all joints and held-out samples in windows of 100 ms, and that of each joint by its name; N·m.
+        RMSE over the held-out samples in windows of 100 ms of each joint by its name, N·m, and over "all" joints, each over its
+        scale.
     """
     log_set = read_log_set(folder)
     model = fit_actuator(log_set, window_s=WINDOW_S).model
     residuals = [free_run(t.trajectory, model, WINDOW_S) - t.trajectory.effort for t in log_set.heldout]
     square = np.mean(np.concatenate(residuals) ** 2, axis=0)
     joints = {joint: float(np.sqrt(value)) for joint, value in zip(log_set.joints, square, strict=True)}
-    return {"all": float(np.sqrt(square.mean())), **joints}
+    return {"all": pooled(square, np.array([scale[joint] for joint in log_set.joints])), **joints}
 
 
 def true_shrink(gaps: Gaps) -> float | None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hqpipe.effects.effect import Parameter
-from hqpipe.gap.changes import ALIKE, CANDIDATES, FACTORS, RATIO, columns
+from hqpipe.gap.changes import ALIKE, CANDIDATES, FACTORS, RATIO, columns, compared_by_kind
 from hqpipe.gap.estimate import Estimate, agree, estimates, pooled, stated
 from hqpipe.gap.groups import scope_of
 from hqpipe.gap.joint_state import JointState
@@ -53,7 +53,10 @@ def assemble(states: list[JointState], floor: np.ndarray, machine: Sequence[str]
 
 
 def _alike(effect: str, members: list[JointState], parts: dict[str, dict[str, Estimate]]) -> list[list[JointState]]:
-    """Joints whose first parameter agrees, in batches; the largest batch first."""
+    """Joints whose first parameter agrees, in batches of one unit; the largest batch first."""
+    if compared_by_kind(effect) and len({s.data.linear for s in members}) > 1:
+        kinds = [[s for s in members if s.data.linear == linear] for linear in (False, True)]
+        return sorted((batch for kind in kinds for batch in _alike(effect, kind, parts)), key=len, reverse=True)
     first = CANDIDATES[effect].parameters[0].name
     rest, batches = sorted(members, key=lambda s: parts[s.joint][first].value if first in parts[s.joint] else 0.0), []
     while rest:

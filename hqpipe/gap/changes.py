@@ -17,6 +17,7 @@ from hqpipe.effects import EFFECTS
 from hqpipe.effects.effect import NONE, POSITION, Effect, Parameter
 from hqpipe.effects.layout import slot, slots
 from hqpipe.kernels.augmented_fit import MOST_LEAKED, multiply_physics
+from hqpipe.logs.joint_kinds import depends_on_kind
 
 RATIO = "ratio"
 MOST_RATIO = 20.0  # and one over it: a coefficient that changed by more is another machine's; assumption
@@ -80,6 +81,12 @@ FACTORS: dict[str, tuple[str, ...]] = {
 an earlier record nobody could tell."""
 ALIKE: dict[str, tuple[str, ...]] = {STIFFNESS: (COMPLIANCE,)}
 """Candidate → what is the same equation by another name: a spring in series makes the oil softer."""
+
+
+def compared_by_kind(effect: str) -> bool:
+    """Whether a number of a candidate is in another unit in a joint that slides than in one that turns."""
+    parameters = () if CANDIDATES[effect].machine else CANDIDATES[effect].parameters
+    return any(depends_on_kind(p.unit) or p.unit == "command" for p in parameters)
 
 
 def in_order(effects: Iterable[str]) -> tuple[str, ...]:

@@ -125,11 +125,11 @@ def _refitted(log_set: LogSet, found: Accusation, speed: str, steps: int, limit:
         speed: of `hqpipe.gap.joint_data.SPEEDS`. steps: samples per window. limit: (J,) N·m.
     """
     trials = [t.trajectory for t in fit_sections(log_set, LARGEST).trials if t.trajectory.samples > steps]
-    rows = []
+    rows, flow = [], tuple(found.after.rows[:, FLOW].T)
     for j, state in enumerate(found.states):
         row, noise = state.chosen.row.copy(), state.data.noise
         row[SPEED_LATE] += LATE[speed] - LATE[found.before.speed]
-        data = joint_data(trials, trials, j, "position", steps, noise, float(limit[j]), speed, tuple(row[FLOW]))
+        data = joint_data(trials, trials, j, "position", steps, noise, float(limit[j]), speed, flow)
         data.row[SPEED_LATE] = row[SPEED_LATE]
         chosen = replace(state.chosen, row=row)
         rows.append(JointFitter(data).fit(chosen.effects, [chosen]).row)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,14 +16,16 @@ from hqpipe.actuators.base import ActuatorModel
 from hqpipe.actuators.files import save_actuator
 from hqpipe.errors import ConfigError
 from hqpipe.files.documents import read_table
-from hqpipe.gap.accuse import accuse
+from hqpipe.gap.accuse import Accusation, accuse
 from hqpipe.gap.answer import answer, not_identifiable
 from hqpipe.gap.changes import SCALE, multiplied
+from hqpipe.gap.gap_entry import output_unit
 from hqpipe.gap.intake import LONGER, Intake, take_in
+from hqpipe.gap.joint_data import by_speed
 from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.locate import Place, locate
 from hqpipe.gap.reference import Explained
-from hqpipe.gap.replay import Replay, persistence_error
+from hqpipe.gap.replay import persistence_error
 from hqpipe.gap.rest import Rest
 from hqpipe.gap.row_model import RowModel
 from hqpipe.gap.schema import FIX, validate_diagnosis
@@ -33,7 +35,6 @@ from hqpipe.gap.tally import ALL, Tally, tally
 from hqpipe.gap.traces import worst_windows
 from hqpipe.gap.verdict import Evidence, shortage, weigh
 from hqpipe.logs.trajectory import LogSet
-from hqpipe.sysid.free_run import WINDOW_S
 
 LARGEST = 3_800_000  # samples × joints in memory: 5 min of twelve joints at 1 kHz, which takes 1.5 GB
 FILE, TABLE, TRACES = "diagnosis.json", "residuals.csv", "traces.json"
@@ -46,12 +47,13 @@ class Row:
     """One joint in one regime, before and after; the trial "all" pools the held-out trials.
 
     Attributes:
-        held: RMSE of holding the output, of a whole joint in all trials; None elsewhere.
+        unit: of the RMSE. held: RMSE of holding the output, of a whole joint in all trials; None elsewhere.
     """
 
     trial: str
     before: Place
     after: Place | None
+    unit: str
     held: float | None = None
 
 
@@ -80,7 +82,7 @@ class Diagnosis:
 def diagnose(
     log_set: LogSet,
     *,
-    window_s: float = WINDOW_S,
+    window_s: float | None = None,
     without: Sequence[str] = (),
     effort_limit: np.ndarray | None = None,
     workers: int = 1,
@@ -91,7 +93,7 @@ def diagnose(
 
     Args:
         log_set: fit and held-out trials of one machine.
-        window_s: length of the free-running windows, s.
+        window_s: length of the free-running windows, s; None for that of `earlier` logs, or for what suits the logs.
         without: effects left out of the library.
         effort_limit: (J,) N·m at which the actuator saturates; None for no limit.
         workers: joints searched at a time; the answer does not depend on it.
@@ -104,17 +106,20 @@ def diagnose(
     """
     if earlier is not None:
         earlier.fits(log_set)
-    intake = take_in(log_set, window_s, without)
+    if window_s is None and earlier is not None and earlier.window_s is not None:
+        intake = take_in(log_set, earlier.window_s, without)
+        intake = replace(intake, window=replace(intake.window, reason="as long as those of the reference"))
+    else:
+        intake = take_in(log_set, window_s, without)
     if earlier is not None:
         intake = replace(intake, warnings=(*intake.warnings, *earlier.warnings))
     if intake.reasons:
         return Diagnosis(not_identifiable(intake.log_set, list(intake.warnings), intake.advice, earlier))
-    return _actuator(intake, window_s, without, effort_limit, workers, progress, earlier)
+    return _actuator(intake, without, effort_limit, workers, progress, earlier)
 
 
 def _actuator(
     intake: Intake,
-    window_s: float,
     without: Sequence[str],
     effort_limit: np.ndarray | None,
     workers: int,
@@ -131,16 +136,18 @@ def _actuator(
     if reasons:
         return Diagnosis(not_identifiable(log_set, [*warnings, *reasons], LONGER, earlier))
     joints = log_set.joints
-    before = _look(found.base, found.floor, found.familiar)
+    trials = [trial.trajectory for trial in log_set.fit]
+    drawn = by_speed(trials, [state.data.linear for state in found.states])[0]
+    before = _look(found.base, found.floor, found, drawn)
     floor = np.minimum(found.floor, before.evidence.floor)
-    after = _look(found.rest, floor, found.familiar)
+    after = _look(found.rest, floor, found, drawn)
     still = [joint for joint, moved in zip(joints, excited, strict=True) if not moved]
     if still:
         warnings.append(f"too little excitation to judge {', '.join(still)}")
     content = answer(
         log_set,
         signed,
-        window_s,
+        intake.window,
         found,
         scale_causes(checked, joints),
         (before.evidence, after.evidence),
@@ -149,8 +156,9 @@ def _actuator(
         warnings,
         earlier,
     )
-    table = _table(before, after, found.heldout)
-    traces = worst_windows(found.heldout, found.rest.heldout, log_set, content["gap"]["unit"])
+    units = {joint: output_unit(log_set, joint) for joint in joints}
+    table = _table(before, after, found, units)
+    traces = worst_windows(found.heldout, found.rest.heldout, log_set)
     return Diagnosis(content, tuple(table), traces, found.before.actuator(), _simulated(found.after, found.states))
 
 
@@ -164,30 +172,32 @@ class Look:
     places: list[Place]
 
 
-def _look(rest: Rest, floor: np.ndarray, familiar: np.ndarray) -> Look:
+def _look(rest: Rest, floor: np.ndarray, found: Accusation, drawn: np.ndarray | float) -> Look:
     joints = rest.machine.joints
     explained = [rest.explained(j) for j in range(len(joints))]
-    sums = tally(rest.heldout)
-    evidence = weigh(sums, floor, explained, familiar)
-    return Look(sums, explained, evidence, locate(sums, evidence.floor, joints))
+    sums = tally(rest.heldout, drawn)
+    evidence = weigh(sums, floor, explained, found.familiar)
+    return Look(sums, explained, evidence, locate(sums, evidence.floor, joints, found.scale))
 
 
-def _table(before: Look, after: Look, heldout: list[Replay]) -> list[Row]:
-    """Rows of all trials together, then trial by trial."""
+def _table(before: Look, after: Look, found: Accusation, units: Mapping[str, str]) -> list[Row]:
+    """Rows of all trials together, then trial by trial; units: joint → unit of its output."""
+    heldout = found.heldout
     held = dict(zip(heldout[0].trajectory.joints, np.sqrt(persistence_error(heldout)), strict=True))
     table = [
         replace(row, held=float(held[row.before.joint])) if row.before.family == ALL else row
-        for row in _paired("all", before.places, after.places)
+        for row in _paired("all", before.places, after.places, units)
     ]
     for index, item in enumerate(heldout):
-        places = [locate(x.sums.of_trial(index), x.evidence.floor, item.trajectory.joints) for x in (before, after)]
-        table += _paired(item.file, *places)
+        parts = [(x.sums.of_trial(index), x.evidence.floor) for x in (before, after)]
+        places = [locate(sums, floor, item.trajectory.joints, found.scale) for sums, floor in parts]
+        table += _paired(item.file, *places, units)
     return table
 
 
-def _paired(trial: str, before: list[Place], after: list[Place]) -> list[Row]:
+def _paired(trial: str, before: list[Place], after: list[Place], units: Mapping[str, str]) -> list[Row]:
     known = {(p.joint, p.family, p.regime): p for p in after}
-    return [Row(trial, p, known.get((p.joint, p.family, p.regime))) for p in before]
+    return [Row(trial, p, known.get((p.joint, p.family, p.regime)), units[p.joint]) for p in before]
 
 
 def _simulated(model: RowModel, states: Sequence[JointState]) -> ActuatorModel | None:
@@ -211,12 +221,14 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> None:
     columns = ("joint", "family", "regime", "samples", "rmse", "share", "share_low", "share_high")
     with (folder / TABLE).open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(["trial", "joint", "family", "regime", "n", *columns[4:], "rmse_after", "share_after", HELD])
+        later = ("rmse_after", "share_after", HELD, "unit", "normalised", "normalised_after")
+        writer.writerow(["trial", "joint", "family", "regime", "n", *columns[4:], *later])
         for row in diagnosis.table:
             values = asdict(row.before)
-            later = [row.after.rmse, row.after.share] if row.after else ["", ""]
-            later.append("" if row.held is None else row.held)
-            writer.writerow([row.trial, *(_cell(values[name]) for name in columns), *(_cell(v) for v in later)])
+            after = [row.after.rmse, row.after.share] if row.after else ["", ""]
+            after += ["" if row.held is None else row.held, row.unit, row.before.normalised]
+            after.append(row.after.normalised if row.after else "")
+            writer.writerow([row.trial, *(_cell(values[name]) for name in columns), *(_cell(v) for v in after)])
 
 
 def _write_json(path: Path, content: Any, indent: int | None = None) -> None:

@@ -41,7 +41,7 @@ class Start:
     Attributes:
         held: (T,) what it seems to hold, in the unit of the command; error: (T,) of the position then, rad.
         ki: 1/s. inverse_limit: one over its limit. torque: RMS over a window of the torque that one more rad of opening makes,
-            N·m/rad. slight: N·m, an offset that is not worth a name.
+            N·m/rad. slight: N·m, an offset that is not worth a name. linear: whether the joint is prismatic, in m and N.
     """
 
     held: np.ndarray
@@ -50,6 +50,12 @@ class Start:
     inverse_limit: float
     torque: float
     slight: float
+    linear: bool = False
+
+    @property
+    def weight(self) -> float:
+        """1/rad: what an offset counts beside those of other joints, which may be in other units."""
+        return self.torque / max(self.slight, 1e-300)
 
     def offset(self, time: float) -> np.ndarray:
         """(T,) rad that it holds beyond what it can have wound up in `time` s."""
@@ -87,25 +93,29 @@ def tell_offsets(states: list[JointState], workers: int = 1) -> list[JointState]
 
 
 def time_held(starts: Sequence[Start]) -> float | None:
-    """For how long the joints were held before the trials began, s, by the least sum of absolute offsets, or of their
-    differences where most joints have one; None where they do not agree, or have settled."""
+    """For how long the joints were held before the trials began, s, by the least sum of absolute offsets, each over what is
+    not worth a name, or of their differences where most joints have one; None where they do not agree, or have settled."""
     if len(starts) < LEAST_JOINTS:
         return None
-    held, errors = (
-        sum(np.abs(values).sum() for values in of) for of in zip(*((s.held, s.error) for s in starts), strict=True)
-    )
+    held, errors = (sum(s.weight * np.abs(getattr(s, name)).sum() for s in starts) for name in ("held", "error"))
     if errors < STILL_WINDING * held:
         return None
 
-    def none(_: float) -> float:
-        return 0.0
+    def none(_: float) -> dict[bool, float]:
+        return {start.linear: 0.0 for start in starts}
 
-    def common(time: float) -> float:
-        return float(np.median(np.concatenate([start.offset(time) for start in starts])))
+    def common(time: float) -> dict[bool, float]:
+        """By the kind of joint, for offsets in rad and in m have no common size."""
+        alike = {start.linear: [s.offset(time) for s in starts if s.linear == start.linear] for start in starts}
+        return {linear: float(np.median(np.concatenate(offsets))) for linear, offsets in alike.items()}
+
+    def spread(time: float, middle: dict[bool, float]) -> float:
+        return sum(s.weight * float(np.abs(s.offset(time) - middle[s.linear]).sum()) for s in starts)
 
     for centre in (none, common):  # where errors are alike, a longer time would pass for an offset that all have
-        time = min(TIMES, key=lambda t: sum(float(np.abs(start.offset(t) - centre(t)).sum()) for start in starts))
-        agreed = sum(start.agrees(start.offset(time), centre(time)) for start in starts)
+        time = min(TIMES, key=lambda t: spread(t, centre(t)))
+        middle = centre(time)
+        agreed = sum(start.agrees(start.offset(time), middle[start.linear]) for start in starts)
         if agreed >= max(LEAST_JOINTS, AGREED * len(starts)):
             return float(time)
     return None
@@ -119,7 +129,8 @@ def _start(state: JointState) -> Start:
     ki, inverse_limit = row[[slot(INTEGRATOR, "ki"), slot(INTEGRATOR, "limit")]]
     left = (1.0 - row[slot("base", "k2")]) ** np.arange(state.data.fit.signals.steps)
     torque = float(row[slot("base", "k1")] * np.sqrt(np.mean(np.cumsum(left) ** 2)))
-    return Start(held, error, ki, inverse_limit, torque, np.sqrt((WORTH - 1.0) * state.chosen.error))
+    slight = float(np.sqrt((WORTH - 1.0) * state.chosen.error))
+    return Start(held, error, ki, inverse_limit, torque, slight, state.data.linear)
 
 
 def _in_trials(row: np.ndarray, split: Split) -> tuple[np.ndarray, np.ndarray]:

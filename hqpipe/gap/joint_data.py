@@ -9,6 +9,7 @@ import numpy as np
 
 from hqpipe.effects import effect as scales
 from hqpipe.effects.layout import neutral_row, slot
+from hqpipe.gap.joint_scale import joint_scale
 from hqpipe.kernels.augmented_columns import MODES
 from hqpipe.kernels.augmented_signals import Signals
 from hqpipe.logs.differentiate import differentiate, window_s
@@ -24,9 +25,9 @@ CONTINUED = "continued"
 """The first as far as it is known at its sample, for a prediction that is to see no more than others do; no fit uses it."""
 LATE = {MOVED: 0.5, LOGGED: 0.0}
 """Samples by which a speed belongs later than its row: the mean speed of the step that begins there, half a one."""
-Flow = tuple[float, float]
+Flow = tuple[np.ndarray | float, np.ndarray | float]
 """What a joint's speed, and what the opening of its valve (1/s per unit of the command's error), count in the flow that
-it draws from the supply, in rad/s."""
+it draws from the supply, in rad/s; of all joints, or (J,)."""
 BY_SPEED: Flow = (1.0, 0.0)
 SLOPE_ROWS = 3  # of the speed's slope: its noise must be none of the sample in the middle; assumption
 COMMAND_CHANNEL = {"position": "position_command", "torque": "effort_command", "valve": "valve_command"}
@@ -81,6 +82,8 @@ class JointData:
         size: scale → number that bounds and starts of effect parameters are multiples of.
         row: (WIDTH,) row without effects and with zero gains, settings filled in.
         noise: standard deviation of the output's sensor noise.
+        scale: what an error of the joint counts against beside those of others, see `hqpipe.gap.joint_scale`.
+        linear: whether the joint is prismatic, with m and N in place of rad and N·m.
         barred: effects that this joint's log could only imitate.
         then: the joint in an earlier record, where the question is what changed since.
         held: column → number of an effect that is not this joint's to choose, because the machine has one of it.
@@ -93,6 +96,8 @@ class JointData:
     size: dict[str, float]
     row: np.ndarray
     noise: float
+    scale: float
+    linear: bool = False
     barred: tuple[str, ...] = ()
     then: Then | None = None
     held: Mapping[int, float] = field(default_factory=dict)
@@ -130,6 +135,7 @@ def joint_data(
     effort_limit: float = np.inf,
     speed: str = MOVED,
     flow: Flow = BY_SPEED,
+    linear: bool = False,
 ) -> JointData:
     """Cut the trials of one joint into windows of `steps` samples.
 
@@ -139,14 +145,18 @@ def joint_data(
         noise: standard deviation of the sensor noise of the output.
         effort_limit: N·m.
         speed: where the velocity comes from, of `SPEEDS`. flow: what counts in the flow that all joints draw.
+        linear: whether the joint is prismatic.
     """
     row = neutral_row()
     row[slot("setting", "sample_time")] = float(np.median([t.dt for t in fit]))
     row[slot("setting", "middle")] = float(np.mean(np.concatenate([t.position[:, j] for t in fit])))
     row[slot("setting", "effort_limit")] = effort_limit
-    row[[slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]] = flow
+    joints = len(fit[0].joints)
+    row[[slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]] = [
+        np.broadcast_to(part, joints)[j] for part in flow
+    ]
     row[slot("setting", "speed_late")] = LATE[speed]
-    size = _sizes(fit, j, mode)
+    size = _sizes(fit, j, mode, flow)
     row[slot("setting", "clear")] = CLEAR_SHARE * size[scales.EFFORT]
     row[slot("coulomb_friction", "presliding_rad")] = PRESLIDING_SHARE * size[scales.ANGLE]
     return JointData(
@@ -157,6 +167,8 @@ def joint_data(
         size=size,
         row=row,
         noise=noise,
+        scale=joint_scale([output_of(t, mode, speed)[:, j] for t in fit]),
+        linear=linear,
     )
 
 
@@ -245,20 +257,41 @@ def _channels(t: Trajectory, j: int, mode: str, speed: str, flow: Flow) -> tuple
     )
 
 
-def by_opening(trials: Sequence[Trajectory], mode: str) -> Flow:
+def by_speed(trials: Sequence[Trajectory], linear: Sequence[bool] = ()) -> Flow:
+    """The flow as the speeds make it: rad/s; of a joint that slides, as much as one that turns has when both are as fast as
+    they usually are.
+
+    Args:
+        linear: (J,) whether the joint slides; empty where nothing is known.
+    """
+    return _alike(np.concatenate([t.velocity for t in trials]), linear), 0.0
+
+
+def by_opening(trials: Sequence[Trajectory], mode: str, linear: Sequence[bool] = ()) -> Flow:
     """The flow as the openings of the valves make it, in the size of the total speed.
 
     An opening draws oil under load too, where leakage takes it and the joint stands still.
     """
-    speed, opening = (np.concatenate([_drawn(t, mode, flow) for t in trials]) for flow in (BY_SPEED, (0.0, 1.0)))
-    return 0.0, float(np.sqrt(np.mean(speed**2) / max(np.mean(opening**2), 1e-300)))
+    errors = np.concatenate([_errors(t, mode) for t in trials])
+    alike = (0.0, 1.0 if mode == "valve" else _alike(errors, linear))
+    speed, opening = (np.concatenate([_drawn(t, mode, f) for t in trials]) for f in (by_speed(trials, linear), alike))
+    return 0.0, alike[1] * float(np.sqrt(np.mean(speed**2) / max(np.mean(opening**2), 1e-300)))
+
+
+def _alike(values: np.ndarray, linear: Sequence[bool]) -> np.ndarray | float:
+    """(J,) factors that give joints that slide the usual size of those that turn; 1 for all of a kind. values: (T, J)."""
+    slides = np.array(linear, dtype=bool)
+    if not slides.any() or slides.all():
+        return 1.0
+    size = np.sqrt(np.mean(values**2, axis=0))
+    return np.where(slides, np.median(size[~slides]) / np.maximum(size, 1e-12), 1.0)
 
 
 def _drawn(t: Trajectory, mode: str, flow: Flow) -> np.ndarray:
     """(T,) flow of all joints together, rad/s."""
-    drawn = flow[0] * np.abs(t.velocity).sum(axis=1)
-    if flow[1]:
-        drawn += flow[1] * np.abs(_errors(t, mode)).sum(axis=1)
+    drawn = (flow[0] * np.abs(t.velocity)).sum(axis=1)
+    if np.any(flow[1]):
+        drawn += (flow[1] * np.abs(_errors(t, mode))).sum(axis=1)
     return drawn
 
 
@@ -292,14 +325,17 @@ def row_lag(trials: Sequence[Trajectory]) -> float:
     """Samples by which the logged speed comes after `moved`, over all joints.
 
     0 where it is the mean speed of the step that begins at the sample, 1 of the one that ends there, more behind a filter.
+    Joints count by their changes over the usual ones, for their speeds may be in different units.
     """
     products, squares = 0.0, 0.0
+    scale = np.concatenate([t.velocity for t in trials]).std(axis=0)
+    weight = np.divide(1.0, scale**2, out=np.zeros_like(scale), where=scale > 0.0)
     for t in trials:
         step = output_of(t, "valve", MOVED)
         change = (step[2 * SLOPE_ROWS :] - step[: -2 * SLOPE_ROWS]) / (2 * SLOPE_ROWS)
         middle = slice(SLOPE_ROWS, -SLOPE_ROWS)
-        products += float(np.sum((step - t.velocity)[middle] * change))
-        squares += float(np.sum(change**2))
+        products += float(np.sum(weight * (step - t.velocity)[middle] * change))
+        squares += float(np.sum(weight * change**2))
     return products / max(squares, np.finfo(float).tiny)
 
 
@@ -324,7 +360,7 @@ _SPEED_OF = {
 }
 
 
-def _sizes(fit: Sequence[Trajectory], j: int, mode: str) -> dict[str, float]:
+def _sizes(fit: Sequence[Trajectory], j: int, mode: str, flow: Flow) -> dict[str, float]:
     def rms(values: list[np.ndarray]) -> float:
         return float(np.sqrt(np.mean(np.concatenate(values) ** 2))) + 1e-12
 
@@ -339,7 +375,7 @@ def _sizes(fit: Sequence[Trajectory], j: int, mode: str) -> dict[str, float]:
         scales.COMMAND: rms([_errors(t, mode)[:, j] for t in fit]),
         scales.EFFORT: effort,
         scales.VELOCITY: velocity,
-        scales.SLOWNESS: 1.0 / rms([np.abs(t.velocity).sum(axis=1) for t in fit]),
+        scales.SLOWNESS: 1.0 / rms([_drawn(t, mode, flow) for t in fit]),
         scales.ANGLE: angle + 1e-12,
         scales.DAMPING: effort / velocity,
         scales.STIFFNESS: effort / (angle + 1e-12),

@@ -22,10 +22,11 @@ class Place:
     """One joint in one regime.
 
     Attributes:
-        share: of the gap, 0…1; within a family the shares of all joints and regimes sum to one.
+        share: of the gap, 0…1, errors counted against the joints' scales; within a family the shares of all joints and
+            regimes sum to one.
         share_low, share_high: 95 % interval.
         samples: how many samples the place holds.
-        rmse: free-running error there, N·m.
+        rmse: free-running error there, in the unit of the joint. normalised: over the joint's scale.
         lift_low: lower end of the 95 % interval of the share over the expected share. That is what the place
             would hold if the joint's error did not care about the regime: its part of the samples, in a
             frequency band its part of the error of holding the torque.
@@ -40,6 +41,7 @@ class Place:
     share_high: float
     samples: int
     rmse: float
+    normalised: float
     lift_low: float
     weight: float
 
@@ -48,8 +50,8 @@ def shares(square: np.ndarray, count: np.ndarray, floor: np.ndarray, groups: lis
     """Share of the gap above the noise floor.
 
     Args:
-        square, count: (…, J, R) summed squared residuals and samples.
-        floor: (J,) mean squared error that noise alone leaves.
+        square, count: (…, J, R) summed squared residuals, over the squares of the joints' scales, and samples.
+        floor: (J,) mean squared error that noise alone leaves, likewise.
         groups: columns of each family.
 
     Returns:
@@ -64,19 +66,24 @@ def shares(square: np.ndarray, count: np.ndarray, floor: np.ndarray, groups: lis
     return share
 
 
-def locate(sums: Tally, floor: np.ndarray, joints: tuple[str, ...]) -> list[Place]:
-    """Every joint × regime that occurs, the most telling first."""
+def locate(sums: Tally, floor: np.ndarray, joints: tuple[str, ...], scale: np.ndarray) -> list[Place]:
+    """Every joint × regime that occurs, the most telling first.
+
+    Args:
+        floor: (J,) mean squared error that noise alone leaves. scale: (J,), see `hqpipe.gap.joint_scale`.
+    """
     groups = [sums.family(name) for name in sums.families]
     blocks, count_joints, regimes = sums.square.shape
     weights = block_weights(blocks)
-    square = (weights @ sums.square.reshape(blocks, -1)).reshape(-1, count_joints, regimes)
+    relative, floor = sums.square / scale[:, None] ** 2, floor / scale**2
+    square = (weights @ relative.reshape(blocks, -1)).reshape(-1, count_joints, regimes)
     count = (weights @ sums.count.reshape(blocks, -1)).reshape(-1, count_joints, regimes)
     signal = (weights @ sums.signal.reshape(blocks, -1)).reshape(-1, count_joints, regimes)
     draws = shares(square, count, floor, groups)
     low, high = interval(draws)
     lift = _lift(draws, signal, groups)
     total_square, total_count = sums.square.sum(axis=0), sums.count.sum(axis=0)
-    share = shares(total_square, total_count, floor, groups)
+    share = shares(relative.sum(axis=0), total_count, floor, groups)
     expected = _expected(share[:, :1], sums.signal.sum(axis=0), groups)
     weight = _weights(share, expected, groups)
     places = []
@@ -94,7 +101,8 @@ def locate(sums: Tally, floor: np.ndarray, joints: tuple[str, ...]) -> list[Plac
                     share_low=float(low[j, r]),
                     share_high=float(high[j, r]),
                     samples=round(samples),
-                    rmse=float(np.sqrt(total_square[j, r] / samples)),
+                    rmse=(rmse := float(np.sqrt(total_square[j, r] / samples))),
+                    normalised=rmse / float(scale[j]),
                     lift_low=float(lift[j, r]),
                     weight=float(weight[j, r]),
                 )

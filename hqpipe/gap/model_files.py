@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -80,7 +80,7 @@ def left_of(folder: Path, model: ActuatorModel) -> dict[str, Left]:
         return found
     if not all((folder / name).is_file() for name in (DIAGNOSIS, RESIDUALS)):
         return {}
-    noise = _noise(folder / DIAGNOSIS)
+    noise = _noise(folder / DIAGNOSIS, model.joints)
     if noise is None:
         return {}
     path, found = folder / RESIDUALS, {}
@@ -90,18 +90,30 @@ def left_of(folder: Path, model: ActuatorModel) -> dict[str, Left]:
         # Without causes the model is what it was before.
         after = _cell(path, row, "rmse_after" if row.get("rmse_after") else "rmse")
         held = _cell(path, row, "rmse_persistence") ** 2 if row.get("rmse_persistence") else None
-        found[row["joint"]] = Left(_beyond(after, noise), held)
+        found[row["joint"]] = Left(_beyond(after, noise.get(row["joint"], 0.0)), held)
     return found
 
 
-def _noise(path: Path) -> float | None:
-    """The noise floor of diagnosis.json, N·m; None where it has no gap."""
+def _noise(path: Path, joints: Sequence[str]) -> dict[str, float] | None:
+    """Joint → noise floor of diagnosis.json in the unit of the joint; None where it has no gap. A file of the first format has
+    one floor for all joints."""
     gap = Entry(read_json(path, _DIAGNOSIS_FIX), path, _DIAGNOSIS_FIX).table().get("gap")
     if gap is None or gap.value is None:
         return None
     fields = gap.table()
+    if "joints" not in fields:
+        return dict.fromkeys(joints, _floor(gap))
+    entries = fields["joints"].items()
+    for entry in entries:
+        if "joint" not in entry.table():
+            raise entry.error("missing field 'joint'")
+    return {entry.table()["joint"].text(): _floor(entry) for entry in entries}
+
+
+def _floor(entry: Entry) -> float:
+    fields = entry.table()
     if "noise_floor" not in fields:
-        raise gap.error("missing field 'noise_floor'")
+        raise entry.error("missing field 'noise_floor'")
     return fields["noise_floor"].number(0.0, LARGEST, unit="N·m")
 
 

@@ -49,8 +49,8 @@ def repeats(replays: Sequence[Replay]) -> list[tuple[int, int]]:
     for a in range(len(replays)):
         for b in range(a):
             first, second = replays[a].trajectory.position_command, replays[b].trajectory.position_command
-            if first.shape == second.shape and np.ptp(first) > 0:
-                if np.abs(first - second).max() <= _REPEAT * first.std():
+            if first.shape == second.shape and np.ptp(first, axis=0).any():
+                if (np.abs(first - second).max(axis=0) <= _REPEAT * first.std(axis=0)).all():
                     found.append((b, a))
     return found
 

@@ -34,7 +34,7 @@ class Thresholds:
 
     Attributes:
         still, fast: rad/s.
-        flow: rad/s, Σ|q̇| over the joints.
+        flow: rad/s, Σ|q̇| over the joints, each by its `weight`.
         effort: N·m at which the torque is at its limit, infinite where it shows no plateau.
         error: rad, position error above which the valve is taken for wide open.
         torque_rate: N·m/s.
@@ -46,10 +46,15 @@ class Thresholds:
     effort: np.ndarray
     error: np.ndarray
     torque_rate: np.ndarray
+    weight: np.ndarray | float = 1.0
 
 
-def thresholds(trajectories: Sequence[Trajectory]) -> Thresholds:
-    """Percentiles over all samples of `trajectories`, which need effort and position_command."""
+def thresholds(trajectories: Sequence[Trajectory], weight: np.ndarray | float = 1.0) -> Thresholds:
+    """Percentiles over all samples of `trajectories`, which need effort and position_command.
+
+    Args:
+        weight: (J,) what the joints' speeds count in the flow that they draw.
+    """
     speed = np.abs(np.concatenate([t.velocity for t in trajectories]))
     effort = np.abs(np.concatenate([t.effort for t in trajectories]))
     error = np.abs(np.concatenate([t.position_command - t.position for t in trajectories]))
@@ -59,12 +64,13 @@ def thresholds(trajectories: Sequence[Trajectory]) -> Thresholds:
     return Thresholds(
         still=STILL_SHARE * np.percentile(speed, 99.0, axis=0),
         fast=np.percentile(speed, FAST_PERCENTILE, axis=0),
-        flow=float(np.percentile(speed.sum(axis=1), FAST_PERCENTILE)),
+        flow=float(np.percentile((weight * speed).sum(axis=1), FAST_PERCENTILE)),
         effort=np.where(plateau & (top > 0), top, np.inf),
         error=np.percentile(error, WIDE_OPEN_PERCENTILE, axis=0),
         torque_rate=np.maximum(
             IMPACT_SIGMA * 1.4826 * np.median(rate, axis=0), np.percentile(rate, IMPACT_PERCENTILE, axis=0)
         ),
+        weight=weight,
     )
 
 
@@ -99,7 +105,7 @@ def speed(t: Trajectory, limits: Thresholds) -> Labels:
 
 def flow(t: Trajectory, limits: Thresholds) -> Labels:
     """Σ|q̇| over all joints above or below its 80th percentile: equal cylinders share one pump."""
-    demand = np.abs(t.velocity).sum(axis=1, keepdims=True) > limits.flow
+    demand = (limits.weight * np.abs(t.velocity)).sum(axis=1, keepdims=True) > limits.flow
     high = np.broadcast_to(demand, t.velocity.shape)
     return {"high_flow_demand": high, "low_flow_demand": ~high}
 

@@ -117,7 +117,7 @@ class RowModel:
         return predicted
 
     def _signals(self, t: Trajectory, j: int, steps: int) -> Signals:
-        return cut([t], j, self.mode, steps, EVERY, self.speed, tuple(self.rows[j, FLOW]), masked=False).signals
+        return cut([t], j, self.mode, steps, EVERY, self.speed, tuple(self.rows[:, FLOW].T), masked=False).signals
 
     def _predict(self, file: str, t: Trajectory, seen: Trajectory, steps: int) -> np.ndarray:
         predicted = seen.effort.astype(np.float64).copy()

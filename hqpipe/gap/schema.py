@@ -1,4 +1,7 @@
-"""diagnosis.json (hqpipe-diagnosis/1): its keys, its types and the check of a file against them."""
+"""diagnosis.json (hqpipe-diagnosis/2): its keys, its types and the check of a file against them.
+
+What /2 adds may be absent, so that a file of /1 is read too; `hqpipe diagnose` always writes it.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +13,13 @@ from typing import Any
 from hqpipe.errors import ConfigError, near_match
 from hqpipe.files.documents import read_json
 
-FORMAT = "hqpipe-diagnosis/1"
+FORMAT = "hqpipe-diagnosis/2"
+FORMATS = (FORMAT, "hqpipe-diagnosis/1")
 FIX = "run hqpipe diagnose again"
 VERDICTS = ("explained", "partly_explained", "unknown", "no_gap", "not_identifiable")
 LAYERS = ("actuator", "rigid_body", "contact", "sensing")
 SCOPES = ("joint", "group", "machine")
+KINDS = ("revolute", "prismatic", None)
 MODES = ("position", "torque", "valve", None)
 
 
@@ -68,7 +73,15 @@ class Named:
     shape: Any
 
 
-PLACE = {"layer": _one_of(*LAYERS), "joint": TEXT, "regime": TEXT, "share": SHARE}
+PLACE = {
+    "layer": _one_of(*LAYERS),
+    "joint": TEXT,
+    "regime": TEXT,
+    "share": SHARE,
+    "rmse": Maybe(SIZE, absent=True),
+    "unit": Maybe(TEXT, absent=True),
+    "normalised": Maybe(SIZE, absent=True),
+}
 PARAMETER = {
     "value": NUMBER,
     "unit": TEXT,
@@ -76,15 +89,25 @@ PARAMETER = {
     "reference": Maybe(NUMBER, absent=True),  # its value then; null where the effect was absent
 }
 REFERENCE = {"path": TEXT, "kind": _one_of("logs", "actuator"), "sha256": TEXT}
+SIZES = {name: SIZE for name in ("before", "after", "noise_floor", "persistence")}
+UNITLESS = {name: Maybe(SIZE) for name in SIZES}  # null where a joint has no scale, or the joints no common unit
+JOINT_GAP = {
+    "joint": TEXT,
+    "type": _one_of(*KINDS),
+    "unit": TEXT,
+    "scale": Maybe(SIZE),
+    **SIZES,
+    "normalised": UNITLESS,
+}
 GAP = {
     "layer": _one_of(*LAYERS),
     "metric": TEXT,
-    "unit": TEXT,
+    "unit": TEXT_OR_NULL,
     "window_s": SIZE,
-    "before": SIZE,
-    "after": SIZE,
-    "noise_floor": SIZE,
-    "persistence": SIZE,
+    "window_reason": Maybe(TEXT, absent=True),
+    **UNITLESS,
+    "normalised": Maybe(SIZES, absent=True),
+    "joints": Maybe([JOINT_GAP], absent=True),
     "shrink": AT_MOST_ONE,
     "shrink_ci95": INTERVAL,
 }
@@ -109,7 +132,7 @@ CONSIDERED = {
     "reason": TEXT,
 }
 DIAGNOSIS = {
-    "format": _one_of(FORMAT),
+    "format": _one_of(*FORMATS),
     "verdict": _one_of(*VERDICTS),
     "logs": {
         "path": TEXT,
@@ -158,6 +181,10 @@ def validate_diagnosis(raw: Any) -> None:
     _check(raw, DIAGNOSIS, "diagnosis")
     if raw["gap"] is None and raw["verdict"] != "not_identifiable":
         raise _wrong("diagnosis.gap", f"null, expected an object with the verdict {raw['verdict']}")
+    if raw["gap"] is not None:
+        for name in SIZES:
+            if (raw["gap"][name] is None) != (raw["gap"]["unit"] is None):
+                raise _wrong(f"diagnosis.gap.{name}", "expected a number where the gap has a unit, and null where not")
 
 
 def _check(value: Any, shape: Any, key: str) -> None:

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from hqpipe.effects.layout import slots
-from hqpipe.gap.changes import CANDIDATES
+from hqpipe.gap.changes import CANDIDATES, compared_by_kind
 from hqpipe.gap.estimate import estimates
 from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.search import JointSearch
@@ -84,9 +84,10 @@ def _searched_with(state: JointState, effect: str, held: dict[int, float]) -> Jo
 def _needs_less(state: JointState, states: list[JointState], rare: set[str]) -> JointState:
     """Without the rare names that are needed no more once the others are fitted from where other joints have them."""
     others, search = [s.chosen for s in states if s is not state], state.search
+    kind = [s.chosen for s in states if s is not state and s.data.linear == state.data.linear]
     for name in (name for name in state.chosen.effects if name in rare):
         less = search.without(state.chosen, name)
-        numbers = _numbers(less.effects, others)
+        numbers = _numbers(less.effects, kind if any(map(compared_by_kind, less.effects)) else others)
         if numbers and _earns(search, state.chosen, less, name):
             better = search.like(less, numbers)
             if better is not less and not _earns(search, state.chosen, better, name):

@@ -10,7 +10,7 @@ from collections import Counter
 
 import numpy as np
 
-from hqpipe.gap.changes import CANDIDATES, in_order
+from hqpipe.gap.changes import CANDIDATES, compared_by_kind, in_order
 from hqpipe.gap.estimate import agree, estimates
 from hqpipe.gap.groups import groups
 from hqpipe.gap.joint_state import JointState
@@ -109,8 +109,9 @@ def _as_sharers(state: JointState, fit: SetFit, states: list[JointState]) -> Set
     """The set with limits that this joint's fit trials do not reach where the joints that chose the set have them."""
     sharers = [s for s in states if set(fit.effects) <= set(s.chosen.effects)]
     for name in fit.effects:
-        if CANDIDATES[name].parameters[0].inverse:
-            value = float(np.median([s.first_number(name) for s in sharers]))
+        alike = [s for s in sharers if s.data.linear == state.data.linear or not compared_by_kind(name)]
+        if CANDIDATES[name].parameters[0].inverse and alike:
+            value = float(np.median([s.first_number(name) for s in alike]))
             fit = state.search.as_others(fit, name, value)
     return fit
 
@@ -141,10 +142,19 @@ def _asked_together(states: list[JointState], names: set[str] | None) -> list[Jo
         for effect in dict.fromkeys(name for i in inside for name in states[i].search.library):
             if names is not None and effect not in names:
                 continue
-            asked = [i for i in inside if effect in states[i].search.library]
-            for i, state in zip(asked, _shared(effect, [states[i] for i in asked]) or [], strict=False):
-                states[i] = state
+            able = [i for i in inside if effect in states[i].search.library]
+            for asked in _of_one_unit(effect, able, states):
+                for i, state in zip(asked, _shared(effect, [states[i] for i in asked]) or [], strict=False):
+                    states[i] = state
     return states
+
+
+def _of_one_unit(effect: str, asked: list[int], states: list[JointState]) -> list[list[int]]:
+    """The joints in parts in which the numbers of an effect can be compared: those that turn, and those that slide."""
+    if not compared_by_kind(effect):
+        return [asked]
+    parts = [[i for i in asked if states[i].data.linear == linear] for linear in (False, True)]
+    return [part for part in parts if part]
 
 
 def _shared(effect: str, members: list[JointState]) -> list[JointState] | None:

@@ -33,6 +33,7 @@ class Earlier:
         speed: the speed that its coefficients belong to, of `SPEEDS`; None if the record does not say.
         then: joint → what is known of it. bare: it knows coefficients alone; settings, and what two fits differ by, are then
             those of the new logs.
+        window_s: of the free run that it was judged in; None for a model.
         unsigned: joints whose torque had lost its sign. checked: what a second sensor showed, (effect, joint).
         warnings: what to know of it.
     """
@@ -46,6 +47,7 @@ class Earlier:
     speed: str | None
     then: dict[str, Then]
     source: str | None = None
+    window_s: float | None = None
     unsigned: tuple[str, ...] = ()
     checked: frozenset[tuple[str, str]] = frozenset()
     warnings: tuple[str, ...] = ()

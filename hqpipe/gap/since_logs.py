@@ -22,7 +22,7 @@ from hqpipe.logs.trajectory import LogSet
 
 def earlier_logs(
     log_set: LogSet,
-    window_s: float,
+    window_s: float | None,
     without: Sequence[str] = (),
     workers: int = 1,
     progress: Progress | None = None,
@@ -30,7 +30,8 @@ def earlier_logs(
     """Diagnose earlier logs and take the machine as it was found: coefficients, effects, and how sure they are.
 
     Args:
-        log_set: fit and held-out trials. window_s: s. without: effects left out of the library.
+        log_set: fit and held-out trials. window_s: s, or None for what suits the logs.
+        without: effects left out of the library.
         workers: joints at a time. progress: called after each joint.
 
     Raises:
@@ -60,6 +61,7 @@ def earlier_logs(
         speed=found.after.speed,
         then=then,
         source=log_set.effort_source,
+        window_s=intake.window.seconds,
         unsigned=intake.signed.joints,
         checked=frozenset((f.effect, f.joint) for f in measured(logs, without)),
         warnings=tuple(f"reference: {text}" for text in intake.warnings),

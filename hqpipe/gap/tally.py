@@ -22,7 +22,7 @@ class Tally:
 
     Attributes:
         regimes: R (family, regime) pairs, the first of them ("all", "all").
-        square: (B, J, R) squared residual, (N·m)².
+        square: (B, J, R) squared residual, in the squared unit of each joint.
         count: (B, J, R) samples; fractional in the frequency family, where a band counts by its width.
         signal: (B, J, R) what an error without a preferred regime would follow: the same as `count`, but in
             the frequency family the squared error of holding the torque of the window start.
@@ -49,12 +49,15 @@ class Tally:
         return Tally(self.regimes, self.square[keep], self.count[keep], self.signal[keep], self.trial[keep])
 
 
-def tally(replays: Sequence[Replay]) -> Tally:
+def tally(replays: Sequence[Replay], weight: np.ndarray | float = 1.0) -> Tally:
     """Sum the residuals of all trials, which share joints; thresholds are common to them.
 
     A regime that a trial cannot show, because a channel is not in it, has no samples there.
+
+    Args:
+        weight: (J,) what the joints' speeds count in the flow that they draw from a common supply.
     """
-    limits = thresholds([r.trajectory for r in replays])
+    limits = thresholds([r.trajectory for r in replays], weight)
     parts = [_one(item, limits) for item in replays]
     regimes = tuple(dict.fromkeys(regime for part in parts for regime in part.regimes))
     sums = [np.concatenate([_spread(p.sums[k], p.regimes, regimes) for p in parts]) for k in range(3)]

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from hqpipe.gap.gap_entry import output_unit
 from hqpipe.gap.replay import Replay
 from hqpipe.logs.trajectory import LogSet
 
 SPAN_S = 0.5  # round the worst window
 
 
-def worst_windows(before: Sequence[Replay], after: Sequence[Replay], log_set: LogSet, unit: str) -> dict[str, Any]:
+def worst_windows(before: Sequence[Replay], after: Sequence[Replay], log_set: LogSet) -> dict[str, Any]:
     """JSON-able traces per joint; the worst window is the one with the largest error before."""
     joints = {}
     for j, joint in enumerate(log_set.joints):
@@ -28,6 +29,7 @@ def worst_windows(before: Sequence[Replay], after: Sequence[Replay], log_set: Lo
         restarts = [k for k in range(first, rows.stop) if k % item.steps == 0]
         joints[joint] = {
             "trial": item.file,
+            "unit": output_unit(log_set, joint),
             "time": _short(t.time[rows]),
             "command": _short(t.position_command[rows, j]),
             "position": _short(t.position[rows, j]),
@@ -36,7 +38,7 @@ def worst_windows(before: Sequence[Replay], after: Sequence[Replay], log_set: Lo
             "after": _short(later.predicted[rows, j]),
             "restarts": _short(t.time[restarts]),
         }
-    return {"unit": unit, "joints": joints}
+    return {"joints": joints}
 
 
 def _short(values: np.ndarray) -> list[float]:

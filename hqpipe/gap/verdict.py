@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.gap.bootstrap import block_weights
+from hqpipe.gap.joint_scale import MIN_EXCITATION
 from hqpipe.gap.reference import Explained
 from hqpipe.gap.replay import Replay
 from hqpipe.gap.tally import Tally
@@ -16,7 +17,6 @@ SIGNIFICANCE = 0.05  # over all joints together (Bonferroni)
 FLOOR_MARGIN = 1.05  # the floor itself is an estimate, good to a few per cent
 UNPREDICTED_MARGIN = 2.0  # assumption: the floor takes noise for white; coloured noise is off by less
 MIN_EXPLAINED = 0.05  # of the squared residual: less is no use to a simulator
-MIN_EXCITATION = 3.0  # standard deviation of the torque over that of its noise
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ the library makes several of those that are look useful.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -50,10 +50,12 @@ def close_gap(states: list[JointState], floor: np.ndarray) -> list[JointState]:
 
 
 def _believed(states: list[JointState], floor: np.ndarray) -> list[JointState]:
-    """Without the large sets of a machine most of whose gap stays open: what the library lacks there is likely to act
-    here too, and enough names imitate anything."""
-    before, after = (sum(fit.error for fit in fits) for fits in ([s.base for s in states], [s.chosen for s in states]))
-    noise = float(np.sum(floor))
+    """Without the large sets of a machine most of whose gap, each joint's against its scale, stays open: what the library
+    lacks there is likely to act here too, and enough names imitate anything."""
+    weight = np.array([s.data.scale for s in states]) ** -2.0
+    before = float(weight @ [s.base.error for s in states])
+    after = float(weight @ [s.chosen.error for s in states])
+    noise = float(weight @ floor)
     if after <= REST * noise or before - after >= HALF * (before - noise):
         return states
     reason = f"more than {FEW} names in one joint of a machine whose gap stays open"
@@ -98,6 +100,7 @@ def drop_outweighed(
     Where something acts that the library lacks, names that resemble it a little are picked up beside those that are right.
     What cannot be predicted, as sticking and slipping, is held against no name. The weakest goes first and the others are
     weighed again without it, so that of two names for one thing the better stays; what it explained is part of the rest then.
+    Joints count by their errors against their scales.
 
     Args:
         causes: of the states. sensor: (J,) mean squared error that the noise of the output's sensor leaves.
@@ -106,18 +109,22 @@ def drop_outweighed(
     found = {state.joint: state for state in states}
     before = {s.joint: s.chosen.error for s in states}
     noise = {s.joint: float(level) for s, level in zip(states, sensor, strict=True)}
+    weight = {s.joint: s.data.scale**-2.0 for s in states}
+
+    def total(members: list[JointState], size: Callable[[JointState], float]) -> float:
+        return sum(weight[s.joint] * size(s) for s in members)
+
     causes = list(causes)
     while causes:
         outweighed = []
         for cause in causes:
             members = _judges([found[joint] for joint in cause.joints])
-            fall = sum(s.search.without(s.chosen, cause.effect).error - s.chosen.error for s in members)
-            if fall >= MOST_OF_IT * sum(max(s.chosen.error - noise[s.joint], 0.0) for s in members):
+            fall = total(members, lambda s, name=cause.effect: s.search.without(s.chosen, name).error - s.chosen.error)
+            if fall >= MOST_OF_IT * total(members, lambda s: max(s.chosen.error - noise[s.joint], 0.0)):
                 continue
-            given_up = sum(s.chosen.error - before[s.joint] for s in members)
-            bar = OUTWEIGHED * (
-                given_up + sum(_open_to_others(s, rest.predictable(s.joint) * before[s.joint]) for s in members)
-            )
+            given_up = total(members, lambda s: s.chosen.error - before[s.joint])
+            left = total(members, lambda s: _open_to_others(s, rest.predictable(s.joint) * before[s.joint]))
+            bar = OUTWEIGHED * (given_up + left)
             if fall < bar:
                 outweighed.append((fall / max(bar, 1e-300), cause))
         if not outweighed:

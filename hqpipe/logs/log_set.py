@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from hqpipe.logs.checks import check_length
 from hqpipe.logs.clocks import SAME_RATE
 from hqpipe.logs.columns import Shape, check_names, joint_column, joints_of
 from hqpipe.logs.differentiate import window_s
+from hqpipe.logs.joint_kinds import completed
 from hqpipe.logs.long_logs import coverage, joined, plan, read_sections
 from hqpipe.logs.manifest import FILE, SPLITS, Manifest, read_manifest
 from hqpipe.logs.overlap import check_apart
@@ -96,6 +97,7 @@ def read_log_set(
         joints=first.joints,
         trials=tuple(trials),
         warnings=tuple(warnings),
+        kinds=_kinds(folder, manifest, joints_of(next(iter(outlines.values())).names), first.joints),
         repairs=tuple(logs.repairs),
         as_recorded=logs.as_recorded,
     )
@@ -120,6 +122,20 @@ def _nothing_to_fit(folder: Path, logs: Logs) -> LogError:
 def _manifest(folder: Path, files: list[str], *, needs_fit: bool) -> Manifest | None:
     path = folder / FILE
     return read_manifest(path, files, needs_fit=needs_fit) if path.exists() or path.is_symlink() else None
+
+
+def _kinds(folder: Path, manifest: Manifest | None, recorded: Sequence[str], joints: Sequence[str]) -> dict[str, str]:
+    """Joint → revolute or prismatic, as far as logset.yaml says it, of the `joints` that are left of those `recorded`."""
+    kinds = manifest.kinds if manifest else {}
+    for name in kinds:
+        if name not in recorded:
+            raise LogError(
+                f"{folder / FILE}: joints: no joint '{name[:99]}'{near_match(name[:99], recorded)} (has {', '.join(recorded)})",
+                file=folder / FILE,
+                field="joints",
+                fix="name joints of the trials",
+            )
+    return completed({name: kind for name, kind in kinds.items() if name in joints}, joints)
 
 
 def _outlines(folder: Path, readers: dict[str, type], used: list[str]) -> dict[str, Shape]:

@@ -15,6 +15,7 @@ from hqpipe.errors import LogError, near_match, shown
 from hqpipe.files.documents import read_yaml_mapping
 from hqpipe.logs import FORMAT
 from hqpipe.logs.drive import DRIVE, EVERY_JOINT, LOAD, Stated, read_stated
+from hqpipe.logs.joint_kinds import KINDS
 
 FILE = "logset.yaml"
 CHOICES = {
@@ -33,8 +34,10 @@ _KEYS = (
     "load",
     "urdf",
     "joint_map",
+    "joints",
     "trials",
 )
+_JOINT_KEYS = ("type",)
 _TRIAL_KEYS = ("file", "split", "command", "base", "drive", "load")
 SPLITS = ("fit", "heldout")
 _RATES = (1e-3, 1e7)  # Hz; a sample a quarter of an hour, and a thousand times what joint controllers run at
@@ -59,6 +62,7 @@ class Manifest:
     Attributes:
         drive, load: of the joints, see `hqpipe.logs.drive`. urdf: path of the robot description that the joints belong to.
         joint_map: joint of the logs → joint of that description, where the names differ.
+        kinds: joint → type, of the joints that it names.
     """
 
     trials: tuple[TrialEntry, ...]
@@ -71,6 +75,7 @@ class Manifest:
     load: Stated = field(default_factory=dict)
     urdf: str | None = None
     joint_map: dict[str, str] = field(default_factory=dict)
+    kinds: Mapping[str, str] = field(default_factory=dict)
 
 
 def read_manifest(path: Path, files: Iterable[str], *, needs_fit: bool = True) -> Manifest:
@@ -111,8 +116,30 @@ def read_manifest(path: Path, files: Iterable[str], *, needs_fit: bool = True) -
         drive=read_stated(path, "drive", raw.get("drive"), DRIVE),
         load=read_stated(path, "load", raw.get("load"), LOAD),
         joint_map=dict(names),
+        kinds=_kinds(path, raw.get("joints")),
         **{key: raw.get(key) for key in ("robot", "urdf", *CHOICES)},
     )
+
+
+def _kinds(path: Path, raw: Any) -> dict[str, str]:
+    """Joint → type of `joints`, as {slide: {type: prismatic}}."""
+    if raw is None:
+        return {}
+    fix = "write joints: {NAME: {type: prismatic}}, or leave it out"
+    if not isinstance(raw, dict):
+        raise _wrong(path, "joints", f"joints is {shown(raw)}, expected the joints by name", fix)
+    kinds = {}
+    for name, entry in raw.items():
+        where = f"joints.{name[:99]}"
+        if not isinstance(entry, dict):
+            raise _wrong(path, where, f"{where} is {shown(entry)}, expected {{type: prismatic}}", fix)
+        _check_keys(path, where + ".", entry, _JOINT_KEYS)
+        if entry.get("type") not in KINDS:
+            found = entry.get("type")
+            what = f"{where}.type is {shown(found)}{_near(found, KINDS)}, expected one of {', '.join(KINDS)}"
+            raise _wrong(path, f"{where}.type", what, fix)
+        kinds[name] = entry["type"]
+    return kinds
 
 
 def _trials(path: Path, raw: Any, files: list[str], needs_fit: bool) -> tuple[TrialEntry, ...]:
@@ -213,10 +240,12 @@ def _stated(value: Any) -> Any:
 def write_manifest(path: Path, manifest: Manifest) -> None:
     """Write a logset.yaml; silent fields are left out."""
     fields: dict[str, Any] = {"format": FORMAT}
-    for key in _KEYS[1:-1]:
+    for key in _KEYS[1:-2]:
         value = _stated(getattr(manifest, key))
         if value is not None and value != {}:
             fields[key] = int(value) if isinstance(value, float) and value.is_integer() else value
+    if manifest.kinds:
+        fields["joints"] = {joint: {"type": kind} for joint, kind in manifest.kinds.items()}
     fields["trials"] = [
         {"file": t.file, "split": t.split}
         | ({"command": dict(t.command)} if t.command else {})

@@ -219,6 +219,7 @@ class LogSet:
             "torque", "valve" or None if no command was recorded. effort_source: "pressure", "load_cell",
             "current", "estimate" or None.
         rate_hz: nominal sample rate.
+        kinds: joint → "revolute" or "prismatic"; empty where nobody says, see `hqpipe.logs.joint_kinds`.
         warnings: what looks wrong but is not certain to be, and what was repaired or left out.
         repairs: what was repaired or left out. as_recorded: file, or name of a section that was read of it → before its repair.
     """
@@ -236,6 +237,7 @@ class LogSet:
     warnings: tuple[str, ...] = ()
     repairs: tuple[Repair, ...] = ()
     as_recorded: Mapping[str, AsRecorded] = field(default_factory=dict)
+    kinds: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def fit(self) -> list[Trial]:

@@ -31,7 +31,7 @@ class LogSetWriter:
         robot, base, control_mode, effort_source, rate_hz: fields of logset.yaml, see `Manifest`.
         clock_source: what the `time` column was taken from, e.g. "controller tick".
         urdf_sha256: hash of the robot description that the joints belong to.
-        drive, load: joint → quantity → value, where they are known.
+        drive, load: joint → quantity → value, where they are known. kinds: joint → "revolute" or "prismatic", likewise.
     """
 
     def __init__(
@@ -47,12 +47,14 @@ class LogSetWriter:
         urdf_sha256: str = "",
         drive: Mapping[str, Mapping[str, float]] | None = None,
         load: Mapping[str, Mapping[str, float]] | None = None,
+        kinds: Mapping[str, str] | None = None,
     ) -> None:
         self.folder = Path(folder)
         if (self.folder / FILE).exists():
             raise LogError(f"{self.folder}: already holds a log set", file=self.folder, fix="write to an empty folder")
         self.folder.mkdir(parents=True, exist_ok=True)
-        self._manifest = Manifest((), robot, base, control_mode, effort_source, rate_hz, _plain(drive), _plain(load))
+        stated = {"drive": _plain(drive), "load": _plain(load), "kinds": dict(kinds or {})}
+        self._manifest = Manifest((), robot, base, control_mode, effort_source, rate_hz, **stated)
         self._metadata = {"clock_source": clock_source, "urdf_sha256": urdf_sha256}
         self._entries: list[TrialEntry] = []
 

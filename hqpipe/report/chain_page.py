@@ -10,7 +10,7 @@ from hqpipe.report.chain_parts import Chain, Part, Walk, hidden, picture, plain,
 from hqpipe.report.chain_sections import SECTIONS, Section
 from hqpipe.report.chain_template import page
 from hqpipe.report.diagnosis_read import read_files
-from hqpipe.report.diagnosis_words import number
+from hqpipe.report.diagnosis_words import number, size_text
 
 PAGE = "report.html"
 _KEY = 12  # digits of a key that are shown, as in messages of the command line
@@ -97,8 +97,8 @@ def _gap(part: Part) -> tuple[str, str, str]:
     gap = read_files(part.folder).content["gap"]
     if gap is None:
         return "model error", "–", "these logs cannot tell, says the diagnosis"
-    note = f"{text(gap['unit'])}, before and after the diagnosis, free-running; noise {number(gap['noise_floor'])}"
-    return "model error", f"{number(gap['before'])} → {number(gap['after'])}", note
+    note = f"before and after the diagnosis, free-running; noise {text(size_text(gap, 'noise_floor'))}"
+    return "model error", f"{text(size_text(gap, 'before'))} → {text(size_text(gap, 'after'))}", note
 
 
 def _unknown(chain: Chain, artifact: str, name: str) -> tuple[str, str, str]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from hqpipe.report.diagnosis_words import size_text
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -92,8 +94,8 @@ def loop_lines(loop: Mapping[str, Any]) -> list[str]:
     if gap := loop["gap"]:
         since = " since the reference" if loop["since_reference"] else ""
         lines.append(
-            f"the gap{since}: {gap['before']:.3g} → {gap['after']:.3g} {gap['unit']} over a floor of {gap['noise_floor']:.2g} "
-            f"({gap['layer'].replace('_', ' ')}, {gap['metric'].replace('_', ' ')})"
+            f"the gap{since}: {size_text(gap, 'before')} → {size_text(gap, 'after')} over a floor of "
+            f"{size_text(gap, 'noise_floor')} ({gap['layer'].replace('_', ' ')}, {gap['metric'].replace('_', ' ')})"
         )
     for name, found in loop["controllers"].items():
         parts = [f"falls {found['falls'][0]} → {found['falls'][1]} of {found['walks']}"]

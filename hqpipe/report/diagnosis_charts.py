@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hqpipe.report.diagnosis_read import Trace
-from hqpipe.report.diagnosis_words import joints_text, number, percent, words
+from hqpipe.report.diagnosis_words import joints_text, percent, percent_text, size_text, sizes, words
 from hqpipe.report.style import BLUE, FAINT, GREY, INK, SKY, VERMILION
 
 BEFORE, AFTER, MEASURED, CLOSED, COMMAND = VERMILION, BLUE, INK, SKY, GREY
@@ -28,7 +28,7 @@ Figure = dict[str, Any]
 
 
 def waterfall(content: Mapping[str, Any]) -> Figure:
-    """The gap before, what each cause closes with its interval, the gap after, and the noise floor.
+    """The gap before, what each cause closes with its interval, the gap after, and the noise floor, over the joints' spread.
 
     The causes' shares add up to the shrink of the gap, so that the steps lead from the first bar to the last;
     what does not add up is a step of its own.
@@ -36,11 +36,11 @@ def waterfall(content: Mapping[str, Any]) -> Figure:
     Args:
         content: of diagnosis.json, with a gap.
     """
-    gap, steps = content["gap"], _steps(content)
-    top = max([gap["noise_floor"], *(max(step.start, step.end + step.up) for step in steps)]) or 1.0
-    lines = [(gap["noise_floor"], "noise floor", "dot")]
-    if gap["persistence"] <= _FAR * top:
-        lines.append((gap["persistence"], "holding the last value", "dash"))
+    size, steps = sizes(content["gap"]), _steps(content)
+    top = max([size["noise_floor"], *(max(step.start, step.end + step.up) for step in steps)]) or 1.0
+    lines = [(size["noise_floor"], "noise floor", "dot")]
+    if size["persistence"] <= _FAR * top:
+        lines.append((size["persistence"], "holding the last value", "dash"))
     far = 1.04 * max([top, *(at for at, _, _ in lines)])
     bars = {
         "type": "bar",
@@ -55,7 +55,8 @@ def waterfall(content: Mapping[str, Any]) -> Figure:
     }
     names = {"tickvals": list(range(len(steps))), "ticktext": [step.label for step in steps], "automargin": True}
     layout = _layout(FRAME_PX + ROW_PX * len(steps)) | {
-        "xaxis": _axis(f"free-running error ({html.escape(gap['unit'])})") | {"range": [0, far], "fixedrange": True},
+        "xaxis": _axis("free-running error over the joints' spread")
+        | {"range": [0, far], "fixedrange": True, "tickformat": ".2~%"},
         "yaxis": _axis("") | names | {"range": [len(steps) - 0.5, -0.5], "fixedrange": True, "showgrid": False},
         "shapes": [_line(at, dash) for at, _, dash in lines],
         "annotations": [_line_label(at, text, far, row) for row, (at, text, _) in enumerate(lines)],
@@ -70,7 +71,7 @@ class _Step:
 
     Attributes:
         label, hint: HTML beside it and under the pointer.
-        start, end: in the unit of the gap.
+        start, end: over the joints' spread.
         down, up: from the end to the limits of its interval, for a cause.
     """
 
@@ -87,32 +88,36 @@ class _Step:
 def _steps(content: Mapping[str, Any]) -> list[_Step]:
     """The bars from top to bottom."""
     gap, found = content["gap"], content["causes"]
-    level, unit = gap["before"], gap["unit"]
-    steps = [_plain("before" if found else "gap", 0.0, level, BEFORE, unit)]
+    size = sizes(gap)
+    level = size["before"]
+    steps = [_plain("before" if found else "gap", 0.0, level, BEFORE, _in_unit(gap, "before"))]
     for cause in found:
-        steps.append(_closed(cause, level, gap, content["logs"]["joints"]))
+        steps.append(_closed(cause, level, size["before"], content["logs"]["joints"]))
         level = steps[-1].end
     if found:
-        if abs(level - gap["after"]) > _ROUNDING * gap["before"]:
-            steps.append(_plain("not shared out", level, gap["after"], GREY, unit))
-        steps.append(_plain("after", 0.0, gap["after"], AFTER, unit))
+        if abs(level - size["after"]) > _ROUNDING * size["before"]:
+            steps.append(_plain("not shared out", level, size["after"], GREY))
+        steps.append(_plain("after", 0.0, size["after"], AFTER, _in_unit(gap, "after")))
     return steps
 
 
-def _plain(name: str, start: float, end: float, color: str, unit: str) -> _Step:
-    text = f"{number(end - start)} {html.escape(unit)}"
+def _in_unit(gap: Mapping[str, Any], name: str) -> str:
+    """The same size in the joints' unit, behind a comma; empty where they have none in common."""
+    return f", {html.escape(size_text(gap, name))}" if gap["unit"] is not None else ""
+
+
+def _plain(name: str, start: float, end: float, color: str, more: str = "") -> _Step:
+    text = f"{percent_text(end - start)}{more}"
     return _Step(f"{name}<br><b>{text}</b>", text, start, end, color)
 
 
-def _closed(cause: Mapping[str, Any], level: float, gap: Mapping[str, Any], machine: Sequence[str]) -> _Step:
+def _closed(cause: Mapping[str, Any], level: float, before: float, machine: Sequence[str]) -> _Step:
     """What a cause takes away from `level`."""
-    (low, high), share, before = cause["shrink_ci95"], cause["shrink"], gap["before"]
+    (low, high), share = cause["shrink_ci95"], cause["shrink"]
     place = joints_text(cause["joints"], machine)
     place = place if len(place) <= _LABEL else f"{place[: _LABEL - 1]}…"
     change = f"{'+' if share < 0 else ''}{percent(-share)}"
-    hint = (
-        f"closes {percent(share)} of the gap ({percent(low)} … {percent(high)}), {number(share * before)} {gap['unit']}"
-    )
+    hint = f"closes {percent(share)} of the gap ({percent(low)} … {percent(high)})"
     return _Step(
         f"{html.escape(words(cause['effect']))} <b>{change}</b><br><i>{html.escape(place)}</i>",
         html.escape(hint),
@@ -163,15 +168,14 @@ def _line_label(at: float, text: str, far: float, row: int) -> Figure:
     }
 
 
-def trace_chart(trace: Trace, unit: str, control_mode: str | None) -> Figure:
+def trace_chart(trace: Trace, control_mode: str | None) -> Figure:
     """Measured output against the model before and after, above what drove it; restarts as faint lines.
 
     Args:
         trace: one joint's stretch.
-        unit: of the output.
         control_mode: position, torque or valve; says what the command is compared with. None counts as position.
     """
-    mode = control_mode or "position"
+    mode, unit = control_mode or "position", trace.unit
     upper = [("measured", MEASURED, 2.0, "solid"), ("before", BEFORE, 1.4, "solid")]
     if has_after(trace):
         upper.append(("after", AFTER, 1.4, "solid"))

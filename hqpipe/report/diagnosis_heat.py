@@ -23,7 +23,6 @@ _ORDER = "all direction reversal speed flow demand saturation impact contact sta
 def heat_table(
     cells: Sequence[Cell],
     joints: Sequence[str],
-    unit: str,
     *,
     named: Collection[tuple[str, str]] = (),
     after: bool = False,
@@ -33,7 +32,6 @@ def heat_table(
     Args:
         cells: pooled rows of residuals.csv.
         joints: the machine's joints in their order; joints without cells are left out.
-        unit: of the RMSE.
         named: (joint, regime) pairs to frame.
         after: show the share of what is left with the found effects instead of the share of the gap before.
     """
@@ -55,7 +53,7 @@ def heat_table(
                 line.append(
                     f'<td class="{classes} absent" title="no samples"></td>'
                     if cell is None
-                    else _cell(cell, top, _hint(cell, whole.get(joint), unit, after), classes, after)
+                    else _cell(cell, top, _hint(cell, whole.get(joint), after), classes, after)
                 )
         lines.append("".join([*line, "</tr>"]))
     return "\n".join([*lines, "</tbody></table></div>"])
@@ -104,7 +102,7 @@ def _cell(cell: Cell, top: float, hint: str, classes: str, after: bool) -> str:
     return f'<td class="{classes}" style="{style}" title="{html.escape(hint, quote=True)}">{text}</td>'
 
 
-def _hint(cell: Cell, samples: float | None, unit: str, after: bool) -> str:
+def _hint(cell: Cell, samples: float | None, after: bool) -> str:
     place = cell.joint if cell.regime == "all" else f"{cell.joint}, {words(cell.regime)}"
     text = f"{place}: {percent(_value(cell, after))} of {'what is left' if after else 'the gap'}"
     if not after and cell.share_low is not None and cell.share_high is not None:
@@ -112,7 +110,7 @@ def _hint(cell: Cell, samples: float | None, unit: str, after: bool) -> str:
     if samples and cell.family not in ("all", "frequency"):
         text += f"; {percent(min(1.0, cell.samples / samples))} of the time"
     sizes = [number(size) for size in (cell.rmse, cell.rmse_after) if size is not None]
-    return text + (f"; RMSE {' → '.join(sizes)} {unit}" if sizes else "")
+    return text + (f"; RMSE {' → '.join(sizes)} {cell.unit}" if sizes else "")
 
 
 def _color(level: float, stops: Sequence[tuple[int, int, int]]) -> str:

@@ -49,5 +49,5 @@ def _figures(files: DiagnosisFiles) -> dict[str, Figure]:
     mode = files.content["logs"]["control_mode"]
     figures = {"waterfall": waterfall(files.content)}
     for index, trace in sections.by_share(files):
-        figures[f"trace{index}"] = trace_chart(trace, files.trace_unit, mode) | {"zoom": True}
+        figures[f"trace{index}"] = trace_chart(trace, mode) | {"zoom": True}
     return figures

@@ -12,7 +12,7 @@ from hqpipe.files.documents import read_json, read_table
 from hqpipe.files.entries import Entry
 
 CONTENT, TABLE, TRACES, MODEL = "diagnosis.json", "residuals.csv", "traces.json", "actuator.json"
-FORMAT = "hqpipe-diagnosis/1"
+FORMATS = ("hqpipe-diagnosis/2", "hqpipe-diagnosis/1")
 _FIX = "run `hqpipe diagnose` again, or give a folder that it wrote"
 _SERIES = ("measured", "before", "after", "command", "position")
 
@@ -23,7 +23,7 @@ class Cell:
 
     Attributes:
         samples: how many samples the place holds.
-        rmse, rmse_after: in the unit of the gap; None where not given.
+        rmse, rmse_after: in `unit`, that of the gap where the file does not say; None where not given.
         share, share_low, share_high: of the gap, 0…1, with its 95 % interval.
         share_after: of what is left of the gap once the found effects are added.
     """
@@ -38,6 +38,7 @@ class Cell:
     rmse: float | None
     rmse_after: float | None
     share_after: float | None
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,7 @@ class Trace:
     Attributes:
         time: (T,) s. restarts: s, where the model was restarted from the log.
         series: measured, before, after, command, position as far as given, (T,) each.
+        unit: of measured, before and after; that of the gap where traces.json does not say.
     """
 
     joint: str
@@ -54,6 +56,7 @@ class Trace:
     time: list[float]
     restarts: list[float]
     series: dict[str, list[float | None]]
+    unit: str
 
 
 @dataclass(frozen=True)
@@ -64,14 +67,12 @@ class DiagnosisFiles:
         content: diagnosis.json.
         cells: residuals.csv, the pooled trial only; empty without the file.
         traces: traces.json; empty without the file.
-        trace_unit: of measured, before and after; that of the gap where traces.json does not say.
         has_model: whether the folder holds the model with the found effects.
     """
 
     content: dict[str, Any]
     cells: tuple[Cell, ...]
     traces: tuple[Trace, ...]
-    trace_unit: str
     has_model: bool
 
 
@@ -82,12 +83,12 @@ def read_files(folder: Path) -> DiagnosisFiles:
         UsageError: there is no diagnosis.json, or a file is not what its name says.
     """
     content = _document(folder / CONTENT)
-    content.inner("format").text((FORMAT,))
-    cells = _read_cells(folder / TABLE) if (folder / TABLE).exists() else ()
-    traces, unit = _read_traces(folder / TRACES) if (folder / TRACES).exists() else ((), "")
+    content.inner("format").text(FORMATS)
     gap = content.inner("gap").or_none(Entry.table) or {}
-    unit = unit or (gap["unit"].text() if "unit" in gap else "")
-    return DiagnosisFiles(content.value, cells, traces, unit, (folder / MODEL).exists())
+    unit = (gap["unit"].or_none(Entry.text) if "unit" in gap else None) or ""
+    cells = _read_cells(folder / TABLE, unit) if (folder / TABLE).exists() else ()
+    traces = _read_traces(folder / TRACES, unit) if (folder / TRACES).exists() else ()
+    return DiagnosisFiles(content.value, cells, traces, (folder / MODEL).exists())
 
 
 def _document(path: Path) -> Entry:
@@ -96,7 +97,7 @@ def _document(path: Path) -> Entry:
     return document
 
 
-def _read_cells(path: Path) -> tuple[Cell, ...]:
+def _read_cells(path: Path, unit: str) -> tuple[Cell, ...]:
     rows = read_table(path, ("trial", "joint", "family", "regime", "n", "share"), _FIX, UsageError)
     cells = []
     for row in (row for row in rows if row["trial"] == "all"):
@@ -104,7 +105,8 @@ def _read_cells(path: Path) -> tuple[Cell, ...]:
         share, samples = (_number(row, key, path) for key in ("share", "n"))
         rest = ("share_low", "share_high", "rmse", "rmse_after", "share_after")
         optional = {key: _optional(row, key, path) for key in rest}
-        cells.append(Cell(**names, share=share if math.isfinite(share) else 0.0, samples=samples, **optional))
+        share = share if math.isfinite(share) else 0.0
+        cells.append(Cell(**names, share=share, samples=samples, **optional, unit=row.get("unit") or unit))
     return tuple(cells)
 
 
@@ -125,15 +127,15 @@ def _optional(row: dict[str, str], column: str, path: Path) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _read_traces(path: Path) -> tuple[tuple[Trace, ...], str]:
+def _read_traces(path: Path, unit: str) -> tuple[Trace, ...]:
     top = _document(path).table()
     if "joints" not in top:
         raise UsageError(f"{path}: missing field 'joints'", file=path, field="joints", fix=_FIX)
-    unit = top["unit"].text() if "unit" in top else ""
-    return tuple(_trace(joint, entry) for joint, entry in top["joints"].table().items()), unit
+    unit = top["unit"].text() if "unit" in top else unit
+    return tuple(_trace(joint, entry, unit) for joint, entry in top["joints"].table().items())
 
 
-def _trace(joint: str, entry: Entry) -> Trace:
+def _trace(joint: str, entry: Entry, unit: str) -> Trace:
     fields = entry.table()
     for name in ("time", "measured", "before"):
         if name not in fields:
@@ -145,4 +147,5 @@ def _trace(joint: str, entry: Entry) -> Trace:
         if name in fields and fields[name].value is not None
     }
     trial = fields["trial"].text() if "trial" in fields else ""
-    return Trace(joint, trial, time, fields["restarts"].numbers(None) if "restarts" in fields else [], series)
+    restarts = fields["restarts"].numbers(None) if "restarts" in fields else []
+    return Trace(joint, trial, time, restarts, series, fields["unit"].text() if "unit" in fields else unit)

@@ -10,6 +10,7 @@ from typing import Any
 from hqpipe.report.diagnosis_advice import ADVICE, MEANINGS, NO_ADVICE
 from hqpipe.report.diagnosis_charts import has_after, rmse
 from hqpipe.report.diagnosis_heat import heat_table
+from hqpipe.report.diagnosis_joints import joint_table
 from hqpipe.report.diagnosis_read import DiagnosisFiles, Trace
 from hqpipe.report.diagnosis_words import (
     MARKS,
@@ -20,7 +21,10 @@ from hqpipe.report.diagnosis_words import (
     parameter_name,
     parameter_text,
     percent,
+    percent_text,
     reference_name,
+    size_text,
+    sizes,
     then_text,
     verdict_sentence,
     verdict_words,
@@ -32,6 +36,10 @@ OPEN_TRACES = 12  # small multiples shown at once, a quadruped's joints; the oth
 OPEN_ROWS = 12  # rows of the effects considered shown at once
 _CHIPS = 12  # joints that a card names one by one
 _SCOPES = {"joint": "this joint only", "group": "a group of joints", "machine": "the whole machine"}
+_SPREAD = (
+    "Per cent are of each joint's spread, the standard deviation of its measured output over the fit trials, so that joints in "
+    "different units count alike."
+)
 _FAMILY_NOTE = (
     "Rows are joints, columns are regimes. Shares are of the squared error above the noise floor; within a group of "
     "columns they add up to the whole. Framed: what the diagnosis names. Point at a cell for its numbers."
@@ -53,24 +61,34 @@ def verdict(content: Content) -> str:
     gap = content["gap"]
     if gap is None:
         return head
-    unit, window = _text(gap["unit"]), f"{1e3 * gap['window_s']:.0f} ms"
-    fall = f'<span class="before">{number(gap["before"])}</span>'
+    size, window = sizes(gap), f"{1e3 * gap['window_s']:.0f} ms"
+    fall = f'<span class="before">{percent_text(size["before"])}</span>'
     note = "Root mean square on held-out trials, model running free"
     if content["causes"]:
-        fall += f' → <span class="after">{number(gap["after"])}</span>'
+        fall += f' → <span class="after">{percent_text(size["after"])}</span>'
         low, high = gap["shrink_ci95"]
         note = f"Smaller by {percent(gap['shrink'])} ({percent(low)} … {percent(high)}), on held-out trials"
-    worse = gap["before"] > gap["persistence"]
+    worse = size["before"] > size["persistence"]
     against = "the model before does not beat it" if worse else "a model should beat it"
     tiles = [
         ("gap before → after" if content["causes"] else "gap", fall, f"{note}, over {window} windows."),
-        ("noise floor", number(gap["noise_floor"]), "What a perfect model would still be off by."),
-        ("persistence", number(gap["persistence"]), f"Error of holding the last value for {window}; {against}."),
+        ("noise floor", percent_text(size["noise_floor"]), "What a perfect model would still be off by."),
+        ("persistence", percent_text(size["persistence"]), f"Error of holding the last value for {window}; {against}."),
     ]
+    units = [" → ".join(number(gap[name]) for name in (("before", "after") if content["causes"] else ("before",)))]
+    units += [number(gap[name]) for name in ("noise_floor", "persistence")]
+    small = [f"{text} {_text(gap['unit'])}" if gap["unit"] is not None else "of the spread" for text in units]
     body = "".join(
-        f"<div><dt>{name}</dt><dd>{value} <small>{unit}</small></dd><p>{text}</p></div>" for name, value, text in tiles
+        f"<div><dt>{name}</dt><dd>{value} <small>{unit}</small></dd><p>{text}</p></div>"
+        for (name, value, text), unit in zip(tiles, small, strict=True)
     )
-    return f'{head}<dl class="numbers">{body}</dl>'
+    return f'{head}<dl class="numbers">{body}</dl><p class="soft">{_SPREAD}</p>{_window(gap)}'
+
+
+def _window(gap: Content) -> str:
+    """Why the windows are as long as they are, where the diagnosis says so."""
+    reason = gap.get("window_reason")
+    return f'<p class="soft">Windows of {1e3 * gap["window_s"]:.0f} ms: {_text(reason)}.</p>' if reason else ""
 
 
 def causes(content: Content) -> str:
@@ -131,8 +149,8 @@ def _other_layers(content: Content) -> str:
     """The gaps of the layers that are not the largest one."""
     others = [gap for gap in content.get("gaps") or [] if gap["layer"] != content["gap"]["layer"]]
     rows = [
-        f"<li>{_text(words(gap['layer']))}: {number(gap['before'])} → {number(gap['after'])} {_text(gap['unit'])}, "
-        f"noise floor {number(gap['noise_floor'])}</li>"
+        f"<li>{_text(words(gap['layer']))}: {_text(size_text(gap, 'before'))} → {_text(size_text(gap, 'after'))}, "
+        f"noise floor {_text(size_text(gap, 'noise_floor'))}</li>"
         for gap in others
     ]
     return f"<p>Other layers:</p><ul>{''.join(rows)}</ul>" if rows else ""
@@ -150,17 +168,17 @@ def where(files: DiagnosisFiles) -> str:
         return f"<section><h2>Where it is</h2>{text}{lacking}</section>"
     named = {(p["joint"], p["regime"]) for p in content["where"]}
     joints = content["logs"]["joints"]
-    unit = gap["unit"]
-    tables = [("Share of the gap, per cent", heat_table(files.cells, joints, unit, named=named))]
+    tables = [("Share of the gap, per cent", heat_table(files.cells, joints, named=named))]
     if content["causes"] and any(cell.share_after is not None for cell in files.cells):
         rest = content["unexplained"]
         later = {(p["joint"], p["regime"]) for p in rest["where"]}
-        tables = [(f"Before: per cent of the {number(gap['before'])} {_text(unit)}", tables[0][1])]
-        name = f"After: per cent of the {number(gap['after'])} {_text(unit)} left"
-        tables.append((name, heat_table(files.cells, joints, unit, named=later, after=True)))
+        tables = [(f"Before: per cent of {_text(size_text(gap, 'before'))}", tables[0][1])]
+        name = f"After: per cent of the {_text(size_text(gap, 'after'))} left"
+        tables.append((name, heat_table(files.cells, joints, named=later, after=True)))
     body = "".join(f"<div><h3>{name}</h3>{table}</div>" for name, table in tables)
     return (
-        f'<section><h2>Where it is</h2>{text}<div class="pair">{body}</div><p class="soft">{_FAMILY_NOTE}</p></section>'
+        f'<section><h2>Where it is</h2>{text}<div class="pair">{body}</div><p class="soft">{_FAMILY_NOTE}</p>'
+        f"{joint_table(gap, bool(content['causes']))}</section>"
     )
 
 
@@ -172,7 +190,7 @@ def traces(files: DiagnosisFiles) -> str:
     if not files.traces:
         return f"{head}<p class=soft>There is no traces.json beside the diagnosis, so nothing to draw.</p></section>"
     order = by_share(files)
-    figures = [_trace(trace, index, files.trace_unit) for index, trace in order]
+    figures = [_trace(trace, index) for index, trace in order]
     both = any(has_after(trace) for trace in files.traces)
     keys = [("measured", "key", "#222"), ("model before" if both else "model", "key before", "")]
     keys += [("model with the causes", "key after", "")] if both else []
@@ -198,12 +216,12 @@ def by_share(files: DiagnosisFiles) -> list[tuple[int, Trace]]:
     return sorted(enumerate(files.traces), key=lambda item: -share.get(item[1].joint, 0.0))
 
 
-def _trace(trace: Trace, index: int, unit: str) -> str:
+def _trace(trace: Trace, index: int) -> str:
     numbers = [f'<b class="before">{number(rmse(trace, "before"))}</b>']
     numbers += [f'<b class="after">{number(rmse(trace, "after"))}</b>'] if has_after(trace) else []
     return (
         f"<figure><figcaption><b>{_text(trace.joint)}</b> <span>RMSE</span> {' → '.join(numbers)} "
-        f"<span>{_text(unit)} · {_text(trace.trial)}</span></figcaption>"
+        f"<span>{_text(trace.unit)} · {_text(trace.trial)}</span></figcaption>"
         f'<div class="chart" data-figure="trace{index}" role="img" aria-label="{_text(trace.joint)}"></div></figure>'
     )
 

@@ -15,7 +15,9 @@ from hqpipe.report.diagnosis_words import (
     parameter_name,
     parameter_text,
     percent,
+    percent_text,
     reference_name,
+    sizes,
     then_text,
     verdict_words,
     words,
@@ -50,7 +52,7 @@ def diagnosis_table(content: Content) -> RenderableType:
 
     lines: list[RenderableType] = [_head(content)]
     if content["gap"] is not None:
-        lines.append(_gap(content["gap"], bool(content["causes"])))
+        lines += _gap(content["gap"], len(content["causes"]))
         lines += _causes(content["causes"], content["logs"]["joints"], "changed" if "reference" in content else "cause")
         lines += _rest(content)
     tail = _warnings(content["warnings"], 1 if content["gap"] is not None else _MAX_REASONS)
@@ -92,11 +94,18 @@ def _head(content: Content) -> Text:
     return head
 
 
-def _gap(gap: Content, changed: bool) -> _Line:
-    size = f"{number(gap['before'])} {gap['unit']}"
-    if changed:
-        size = f"{number(gap['before'])} → {number(gap['after'])} {gap['unit']}, {percent(gap['shrink'])} smaller"
-    return _Line("gap", f"{size}   noise floor {number(gap['noise_floor'])}   persistence {number(gap['persistence'])}")
+def _gap(gap: Content, causes: int) -> list[_Line]:
+    """The sizes over the joints' spread, and in their unit where they have one and there is room."""
+    size = {name: percent_text(value) for name, value in sizes(gap).items()}
+    text = f"{size['before']} of spread"
+    if causes:
+        text = f"{size['before']} → {size['after']} of spread, {percent(gap['shrink'])} smaller"
+    lines = [_Line("gap", f"{text}   noise floor {size['noise_floor']}   persistence {size['persistence']}")]
+    if gap["unit"] is not None and causes < _MAX_CAUSES:
+        text = " → ".join(number(gap[name]) for name in (("before", "after") if causes else ("before",)))
+        floor, held = number(gap["noise_floor"]), number(gap["persistence"])
+        lines.append(_Line("", f"{text} {gap['unit']}   noise floor {floor}   persistence {held}"))
+    return lines
 
 
 def _causes(causes: Sequence[Content], machine: Sequence[str], label: str) -> list[_Line]:

@@ -35,31 +35,30 @@ def verdict_sentence(content: Mapping[str, Any]) -> str:
     gap, verdict = content["gap"], content["verdict"]
     if gap is None:
         return "These logs cannot tell how far the simulator is from the machine."
-    unit, quantity = gap["unit"], _QUANTITIES.get(gap["unit"], "output")
-    before, after, floor = (number(gap[key]) for key in ("before", "after", "noise_floor"))
+    quantity = _QUANTITIES.get(gap["unit"], "output")
+    before, after, floor = (size_text(gap, key) for key in ("before", "after", "noise_floor"))
     if since := reference_name(content):
         return _since_sentence(content, since, quantity)
     if verdict == "no_gap":
-        return f"No gap: a {quantity} error of {before} {unit} is no more than noise would leave ({floor} {unit})."
+        return f"No gap: {_a(quantity)} error of {before} is no more than noise would leave ({floor})."
     if verdict == "unknown":
         tried = len({item["effect"] for item in content["effects_considered"]})
         blame = f"none of the {tried} effects tried accounts for it" if tried > 1 else "no cause was found"
-        return f"The simulator misses the machine's {quantity} by {before} {unit} (noise: {floor}), and {blame}."
+        return f"The simulator misses the machine's {quantity} by {before} (noise: {floor}), and {blame}."
     names = listed([words(cause["effect"]) for cause in content["causes"]])
     verb = "bring" if len(content["causes"]) > 1 else "brings"
-    fall = f"from {before} down to {after} {unit} (noise: {floor})"
+    fall = f"from {before} down to {after} (noise: {floor})"
     if verdict == "explained":
         return f"The {quantity} error is explained: {names} {verb} it {fall}."
     if verdict == "partly_explained":
         return f"Part of the {quantity} error is explained: {names} {verb} it {fall}; something else is left."
-    return f"The {quantity} error is {before} {unit} (noise: {floor}), but these logs cannot tell its cause."
+    return f"The {quantity} error is {before} (noise: {floor}), but these logs cannot tell its cause."
 
 
 def _since_sentence(content: Mapping[str, Any], since: str, quantity: str) -> str:
     """What changed since an earlier record, in one sentence."""
-    gap, unit = content["gap"], content["gap"]["unit"]
-    before, after, floor = (number(gap[key]) for key in ("before", "after", "noise_floor"))
-    missed = f"the model of then misses the {quantity} by {before} {unit} (noise: {floor})"
+    before, after, floor = (size_text(content["gap"], key) for key in ("before", "after", "noise_floor"))
+    missed = f"the model of then misses the {quantity} by {before} (noise: {floor})"
     if content["verdict"] == "no_gap":
         return f"Nothing changed since {since}: {missed}, no more than it does on an unchanged machine."
     if not content["causes"]:
@@ -67,7 +66,31 @@ def _since_sentence(content: Mapping[str, Any], since: str, quantity: str) -> st
     names = listed([words(cause["effect"]) for cause in content["causes"]])
     verb = "bring" if len(content["causes"]) > 1 else "brings"
     rest = "; something else is left" if content["verdict"] == "partly_explained" else ""
-    return f"Changed since {since}: {missed}; {names} {verb} it down to {after} {unit}{rest}."
+    return f"Changed since {since}: {missed}; {names} {verb} it down to {after}{rest}."
+
+
+def _a(noun: str) -> str:
+    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+
+
+def sizes(gap: Mapping[str, Any]) -> dict[str, float]:
+    """before, after, noise_floor and persistence without a unit, over the joints' spread; of a file of the first format, which
+    has no such numbers, over the error before."""
+    if known := gap.get("normalised"):
+        return dict(known)
+    return {name: gap[name] / (gap["before"] or 1.0) for name in ("before", "after", "noise_floor", "persistence")}
+
+
+def size_text(gap: Mapping[str, Any], name: str) -> str:
+    """One of the sizes of a gap with its unit: ``67.4 N·m``; of joints without a common one, ``31% of the spread``."""
+    if gap["unit"] is not None:
+        return f"{number(gap[name])} {gap['unit']}"
+    return f"{percent_text(sizes(gap)[name])} of the spread"
+
+
+def percent_text(value: float) -> str:
+    """Per cent with two significant digits below ten."""
+    return f"{number(float(f'{100 * value:.2g}'))}%" if abs(value) < 0.1 else percent(value)
 
 
 def reference_name(content: Mapping[str, Any]) -> str | None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from hqpipe.errors import UsageError
 from hqpipe.report.diagnosis_charts import AFTER, BEFORE, CLOSED
-from hqpipe.report.diagnosis_words import joints_text, number, percent, words
+from hqpipe.report.diagnosis_words import joints_text, percent, size_text, sizes, words
 from hqpipe.report.style import INK, new_figure, plain, save_figure, styled
 
 _ROW = 0.36  # inch
@@ -27,12 +27,13 @@ def gap_steps(content: Mapping[str, Any], path: Path) -> Path:
     gap, causes = content["gap"], content["causes"]
     if gap is None:
         raise UsageError("nothing to draw: the diagnosis has no gap")
-    before, unit = gap["before"], gap["unit"]
+    size = sizes(gap)
+    before = size["before"]
     figure = new_figure(0.9 + _ROW * (len(causes) + 2))
     axes = figure.subplots()
     names = ["before" if causes else "gap"]
     axes.barh(0, before, color=BEFORE, height=0.62)
-    level, ends = before, [(before, f"{number(before)} {unit}")]
+    level, ends = before, [(before, size_text(gap, "before"))]
     for row, cause in enumerate(causes, start=1):
         step, (low, high) = cause["shrink"] * before, cause["shrink_ci95"]
         axes.barh(row, step, left=level - step, color=CLOSED, height=0.62)
@@ -42,16 +43,16 @@ def gap_steps(content: Mapping[str, Any], path: Path) -> Path:
         ends.append((level + step, percent(-cause["shrink"])))
         names.append(f"{words(cause['effect'])} ({plain(joints_text(cause['joints'], content['logs']['joints']))})")
     if causes:
-        axes.barh(len(names), gap["after"], color=AFTER, height=0.62)
-        ends.append((gap["after"], f"{number(gap['after'])} {unit}"))
+        axes.barh(len(names), size["after"], color=AFTER, height=0.62)
+        ends.append((size["after"], size_text(gap, "after")))
         names.append("after")
     for row, (end, text) in enumerate(ends):
         axes.annotate(text, (end, row), (5, 0), textcoords="offset points", va="center", fontsize=8.5)
-    axes.axvline(gap["noise_floor"], color=INK, linewidth=0.9, linestyle=(0, (1, 1.5)))
+    axes.axvline(size["noise_floor"], color=INK, linewidth=0.9, linestyle=(0, (1, 1.5)))
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
-    axes.set_xlim(0.0, 1.12 * max([gap["noise_floor"], *(end for end, _ in ends)]))
+    axes.set_xlim(0.0, 1.12 * max([size["noise_floor"], *(end for end, _ in ends)]))
     axes.grid(visible=False, axis="y")
     axes.tick_params(axis="y", length=0)
-    axes.set_xlabel(f"free-running error ({unit}); dotted: noise floor")
+    axes.set_xlabel("free-running error over the joints' spread; dotted: noise floor")
     return save_figure(figure, path)

@@ -165,7 +165,7 @@ def test_score_writes_both_files_and_missed_aims_are_exit_4(tmp_path, simulated,
         (output / "diagnosis.json").write_text(content())
         gaps = {name: dict.fromkeys(("all", *case_joints(case)), 4.0) for name in ("with", *gap_names(case))}
         (tmp_path / "truth" / case.name).mkdir(parents=True, exist_ok=True)
-        (tmp_path / "truth" / case.name / "gaps.json").write_text(json.dumps(gaps))
+        (tmp_path / "truth" / case.name / "true_gaps.json").write_text(json.dumps(gaps))
     assert run_cli(STAGES, ["blind", "score", str(tmp_path), "--workers", "1", "--json"]) == 4
     shown = capsys.readouterr()
     answer, score = json.loads(shown.out), json.loads((tmp_path / "score.json").read_text(encoding="utf-8"))

@@ -18,6 +18,7 @@ from hqpipe.logs.imports.mapping import SKIP, LogMap, TrialRule
 from hqpipe.logs.imports.recording import ImportLogError, Recording
 from hqpipe.logs.imports.sources import Found, SourceFile
 from hqpipe.logs.imports.summary import Import, TrialSummary, outliers, summarise
+from hqpipe.logs.joint_kinds import PRISMATIC, REVOLUTE
 from hqpipe.logs.manifest import SPLITS
 from hqpipe.logs.split import split_rows
 from hqpipe.logs.writer import LogSetWriter
@@ -270,7 +271,15 @@ def _writer(folder: Path, log_map: LogMap) -> LogSetWriter:
         rate_hz=log_map.rate_hz,
         drive=log_map.drive,
         load=log_map.load,
+        kinds=_kinds(log_map),
     )
+
+
+def _kinds(log_map: LogMap) -> dict[str, str]:
+    """Joint → type, where one of them slides; empty where all turn, as a log set without types says."""
+    said = {joint: log_map.sliding(joint) for joint in joints_of(log_map.sources)}
+    kinds = {joint: PRISMATIC if slides else REVOLUTE for joint, slides in said.items() if slides is not None}
+    return kinds if PRISMATIC in kinds.values() else {}
 
 
 def _rule_of(log_map: LogMap, name: str) -> TrialRule:

@@ -118,6 +118,12 @@ class LogMap:
     effort_source: str | None = None
     rate_hz: float | None = None
 
+    def sliding(self, joint: str) -> bool | None:
+        """Whether a joint slides, by the units of its channels; None where they do not say it."""
+        own = [source for name, source in self.sources.items() if name.startswith(f"{joint_column(joint, '')}")]
+        said = {slides(t.unit.kind) for s in own for t in s.terms if t.unit and t.scale is None} - {None}
+        return said.pop() if said else None
+
 
 def read_map(path: Path) -> LogMap:
     """Read and check a mapping file.

@@ -70,12 +70,9 @@ class Import:
     def unit(self, column: str) -> str:
         """Unit of a column; that of a joint that slides where its mapping has a linear unit, both where it has none."""
         kinds = kinds_of(column)
-        joint = column.rpartition("/")[0]
-        sources = [source for name, source in self.log_map.sources.items() if name.rpartition("/")[0] == joint]
-        said = {slides(term.unit.kind) for s in sources for term in s.terms if term.unit and term.scale is None} - {
-            None
-        }
-        fitting = [kind for kind in kinds if len(kinds) == 1 or not said or slides(kind) in said]
+        parts = column.split("/")
+        said = self.log_map.sliding(parts[1]) if parts[0] == "joint" and len(parts) == 3 else None
+        fitting = [kind for kind in kinds if len(kinds) == 1 or said is None or slides(kind) is said]
         return " or ".join(KINDS[kind] for kind in fitting)
 
     def notes(self) -> dict[str, list[str]]:

@@ -48,7 +48,7 @@ def test_replays_show_the_gap_before_and_noise_after(found):
     for j, state in enumerate(found.states):
         assert before[j] == pytest.approx(state.base.error, rel=1e-6)
         assert after[j] == pytest.approx(state.chosen.error, rel=1e-6)
-    whole = 1.0 - np.sqrt(after.sum() / before.sum())
+    whole = 1.0 - np.sqrt((after / found.scale**2).sum() / (before / found.scale**2).sum())
     assert found.shrink.whole == pytest.approx(whole, rel=1e-6)
 
 

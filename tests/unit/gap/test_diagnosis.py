@@ -73,7 +73,8 @@ def test_planted_effect_explains_the_gap(planted_logs, found):
     assert all(place["joint"] == joint for place in content["where"])
     gap = content["gap"]
     assert gap["after"] == pytest.approx(gap["noise_floor"], rel=0.15)
-    assert gap["shrink"] == pytest.approx(1.0 - gap["after"] / gap["before"], abs=1e-5)
+    sizes = gap["normalised"]
+    assert gap["shrink"] == pytest.approx(1.0 - sizes["after"] / sizes["before"], abs=1e-5)
     assert gap["shrink_ci95"][0] <= gap["shrink"] <= gap["shrink_ci95"][1]
     assert cause["shrink"] == pytest.approx(gap["shrink"], abs=1e-3)
     assert not content["unexplained"]["above_noise"] and content["next_experiment"] is None
@@ -129,6 +130,7 @@ def test_what_is_left_is_a_share_of_the_gap_that_the_sign_made_too():
     logs = logs_of([size("gain_drift"), {}], seconds=6.0)  # which the library here lacks
     content = verdict(broken(logs, values("effort", np.abs, 0)))
     gap = content["gap"]
+    gap = gap["normalised"]
     before, after = (gap[name] ** 2 - gap["noise_floor"] ** 2 for name in ("before", "after"))
     assert named(content) == {("unsigned_sensor", logs.joints[:1])}
     assert content["unexplained"]["share_of_gap"] == pytest.approx(after / before, rel=0.1)
@@ -265,7 +267,7 @@ def test_validation_names_the_wrong_key(found, change, message):
 def test_the_published_example_is_valid():
     validate_diagnosis(
         {
-            "format": "hqpipe-diagnosis/1",
+            "format": "hqpipe-diagnosis/2",
             "verdict": "explained",
             "logs": {"path": "x", "sha256": "y", "trials": 5, "joints": ["LFR"], "control_mode": "position"},
             "gap": {
@@ -277,6 +279,7 @@ def test_the_published_example_is_valid():
                 "after": 6.3,
                 "noise_floor": 2.1,
                 "persistence": 91.0,
+                "normalised": {"before": 0.31, "after": 0.03, "noise_floor": 0.01, "persistence": 0.42},
                 "shrink": 0.91,
                 "shrink_ci95": [0.89, 0.92],
             },

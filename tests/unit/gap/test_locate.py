@@ -27,7 +27,7 @@ def fast_only(error, velocity, time):
 
 def test_shares_of_a_family_sum_to_one(sums):
     logs, found = sums(joints=3, effect=fast_only)
-    places = locate(found, np.full(3, 4.2), logs.joints)
+    places = locate(found, np.full(3, 4.2), logs.joints, np.ones(3))
     for family in found.families:
         assert sum(p.share for p in places if p.family == family) == pytest.approx(1.0)
         assert all(p.share_low <= p.share_high for p in places)
@@ -43,25 +43,25 @@ def test_squares_are_split_without_loss(sums):
 
 def test_planted_joint_and_regime_come_first(sums):
     logs, found = sums(joints=3, seconds=10.0, effect=fast_only)
-    first = telling(locate(found, np.full(3, 4.2), logs.joints))[0]
+    first = telling(locate(found, np.full(3, 4.2), logs.joints, np.ones(3)))[0]
     assert (first.joint, first.regime) == ("LFP", "high_speed")
     assert first.share_low > 0.5
 
 
 def test_one_direction_comes_first(sums):
     logs, found = sums(joints=2, effect=lambda e, v, t: e * np.where((np.arange(2) == 0) & (v < 0), 0.9, 1.0))
-    first = telling(locate(found, np.full(2, 4.2), logs.joints))[0]
+    first = telling(locate(found, np.full(2, 4.2), logs.joints, np.ones(2)))[0]
     assert (first.joint, first.regime) == ("LFR", "retracting")
 
 
 def test_late_error_comes_first(sums):
     logs, found = sums(joints=2, effect=lambda e, v, t: e * (0.8 if t > 6.0 else 1.0))
-    assert telling(locate(found, np.full(2, 4.2), logs.joints))[0].regime == "quarter_4"
+    assert telling(locate(found, np.full(2, 4.2), logs.joints, np.ones(2)))[0].regime == "quarter_4"
 
 
 def test_time_of_a_passing_cause_is_named_beside_more_telling_places(sums):
     logs, found = sums(joints=3, seconds=10.0, effect=fast_only)
-    places = locate(found, np.full(3, 4.2), logs.joints)
+    places = locate(found, np.full(3, 4.2), logs.joints, np.ones(3))
     assert not any(p.regime.startswith("quarter") for p in telling(places))
     added = [p for p in telling(places, ["LFP"]) if p.regime.startswith("quarter")]
     assert len(added) == 1 and added[0].joint == "LFP"
@@ -70,7 +70,7 @@ def test_time_of_a_passing_cause_is_named_beside_more_telling_places(sums):
 
 def test_nothing_above_the_floor_has_no_share(sums):
     logs, found = sums(joints=2)
-    assert telling(locate(found, np.full(2, 1e6), logs.joints)) == []
+    assert telling(locate(found, np.full(2, 1e6), logs.joints, np.ones(2))) == []
 
 
 def test_block_bootstrap_is_wider_than_independent_samples():

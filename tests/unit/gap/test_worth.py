@@ -28,11 +28,11 @@ class Search:
         return ()
 
 
-def joint(name, errors, chosen, barred=()):
+def joint(name, errors, chosen, barred=(), scale=1.0):
     from hqpipe.gap.joint_state import JointState
 
     search = Search(errors)
-    search.fitter = SimpleNamespace(data=SimpleNamespace(joint=name, barred=barred))
+    search.fitter = SimpleNamespace(data=SimpleNamespace(joint=name, barred=barred, scale=scale))
     base = SimpleNamespace(effects=(), error=errors[()])
     return JointState(search, base, SimpleNamespace(effects=chosen, error=errors[chosen]), ())
 

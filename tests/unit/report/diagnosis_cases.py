@@ -25,6 +25,7 @@ FAMILIES = {
 PART_OF_TIME = [[1.0], [0.4, 0.4, 0.2], [0.2, 0.8], [0.2, 0.8], [0.05, 0.95], [0.1, 0.9], [0.6, 0.4]]
 PART_OF_TIME += [[0.25] * 4, [0.35, 0.4, 0.2, 0.05]]
 COLUMNS = "trial joint family regime n rmse share share_low share_high rmse_after share_after".split()
+SPREAD = 200.0  # N·m, of every joint
 
 
 def gap(before: float, after: float, floor: float, persistence: float, unit: str = "N·m") -> dict[str, Any]:
@@ -38,6 +39,12 @@ def gap(before: float, after: float, floor: float, persistence: float, unit: str
         "after": after,
         "noise_floor": floor,
         "persistence": persistence,
+        "normalised": {
+            "before": before / SPREAD,
+            "after": after / SPREAD,
+            "noise_floor": floor / SPREAD,
+            "persistence": persistence / SPREAD,
+        },
         "shrink": shrink,
         "shrink_ci95": [shrink - 0.02, shrink + 0.01] if shrink else [0.0, 0.0],
     }
@@ -64,7 +71,7 @@ def cause(effect: str, joints: list[str], shrink: float, *parameters: tuple[str,
 def content(verdict: str, gap: dict[str, Any] | None, joints: list[str], **more: Any) -> dict[str, Any]:
     above = verdict in ("unknown", "partly_explained")
     return {
-        "format": "hqpipe-diagnosis/1",
+        "format": "hqpipe-diagnosis/2",
         "verdict": verdict,
         "logs": {
             "path": "/data/trot_2024_05_17",
@@ -177,6 +184,19 @@ def not_identifiable() -> dict[str, Any]:
     )
 
 
+def mixed_units() -> dict[str, Any]:
+    """A swing that turns beside a cylinder that slides: no size of both in a unit."""
+    case = renamed(explained(), ["swing", "boom"])
+    sizes = ("before", "after", "noise_floor", "persistence")
+    case["gap"] |= dict.fromkeys(("unit", *sizes))
+    case["gap"]["joints"] = [
+        {"joint": joint, "type": kind, "unit": unit, "scale": scale, "normalised": case["gap"]["normalised"]}
+        | {name: scale * case["gap"]["normalised"][name] for name in sizes}
+        for joint, kind, unit, scale in (("swing", "revolute", "N·m", 900.0), ("boom", "prismatic", "N", 40.0))
+    ]
+    return case
+
+
 CASES = {"explained": explained, "unknown": unknown, "no_gap": no_gap, "not_identifiable": not_identifiable}
 
 
@@ -200,10 +220,13 @@ def residual_rows(content: dict[str, Any], seed: int = 0, *, after: bool = True)
             for regime, time, part in zip(regimes, times, raw, strict=True):
                 here, rest = share * part / sum(raw), (index + 1) / left * part / sum(raw)
                 row = {"joint": joint, "family": family, "regime": regime, "n": round(20000 * time)}
-                row |= {"rmse": found["before"] * math.sqrt(here / time * len(joints)), "share": here}
+                row |= {
+                    "rmse": SPREAD * found["normalised"]["before"] * math.sqrt(here / time * len(joints)),
+                    "share": here,
+                }
                 row |= {"share_low": 0.8 * here, "share_high": 1.2 * here}
                 if after:
-                    row |= {"rmse_after": found["after"], "share_after": rest}
+                    row |= {"rmse_after": SPREAD * found["normalised"]["after"], "share_after": rest}
                 rows += [{"trial": trial} | row for trial in ("all", "walk.parquet")]
     return rows
 
@@ -242,9 +265,10 @@ def write_case(folder: Path, content: dict[str, Any], *, traces: bool = True, af
     if content["causes"]:
         (folder / "actuator.json").write_text("{}", encoding="utf-8")
     if traces:
-        sizes = content["gap"]["before"], content["gap"]["after"]
+        sizes = [SPREAD * content["gap"]["normalised"][name] for name in ("before", "after")]
         joints = {name: trace(*sizes, seed=i) for i, name in enumerate(content["logs"]["joints"])}
-        text = json.dumps({"joints": joints, "unit": content["gap"]["unit"]}, ensure_ascii=False)
+        unit = {} if content["gap"]["unit"] is None else {"unit": content["gap"]["unit"]}
+        text = json.dumps({"joints": joints} | unit, ensure_ascii=False)
         (folder / "traces.json").write_text(text, encoding="utf-8")
     return folder
 

@@ -58,9 +58,9 @@ def test_film_numbers_and_every_section_in_the_order_of_the_chain(tmp_path):
     assert [section.artifact for section in SECTIONS] == list(STAGES)
     places = [page.text.index(title) for title in ("where 1.00 is ordered", *titles, "Where it comes from")]
     assert places == sorted(places)
-    for number in ("0.99 m/s", "1 of 2", "67.4 → 6.3", "104 µs", "4 min 0 s"):
+    for number in ("0.99 m/s", "1 of 2", "67.4 N·m → 6.3 N·m", "104 µs", "4 min 0 s"):
         assert number in page.text
-    assert "command delay" in page.text and "from 67.4 down to 6.3 N·m" in page.text
+    assert "command delay" in page.text and "from 67.4 N·m down to 6.3 N·m" in page.text
     assert "latency, µs ✓ passed 104 ≤ 1,000" in page.text
     assert "speed error of the walks, m/s ✗ missed – ≤ 0.15" in page.text, "a walk that nobody finished is no pass"
     assert "after 3.2 s" in page.text
@@ -112,7 +112,7 @@ def test_folders_without_a_manifest_show_their_files(tmp_path):
     bare = {name: dataclasses.replace(part, record=None) for name, part in given.parts.items()}
     page = Reader(write_report(tmp_path, dataclasses.replace(given, parts=bare)).read_text(encoding="utf-8"))
     assert page.text.count("a folder without a manifest") == len(STAGES)
-    assert "from 67.4 down to 6.3 N·m" in page.text and "no result has a manifest" in page.text
+    assert "from 67.4 N·m down to 6.3 N·m" in page.text and "no result has a manifest" in page.text
 
 
 def test_a_record_of_an_earlier_version_is_told(tmp_path):

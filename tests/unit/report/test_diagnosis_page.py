@@ -5,11 +5,24 @@ from __future__ import annotations
 import html
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import plotly.graph_objects as go
 import pytest
-from diagnosis_cases import CASES, QUADRUPED, cause, explained, gap, no_gap, renamed, residual_rows, unknown, write_case
+from diagnosis_cases import (
+    CASES,
+    QUADRUPED,
+    cause,
+    explained,
+    gap,
+    mixed_units,
+    no_gap,
+    renamed,
+    residual_rows,
+    unknown,
+    write_case,
+)
 
 from hqpipe.effects import EFFECTS
 from hqpipe.errors import UsageError
@@ -72,7 +85,7 @@ SECTIONS = [
 
 def test_sections_come_in_the_order_of_the_readers_questions(tmp_path):
     reader, _ = read(write_page(write_case(tmp_path, explained())))
-    at = [reader.text.index(name) for name in ["from 67.4 down to 6.3 N·m", *SECTIONS]]
+    at = [reader.text.index(name) for name in ["from 67.4 N·m down to 6.3 N·m", *SECTIONS]]
     assert at == sorted(at)
 
 
@@ -121,11 +134,11 @@ def test_names_from_files_cannot_become_markup(tmp_path):
 def test_waterfall_leads_from_before_to_after(tmp_path):
     bars, whiskers = waterfall(explained())["data"]
     ends = [base + (0 if i else length) for i, (base, length) in enumerate(zip(bars["base"], bars["x"], strict=True))]
-    assert ends[0] == 67.4 and bars["x"][-1] == 6.3
-    assert ends[1] == pytest.approx(67.4 * (1 - 0.468)) and ends[2] == pytest.approx(67.4 * (1 - 0.468 - 0.2715))
-    assert len(bars["x"]) == 5 and ends[3] == pytest.approx(6.3, abs=0.05)
-    assert whiskers["error_x"]["array"] == pytest.approx([0.03 * 67.4] * 3)
-    assert waterfall(explained())["layout"]["shapes"][0]["x0"] == 2.1
+    assert ends[0] == 0.337 and bars["x"][-1] == 0.0315
+    assert ends[1] == pytest.approx(0.337 * (1 - 0.468)) and ends[2] == pytest.approx(0.337 * (1 - 0.468 - 0.2715))
+    assert len(bars["x"]) == 5 and ends[3] == pytest.approx(0.0315, abs=3e-4)
+    assert whiskers["error_x"]["array"] == pytest.approx([0.03 * 0.337] * 3)
+    assert waterfall(explained())["layout"]["shapes"][0]["x0"] == 0.0105
 
 
 def test_waterfall_shows_what_the_causes_do_not_add_up_to_and_a_cause_that_hurts():
@@ -139,8 +152,8 @@ def test_waterfall_shows_what_the_causes_do_not_add_up_to_and_a_cause_that_hurts
 
 def test_far_persistence_does_not_dwarf_the_bars():
     case = explained()
-    case["gap"]["persistence"] = 900.0
-    assert waterfall(case)["layout"]["xaxis"]["range"][1] < 80.0
+    case["gap"]["normalised"]["persistence"] = 4.5
+    assert waterfall(case)["layout"]["xaxis"]["range"][1] < 0.4
     assert len(waterfall(case)["layout"]["shapes"]) == 1
 
 
@@ -176,7 +189,7 @@ def test_missing_files_are_said(tmp_path):
 
 def test_tables_before_and_after(tmp_path):
     reader, _ = read(write_page(write_case(tmp_path / "a", explained())))
-    assert "Before: per cent of the 67.4 N·m" in reader.text and "After: per cent of the 6.3 N·m" in reader.text
+    assert "Before: per cent of 67.4 N·m" in reader.text and "After: per cent of the 6.3 N·m" in reader.text
     reader, _ = read(write_page(write_case(tmp_path / "b", explained(), after=False)))
     assert "Share of the gap, per cent" in reader.text and "After: per cent" not in reader.text
     reader, _ = read(write_page(write_case(tmp_path / "c", unknown())))  # nothing found: before and after are one
@@ -185,7 +198,7 @@ def test_tables_before_and_after(tmp_path):
 
 def test_heat_table_keeps_the_machines_order_and_frames_what_is_named(tmp_path):
     files = read_files(write_case(tmp_path, explained()))
-    table = heat_table(files.cells, QUADRUPED, "N·m", named={("LFK", "reversal")})
+    table = heat_table(files.cells, QUADRUPED, named={("LFK", "reversal")})
     assert re.findall(r'<th scope="row"[^>]*>(\w+)<', table) == QUADRUPED
     regimes = re.findall(r"<span>([^<]+)</span>", table)
     assert regimes[0] == "all" and regimes.index("5–20 Hz") < regimes.index("20–100 Hz")
@@ -199,7 +212,7 @@ def test_heat_table_keeps_the_machines_order_and_frames_what_is_named(tmp_path):
 def test_a_regime_that_a_joint_never_shows_is_hatched(tmp_path):
     cells = read_files(write_case(tmp_path, explained())).cells
     fewer = [c for c in cells if (c.joint, c.regime) != ("RHK", "impact")]
-    assert heat_table(fewer, QUADRUPED, "N·m").count("no samples") == 1
+    assert heat_table(fewer, QUADRUPED).count("no samples") == 1
 
 
 def test_many_joints_fold_and_the_worst_come_first(tmp_path):
@@ -219,17 +232,34 @@ def test_one_prismatic_joint_keeps_its_units(tmp_path):
     assert titles == ["N", "m"] and "1 joint" in reader.text
 
 
+def test_joints_in_different_units_share_no_size_in_a_unit(tmp_path):
+    reader, figures = read(write_page(write_case(tmp_path, mixed_units())))
+    assert "from 34% of the spread down to 3.1% of the spread" in reader.text
+    assert "swing N·m 900 303 (34%)" in reader.text and "boom N 40 13.5 (34%)" in reader.text
+    assert figures["waterfall"]["data"][0]["base"][0] == 0.0 and figures["waterfall"]["data"][0]["x"][0] == 0.337
+
+
+def test_a_file_of_the_first_format_is_shown(tmp_path):
+    case = explained() | {"format": "hqpipe-diagnosis/1"}
+    del case["gap"]["normalised"]
+    write_case(tmp_path, explained())
+    (tmp_path / "diagnosis.json").write_text(json.dumps(case), encoding="utf-8")
+    reader, figures = read(write_page(tmp_path))
+    assert "from 67.4 N·m down to 6.3 N·m" in reader.text
+    assert figures["waterfall"]["data"][0]["x"][0] == 1.0
+
+
 def test_traces_draw_restarts_and_leave_out_what_does_not_differ(tmp_path):
     trace = read_files(write_case(tmp_path / "a", explained())).traces[0]
-    figure = trace_chart(trace, "N·m", "position")
+    figure = trace_chart(trace, "position")
     assert [c["name"] for c in figure["data"]] == ["measured", "model before", "model after", "command", "position"]
     assert [shape["x0"] for shape in figure["layout"]["shapes"]] == trace.restarts
     assert rmse(trace, "after") < 0.2 * rmse(trace, "before")
     same = read_files(write_case(tmp_path / "b", unknown())).traces[0]
-    assert not has_after(same) and len(trace_chart(same, "N·m", "position")["data"]) == 4
-    valve = trace_chart(trace, "rad/s", "valve")  # a valve command shares no axis with a position
+    assert not has_after(same) and len(trace_chart(same, "position")["data"]) == 4
+    valve = trace_chart(replace(trace, unit="rad/s"), "valve")  # a valve command shares no axis with a position
     assert [c["name"] for c in valve["data"] if c["yaxis"] == "y2"] == ["command"]
-    torque = trace_chart(trace, "N·m", "torque")
+    torque = trace_chart(trace, "torque")
     assert [c["name"] for c in torque["data"] if c["yaxis"] == "y2"] == ["position"]
 
 
@@ -237,7 +267,7 @@ def test_other_layers_are_listed(tmp_path):
     case = explained()
     case["gaps"] = [case["gap"], gap(4.0, 4.0, 3.5, 9.0) | {"layer": "rigid_body"}]
     reader, _ = read(write_page(write_case(tmp_path, case)))
-    assert "rigid body: 4 → 4 N·m, noise floor 3.5" in reader.text
+    assert "rigid body: 4 N·m → 4 N·m, noise floor 3.5 N·m" in reader.text
 
 
 def test_what_remains_names_its_signals_and_noise_does_not(tmp_path):
@@ -251,7 +281,7 @@ def test_what_remains_names_its_signals_and_noise_does_not(tmp_path):
     "name,text,message",
     [
         ("diagnosis.json", "{", "not JSON"),
-        ("diagnosis.json", "{}", "format: expected hqpipe-diagnosis/1, got null"),
+        ("diagnosis.json", "{}", "format: expected hqpipe-diagnosis/2 or hqpipe-diagnosis/1, got null"),
         ("residuals.csv", "trial,joint\nall,LFK\n", "no column 'family'"),
         ("traces.json", '{"joints": []}', "joints: expected an object, got a list"),
         ("traces.json", '{"joints": {"LFK": {"time": [0]}}}', "joints.LFK: missing field 'measured'"),

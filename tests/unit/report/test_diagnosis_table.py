@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from diagnosis_cases import CASES, QUADRUPED, cause, explained, not_identifiable, unknown
+from diagnosis_cases import CASES, QUADRUPED, cause, explained, mixed_units, not_identifiable, unknown
 from rich.console import Console
 
 from hqpipe.report.diagnosis_table import MAX_LINES, bar, diagnosis_table
@@ -38,11 +38,22 @@ def test_ten_lines_at_most_and_none_too_wide(case, width):
 def test_an_explained_gap():
     text = lines_of(explained())
     assert text[0].startswith("✓ explained")
-    assert "67.4 → 6.3 N·m, 91% smaller" in text[1] and "noise floor 2.1" in text[1] and "persistence 91" in text[1]
-    assert "47%  command delay · all 12 joints · delay 4.80 ms · or channel skew" in text[2]
-    assert "27%  valve deadband · LFK · half width 6.20 mrad" in text[3]
-    assert text[2].count("█") > text[3].count("█") > text[4].count("█")
+    assert (
+        "34% → 3.1% of spread, 91% smaller" in text[1]
+        and "noise floor 1.1%" in text[1]
+        and "persistence 46%" in text[1]
+    )
+    assert "67.4 → 6.3 N·m" in text[2] and "noise floor 2.1" in text[2] and "persistence 91" in text[2]
+    assert "47%  command delay · all 12 joints · delay 4.80 ms · or channel skew" in text[3]
+    assert "27%  valve deadband · LFK · half width 6.20 mrad" in text[4]
+    assert text[3].count("█") > text[4].count("█") > text[5].count("█")
     assert any(line.startswith("next") and "`" not in line for line in text)
+
+
+def test_joints_in_different_units_share_no_size_in_a_unit():
+    text = lines_of(mixed_units())
+    assert "34% → 3.1% of spread, 91% smaller" in text[1] and text[2].startswith("cause")
+    assert not any("N·m" in line for line in text[:3])
 
 
 def test_an_unknown_cause_says_where_and_on_what_it_depends():

@@ -123,7 +123,7 @@ def test_every_controller_has_its_policy_its_curve_and_its_walks(models, walked,
     for name in ("reward_curves.png", "plant.png", "comparison.csv"):
         assert (tmp_path / "out" / name).stat().st_size > 300
     said = " ".join(capsys.readouterr().err.split())
-    assert "30 → 3 N·m over a floor of 1" in said and "from stiff_pd to diagnosed on the plant" in said
+    assert "30 N·m → 3 N·m over a floor of 1 N·m" in said and "from stiff_pd to diagnosed on the plant" in said
 
 
 def test_a_net_is_trained_under_the_gait_prior_of_the_fitted_model(models, tmp_path):

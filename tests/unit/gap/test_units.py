@@ -1,0 +1,186 @@
+"""Joints in different units: the answer does not depend on the unit that a joint is recorded in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from planted_logs import data_of, logs_of, size
+from test_worth import DELAY, RUB, Rest, cause, joint
+
+from hqpipe.effects import EFFECTS
+from hqpipe.gap.diagnosis import diagnose, write_diagnosis
+from hqpipe.gap.gap_entry import common_unit, gap_entry, undeclared
+from hqpipe.gap.joint_data import by_opening, by_speed, row_lag
+from hqpipe.gap.joint_scale import MIN_EXCITATION, joint_scale, pooled
+from hqpipe.gap.locate import locate, telling
+from hqpipe.gap.noise import repeats
+from hqpipe.gap.replay import replay
+from hqpipe.gap.schema import read_diagnosis
+from hqpipe.gap.tally import tally
+from hqpipe.gap.worth import drop_outweighed
+from hqpipe.logs.joint_kinds import PRISMATIC, REVOLUTE
+
+KEPT = ("command_delay", "valve_lag", "valve_deadband", "coulomb_friction")
+WITHOUT = tuple(name for name in EFFECTS if name not in KEPT)
+SLIDES = np.array(
+    [1.0, 1e-3, 1e-3]
+)  # m per rad of a rack with a radius of 1 mm; the force is then 1000 times the torque
+FORCE = 1.0 / SLIDES
+SIZES = ("before", "after", "noise_floor", "persistence")
+
+
+def in_other_units(logs, length=SLIDES, force=FORCE, declared=True):
+    """The same machine with lengths of joints times `length` and efforts times `force`, (J,) each."""
+
+    def changed(t):
+        scaled = {name: getattr(t, name) * length for name in ("position", "velocity", "position_command")}
+        return replace(t, effort=t.effort * force, **scaled)
+
+    kinds = [REVOLUTE if factor == 1.0 else PRISMATIC for factor in length]
+    trials = tuple(replace(trial, trajectory=changed(trial.trajectory)) for trial in logs.trials)
+    return replace(logs, trials=trials, kinds=dict(zip(logs.joints, kinds, strict=True)) if declared else {})
+
+
+@pytest.fixture(scope="module")
+def logs():
+    """A deadband in one joint of three, a delay in another."""
+    return logs_of([size("command_delay"), size("valve_deadband"), {}])
+
+
+@pytest.fixture(scope="module")
+def found(logs):
+    return diagnose(logs, without=WITHOUT)
+
+
+def answer_of(content):
+    causes = {(c["effect"], tuple(c["joints"])) for c in content["causes"]}
+    return content["verdict"], causes, {(p["joint"], p["regime"]) for p in content["where"]}
+
+
+@pytest.mark.parametrize("declared", [True, False])
+def test_a_machine_in_mixed_units_is_answered_as_in_one(logs, found, declared, tmp_path):
+    other = diagnose(in_other_units(logs, declared=declared), without=WITHOUT)
+    assert answer_of(other.content) == answer_of(found.content)
+    assert answer_of(found.content)[1] == {("command_delay", logs.joints[:1]), ("valve_deadband", logs.joints[1:2])}
+    one, two = found.content["gap"], other.content["gap"]
+    assert two["normalised"] == pytest.approx(one["normalised"], rel=0.01)
+    assert two["shrink"] == pytest.approx(one["shrink"], abs=0.01)
+    assert two["unit"] is None and [two[name] for name in SIZES] == [None] * 4
+    assert one["unit"] == "N·m" and one["before"] > 0.0
+    for a, b, force in zip(one["joints"], two["joints"], FORCE, strict=True):
+        assert [b[name] for name in SIZES] == pytest.approx([force * a[name] for name in SIZES], rel=0.02)
+    units = [entry["unit"] for entry in two["joints"]]
+    assert units == (["N·m", "N", "N"] if declared else ["N·m"] * 3)
+    assert any("type: prismatic" in text for text in other.content["warnings"]) != declared
+    (width,) = [c["parameters"]["half_width"] for c in other.content["causes"] if c["effect"] == "valve_deadband"]
+    assert width["unit"] == ("m" if declared else "rad") and width["value"] == pytest.approx(2e-5, rel=0.05)
+    write_diagnosis(other, tmp_path)
+    assert read_diagnosis(tmp_path / "diagnosis.json")["gap"]["unit"] is None
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_place_does_not_depend_on_units(seed, make_logs, right_model):
+    logs = make_logs(joints=3, effect=lambda e, v, t: e * np.where((np.arange(3) == 1) & (v > 0), 0.8, 1.0))
+    sums = tally([replay(t, right_model(logs), 0.1) for t in logs.heldout])
+    unit = 10.0 ** np.random.default_rng(seed).uniform(-4, 4, 3)
+    other = replace(sums, square=sums.square * unit[:, None] ** 2)
+    floor, scale = np.full(3, 4.2), np.array([50.0, 80.0, 20.0])
+    a, b = locate(sums, floor, logs.joints, scale), locate(other, floor * unit**2, logs.joints, scale * unit)
+    assert [(p.joint, p.regime) for p in telling(a)] == [(p.joint, p.regime) for p in telling(b)]
+    assert [p.share for p in telling(a)] == pytest.approx([p.share for p in telling(b)])
+    assert [p.normalised for p in a] == pytest.approx([p.normalised for p in b])
+    first = b[0]
+    assert first.rmse == pytest.approx(a[0].rmse * unit[logs.joints.index(first.joint)])
+    plain = locate(other, floor * unit**2, logs.joints, np.ones(3))
+    assert [p.share for p in plain if p.family == "all"] != pytest.approx([p.share for p in b if p.family == "all"])
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_a_name_is_weighed_over_its_joints_whatever_their_units(unit):
+    """Joint a speaks for the name and joint b against it; in the errors' own units the larger numbers would decide."""
+    errors = {(): 100.0, (RUB,): 10.0}, {(): 11.0 * unit**2, (RUB,): 10.0 * unit**2}
+    states = [joint("a", errors[0], (RUB,)), joint("b", errors[1], (RUB,), scale=unit)]
+    kept = drop_outweighed(states, [cause(RUB, "a", "b")], np.array([1.0, unit**2]), Rest(a=0.9, b=0.9))
+    assert [s.chosen.effects for s in kept] == [(RUB,), (RUB,)]
+    assert DELAY not in kept[0].chosen.effects
+
+
+def test_a_scale_is_the_spread_about_the_mean_and_no_less_than_noise_makes():
+    wave, noise = np.sin(np.arange(5000) / 80.0), np.random.default_rng(0).normal(size=5000)
+    assert joint_scale([3.0 * wave]) == pytest.approx(3.0 / np.sqrt(2.0), rel=0.01)
+    assert joint_scale([3.0 * wave + 1e4]) == pytest.approx(joint_scale([3.0 * wave]), rel=1e-6), "a load, or a bias"
+    assert joint_scale([wave, wave + 10.0]) > 4.0, "trials apart from each other"
+    assert joint_scale([50.0 + 0.1 * noise]) == pytest.approx(MIN_EXCITATION * 0.1, rel=0.05), "it does not move"
+    assert joint_scale([np.full(50, 7.0)]) == 7.0 and joint_scale([np.zeros(50)]) == np.inf
+    assert pooled(np.array([4.0, 9.0, 5.0]), np.array([2.0, 3.0, np.inf])) == pytest.approx(np.sqrt(2.0 / 3.0))
+
+
+def test_the_scale_of_a_joint_comes_from_its_fit_trials(logs):
+    data = data_of(logs, 0)
+    louder = tuple(
+        replace(t, trajectory=replace(t.trajectory, effort=9.0 * t.trajectory.effort)) if t.split == "heldout" else t
+        for t in logs.trials
+    )
+    assert data_of(replace(logs, trials=louder), 0).scale == data.scale
+    assert data.scale == pytest.approx(logs.fit[0].trajectory.effort[:, 0].std())
+
+
+def entry(kinds, scale, joints=("swing", "boom")):
+    log_set = SimpleNamespace(kinds=kinds, joints=joints, control_mode="position")
+    squares = {name: np.where(np.isfinite(scale), np.square(scale), 1.0) * 0.01 for name in SIZES}
+    return gap_entry(log_set, squares, np.asarray(scale)), undeclared(log_set, np.asarray(scale))
+
+
+def test_a_size_in_a_unit_needs_a_common_unit():
+    mixed, told = entry({"swing": REVOLUTE, "boom": PRISMATIC}, [100.0, 90.0])
+    assert mixed["unit"] is None and mixed["before"] is None and not told
+    assert mixed["normalised"]["before"] == pytest.approx(0.1)
+    both, told = entry({"swing": PRISMATIC, "boom": PRISMATIC}, [1e5, 90.0])
+    assert (
+        both["unit"] == "N"
+        and both["before"] == pytest.approx(0.1 * np.sqrt(np.mean(np.square([1e5, 90.0]))))
+        and not told
+    )
+    alike, told = entry({}, [100.0, 90.0])
+    assert alike["unit"] == "N·m" and alike["joints"][0]["type"] is None and not told
+    unlike, told = entry({}, [1e5, 90.0])
+    assert unlike["unit"] is None and "swing and boom differ 1,111-fold" in told[0]
+    still, _ = entry({}, [100.0, np.inf])
+    assert still["joints"][1]["scale"] is None and still["joints"][1]["normalised"]["before"] is None
+    assert common_unit(SimpleNamespace(kinds={}, joints=("a",), control_mode="valve"), np.ones(1)) == "rad/s"
+
+
+def test_the_flow_of_mixed_joints_counts_them_alike(logs):
+    slides = [False, True, True]
+    other = [t.trajectory for t in in_other_units(logs).fit]
+    one = [t.trajectory for t in logs.fit]
+    assert by_speed(one) == by_speed(one, [True] * 3) == (1.0, 0.0)
+    weight = by_speed(other, slides)[0]
+    speed = np.sqrt(np.mean(np.concatenate([t.velocity for t in other]) ** 2, axis=0))
+    assert weight[0] == 1.0 and weight[1:] * speed[1:] == pytest.approx(np.full(2, speed[0]))
+    opened = by_opening(other, "position", slides)[1]
+    error = np.sqrt(np.mean(np.concatenate([t.position_command - t.position for t in other]) ** 2, axis=0))
+    assert opened * error == pytest.approx(np.full(3, opened[0] * error[0]))
+
+
+def test_trials_repeat_a_command_joint_by_joint():
+    command = np.sin(np.arange(200)[:, None] / [9.0, 7.0]) * [1.0, 1e-9]
+
+    def trial(values):
+        return SimpleNamespace(trajectory=SimpleNamespace(position_command=values))
+
+    assert repeats([trial(command), trial(command.copy())]) == [(0, 1)]
+    assert repeats([trial(command), trial(command + [0.0, 1e-10])]) == [], "another command of the joint in small units"
+
+
+def test_the_lag_of_speeds_is_not_that_of_the_joint_with_the_largest_numbers():
+    """Two joints whose logged speeds come half a sample early and late by one: each counts by its own size."""
+    time = np.arange(4000) * 1e-3
+    position = np.stack([np.sin(9.0 * time), 1e-3 * np.sin(7.0 * time)], axis=1)
+    step = np.diff(position, axis=0, append=position[-1:]) / 1e-3
+    velocity = np.stack([step[:, 0], np.roll(step[:, 1], 1)], axis=1)
+    t = SimpleNamespace(position=position, velocity=velocity, dt=1e-3)
+    assert row_lag([t]) == pytest.approx(0.5, abs=0.2)
