@@ -13,6 +13,7 @@ from hqpipe.logs.assemble import assemble
 from hqpipe.logs.checks import check_length, jitter
 from hqpipe.logs.columns import Shape, check_names, joint_column
 from hqpipe.logs.differentiate import window_s
+from hqpipe.logs.findings import Finding, grouped
 from hqpipe.logs.long_logs import Plan, coverage, joined, plan, read_sections
 from hqpipe.logs.manifest import FILE, SPLITS, Manifest, read_manifest
 from hqpipe.logs.overlap import Fingerprint, check_apart, fingerprint, fingerprint_file
@@ -20,8 +21,8 @@ from hqpipe.logs.same_files import check_copies, check_distinct, digests_of
 from hqpipe.logs.size import check_size
 from hqpipe.logs.split import infer_split, split_of
 from hqpipe.logs.trajectory import LogSet, Trajectory, Trial
-from hqpipe.logs.units import unit_warnings
-from hqpipe.logs.wiring import wiring_warnings
+from hqpipe.logs.units import unit_findings
+from hqpipe.logs.wiring import wiring_findings
 
 _COMMAND_OF = {"position": "position_command", "torque": "effort_command", "valve": "valve_command"}
 _JITTER_WARNING = 0.05  # assumption: below 5 % of a sample the models do not notice
@@ -244,10 +245,12 @@ def _warnings(
     if first.velocity_source == "differentiated":
         span = 1e3 * window_s(first.dt)
         found.append(f"no velocity recorded: differentiated from position, zero-phase, window {span:.0f} ms")
+    looks: list[Finding] = []
     for file, trial in named:
-        rms, largest = jitter(trial.time)
+        rms, _ = jitter(trial.time)
         if rms > _JITTER_WARNING:
-            size = f"{rms:.1%} of a sample (largest {largest:.0%})"
-            found.append(f"{file}: the clock jitters by {size}; resample=true puts it on a uniform one")
-        found += unit_warnings(file, trial, manifest.rate_hz if manifest else None)
-    return found + wiring_warnings(trials)
+            text = "the clock jitters by {} % of a sample; resample=true puts it on a uniform one"
+            looks.append(Finding("jitter", file, text, size=100.0 * rms))
+        looks += unit_findings(file, trial, manifest.rate_hz if manifest else None)
+    looks += wiring_findings(trials)
+    return [*found, *grouped(looks, [file for file, _ in named])]
