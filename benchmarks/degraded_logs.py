@@ -53,7 +53,7 @@ class Row:
         read: "yes", or why not. expected: what was planted; empty for nothing.
         found: the planted was named by a check. cost: what has it was left out, or the diagnosis ended.
         false_claims: kinds that were named though not planted. false_costs: those of them that cost something.
-        ended: whether the diagnosis would end. left: what was left out. seconds: of the checks.
+        ended: whether the diagnosis would end. seconds: of the checks.
     """
 
     set: str
@@ -125,7 +125,7 @@ def judge(
         read="yes",
         expected=expected,
         found=bool(hit) if planted.kinds else None,
-        cost=bool(paid) if planted.kinds else None,
+        cost=bool(paid) if planted.kinds and planted.costs else None,
         false_claims=tuple(sorted({c.kind for c in spurious})),
         false_costs=tuple(sorted({c.kind for c in unjust})),
         ended=ended,
@@ -146,7 +146,7 @@ def _claims(log_set: LogSet) -> tuple[list[Claim], list[Claim], bool]:
     try:
         intake = take_in(log_set, window_s)
     except HqpipeError:  # nothing to compare models on
-        return claims, [], False
+        return claims, [], True
     ended = bool(intake.reasons)
     if hasattr(intake, "left_out"):
         costs = [Claim(item.kind, item.joints, item.trials) for item in intake.left_out]
@@ -208,7 +208,8 @@ def summary(rows: list[Row]) -> dict[str, Any]:
         "refused by the reader": len(rows) - len(read),
         "planted": len(planted),
         "planted and found": sum(bool(r.found) for r in planted),
-        "planted and left out": sum(bool(r.cost) for r in planted),
+        "planted that matters": sum(r.cost is not None for r in planted),
+        "of that, left out": sum(bool(r.cost) for r in planted),
         "planted, and the diagnosis ends": sum(r.ended for r in planted),
         "variants with a false claim": sum(bool(r.false_claims) for r in read),
         "variants with a false cost": sum(bool(r.false_costs) for r in read),

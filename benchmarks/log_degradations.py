@@ -23,11 +23,14 @@ class Planted:
     Attributes:
         kinds: defect kinds that name it rightly; empty where nothing should be found.
         joint: where it was planted; None for whole trials. file: the rotten trial; None for all trials.
+        costs: whether the answer would be another without it; the way round of a valve, or the unit of a channel that a
+            model scales by itself, is told and costs nothing.
     """
 
     kinds: tuple[str, ...] = ()
     joint: str | None = None
     file: str | None = None
+    costs: bool = True
 
 
 @dataclass(frozen=True)
@@ -245,7 +248,11 @@ def _of_the_sensor(trials: Trials) -> list[Variant]:
         found.append(Variant(f"{part} of one joint NaN", _each(_values((joint,), (part,), lambda v: v * np.nan)), dead))
     if "effort" in has:
         found.append(
-            Variant("effort of one joint cut off", _clipped("effort", joint, 0.2), Planted(("saturated",), joint))
+            Variant(
+                "effort of one joint cut off",
+                _clipped("effort", joint, 0.2),
+                Planted(("saturated",), joint, costs=False),
+            )
         )
     return found
 
@@ -261,7 +268,7 @@ def _of_the_wiring(trials: Trials, mode: str) -> list[Variant]:
             continue
         signless = part == "effort" and min(c[f"joint/{joint}/effort"].min() for c in trials.values()) >= 0.0
         free = part == command and mode == "valve"  # which way a valve counts is its own affair
-        flipped = Planted() if signless or free else Planted(("sign_flipped", "unsigned"), joint)
+        flipped = Planted(("sign_flipped", "unsigned"), joint, costs=not free)
         if not signless:
             found.append(
                 Variant(f"{part} of one joint flipped", _each(_values((joint,), (part,), np.negative)), flipped)
@@ -272,7 +279,7 @@ def _of_the_wiring(trials: Trials, mode: str) -> list[Variant]:
             swapped = Planted(("swapped", "velocity_mismatch"), joint)
             found.append(Variant(f"{part} of two joints swapped", _each(_swap(part, joint, joints[2])), swapped))
     if f"joint/{joint}/velocity" in columns:
-        unit = Planted(("velocity_mismatch",), joint)
+        unit = Planted(("velocity_mismatch", "units"), joint, costs=False)
         found.append(
             Variant(
                 "velocity of one joint in deg/s", _each(_values((joint,), ("velocity",), lambda v: v / DEGREE)), unit
@@ -280,10 +287,8 @@ def _of_the_wiring(trials: Trials, mode: str) -> list[Variant]:
         )
     for name, factor in (("degrees", 1.0 / DEGREE), ("mm", 1000.0)):
         change = _each(_values((joint,), ("position",), lambda v, f=factor: v * f))
-        seen = "joint/{joint}/velocity" in columns or command == "position_command"
-        found.append(
-            Variant(f"position of one joint in {name}", change, Planted(("units",), joint) if seen else Planted())
-        )
+        unit = Planted(("units", "velocity_mismatch"), joint, costs=False)
+        found.append(Variant(f"position of one joint in {name}", change, unit))
     return found
 
 

@@ -8,12 +8,11 @@ channels of the same row, with the joint's motion in the other channels, or with
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hqpipe.gap.defect import Defect, listed, where
-from hqpipe.logs.columns import joint_column
+from hqpipe.gap.defect import Defect, of_channel, where
 from hqpipe.logs.trajectory import LogSet, Trajectory
 
 LAGS = (1, 2, 3, 5, 8, 16, 32, 64, 128)
@@ -29,6 +28,7 @@ SOUND_ROWS = 50  # over which travel and velocity are compared: more than rows a
 SOUND = 0.5  # share of the usual ratio of the two by which three quarters of the fast rows may differ; assumption
 ROW_ERROR = 0.2  # standard error, in rows, up to which the row's step tells how far it lies from its neighbour
 MIN_ROWS = 100
+MIN_JOINTS = 3  # that must tell a row's place together: two agree by chance
 DISORDER = 0.02  # share of rows that step backwards; assumption: impacts make fewer
 COMMAND_REACH_S = 1.0  # s within which a joint answers its command; assumption: heavy machines need tenths
 HELD_SHARE = 1e-3  # of the moving rows; assumption
@@ -63,9 +63,15 @@ def order_defects(log_set: LogSet) -> list[Defect]:
     for name, files in shuffled.items():
         found.append(_one_channel(name, files, len(log_set.trials)))
     broken = {file for name in ("position", "velocity") for file in shuffled.get(name, {})} | set(whole)
-    texts = {t.file: _disorder(t.trajectory) for t in log_set.trials if t.file not in broken}
-    if jumbled := {file: text for file, text in texts.items() if text}:
-        found.append(_whole_trial(tuple(jumbled), len(log_set.trials), next(iter(jumbled.values()))))
+    jumbled = {
+        t.file: disorder for t in log_set.trials if t.file not in broken and (disorder := _disorder(t.trajectory))
+    }
+    for jumps in (True, False):  # each is mended, and proven, in its own way
+        if alike := {file: d for file, d in jumbled.items() if (d.order is None) == jumps}:
+            defect = _whole_trial(tuple(alike), len(log_set.trials), next(iter(alike.values())).text)
+            rows = {(file, None): d.rows for file, d in alike.items()} if jumps else {}
+            order = {} if jumps else {file: d.order for file, d in alike.items()}
+            found.append(replace(defect, rows=rows, order=order))
     return found + _held(log_set, set(whole) | set(jumbled), shuffled)
 
 
@@ -79,13 +85,21 @@ def _whole_trial(files: tuple[str, ...], total: int, what: str) -> Defect:
 
 def _one_channel(name: str, files: dict[str, list[str]], total: int) -> Defect:
     joints = tuple(dict.fromkeys(joint for listing in files.values() for joint in listing))
-    text = (
-        f"{joint_column(joints[0], name)}"
-        + (f" (and of {listed(joints[1:])})" if len(joints) > 1 else "")
-        + f" {where(tuple(files), total)}: no sample resembles the one before it, although the joint moves "
-        "smoothly: the rows of this channel are out of order, or it holds noise only; record it again"
+    what = (
+        "no sample resembles the one before it, although the joint moves smoothly: the rows of this channel are out of "
+        "order, or it holds noise only; record it again"
     )
-    return Defect("rows_out_of_order", tuple(files), joints, name, text, fatal=True)
+    cells = frozenset((file, joint) for file, listing in files.items() for joint in listing)
+    return of_channel("rows_out_of_order", name, joints, tuple(files), total, what, cells=cells)
+
+
+@dataclass(frozen=True, eq=False)
+class _Disorder:
+    """What shows that rows are displaced: jumps at some rows, or an order in which they would not step backwards."""
+
+    text: str
+    rows: np.ndarray
+    order: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +228,7 @@ def _unit(values: np.ndarray) -> np.ndarray:
     return centred / (np.linalg.norm(centred) + np.finfo(float).tiny)
 
 
-def _disorder(t: Trajectory) -> str | None:
+def _disorder(t: Trajectory) -> _Disorder | None:
     """Steps of the position that contradict the velocity around them."""
     sound = _sound(t)
     if not sound.any():
@@ -229,7 +243,8 @@ def _disorder(t: Trajectory) -> str | None:
     moving = int((np.sqrt(np.mean(expected**2, axis=0)) > usual).sum())
     rows = np.flatnonzero(jump.sum(axis=1) >= min(2, moving)) if moving else np.array([], dtype=int)
     if len(rows) and not _repeats(t, rows).all():
-        return f"the positions jump at row {rows[0] + 1} ({len(rows)} such rows) by more than the speed there allows"
+        text = f"the positions jump at row {rows[0] + 1} ({len(rows)} such rows) by more than the speed there allows"
+        return _Disorder(text, rows + 1)
     return _backwards(step, expected)
 
 
@@ -248,14 +263,14 @@ def _sound(t: Trajectory) -> np.ndarray:
     return sound
 
 
-def _backwards(step: np.ndarray, expected: np.ndarray) -> str | None:
+def _backwards(step: np.ndarray, expected: np.ndarray) -> _Disorder | None:
     """Rows that all joints together say lie before their predecessor.
 
     A row that is s rows away from the one before moves every joint by s times what its velocity says; the scatter
     of the joints about one s tells how well it is known. Fewer than three joints do not tell.
     """
     moved = expected.std(axis=0) > 0
-    if moved.sum() < 3:
+    if moved.sum() < MIN_JOINTS:
         return None
     weight = expected[:, moved] / np.mean(expected[:, moved] ** 2, axis=0)
     size = np.sum(weight * expected[:, moved], axis=1) + np.finfo(float).tiny
@@ -263,11 +278,18 @@ def _backwards(step: np.ndarray, expected: np.ndarray) -> str | None:
     left = weight / np.where(expected[:, moved] == 0, 1.0, expected[:, moved])
     scatter = np.sum(left * (step[:, moved] - rows[:, None] * expected[:, moved]) ** 2, axis=1)
     error = np.sqrt(scatter / (moved.sum() - 1) / size)
-    clear = error < ROW_ERROR * np.maximum(1.0, np.abs(rows))
+    said = weight * expected[:, moved]  # how much each joint has to say of a row; one that rests says nothing
+    voices = size**2 / (np.sum(said**2, axis=1) + np.finfo(float).tiny)
+    clear = (error < ROW_ERROR * np.maximum(1.0, np.abs(rows))) & (voices > MIN_JOINTS - 1)
     if clear.sum() < MIN_ROWS:
         return None
-    share = float(np.mean(rows[clear] < -0.5))
-    return f"{share:.0%} of the rows step backwards in all joints at once" if share > DISORDER else None
+    back = clear & (rows < -0.5)
+    share = float(back.sum() / clear.sum())
+    if share <= DISORDER:
+        return None
+    place = np.concatenate([[0.0], np.cumsum(np.where(back, rows, 1.0))])
+    text = f"{share:.0%} of the rows step backwards in all joints at once"
+    return _Disorder(text, np.flatnonzero(back) + 1, np.argsort(place, kind="stable"))
 
 
 def _greatest_near(values: np.ndarray) -> np.ndarray:
@@ -301,13 +323,13 @@ def _held(log_set: LogSet, skip: set[str], shuffled: dict[str, dict[str, list[st
     for name, files in found.items():
         joints = tuple(log_set.joints[j] for j in dict.fromkeys(j for js, _ in files.values() for j in js))
         share = max(value for _, value in files.values())
-        text = (
-            f"{joint_column(joints[0], name)}"
-            + (f" (and of {listed(joints[1:])})" if len(joints) > 1 else "")
-            + f" {where(tuple(files), len(log_set.trials))}: {share:.1%} of the rows repeat the sample before while "
-            "the signal travels: frames were dropped or the sensor is slower than the log; record at its rate"
+        what = (
+            f"{share:.1%} of the rows repeat the sample before while the signal travels: frames were dropped or the "
+            "sensor is slower than the log; record at its rate"
         )
-        defects.append(Defect("held_samples", tuple(files), joints, name, text, fatal=share > HELD_FATAL))
+        cells = frozenset((file, log_set.joints[j]) for file, (js, _) in files.items() for j in js)
+        total, fatal = len(log_set.trials), share > HELD_FATAL
+        defects.append(of_channel("held_samples", name, joints, tuple(files), total, what, fatal=fatal, cells=cells))
     return defects
 
 

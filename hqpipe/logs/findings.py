@@ -6,7 +6,7 @@ trials and in which joints: findings of one kind that say the same are told once
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from hqpipe.logs.columns import joint_column
@@ -47,7 +47,7 @@ def grouped(findings: Iterable[Finding], files: Sequence[str]) -> list[str]:
     return [f"{in_trials([f.file for f in found], files)}: {_line(found)}" for found in lines.values()]
 
 
-def in_trials(found: Iterable[str], files: Sequence[str]) -> str:
+def in_trials(found: Iterable[str], files: Collection[object]) -> str:
     """ "in 10 of 12 trials (a, b and 8 more)", "in every trial", or the file where there is but one.
 
     Args:
