@@ -23,8 +23,8 @@ class Planted:
     Attributes:
         kinds: defect kinds that name it rightly; empty where nothing should be found.
         joint: where it was planted; None for whole trials. file: the rotten trial; None for all trials.
-        costs: whether the answer would be another without it; the way round of a valve, or the unit of a channel that a
-            model scales by itself, is told and costs nothing.
+        costs: whether the answer would be another without it for certain. The way round of a valve, the unit of a channel
+            that a model scales by itself, or a velocity that the positions stand in for, may be told and cost nothing.
     """
 
     kinds: tuple[str, ...] = ()
@@ -268,15 +268,17 @@ def _of_the_wiring(trials: Trials, mode: str) -> list[Variant]:
             continue
         signless = part == "effort" and min(c[f"joint/{joint}/effort"].min() for c in trials.values()) >= 0.0
         free = part == command and mode == "valve"  # which way a valve counts is its own affair
-        flipped = Planted(("sign_flipped", "unsigned"), joint, costs=not free)
+        sizes = min(c.get(f"joint/{joint}/effort", np.ones(1)).min() for c in trials.values()) >= 0.0
+        told_only = free or part == "velocity" or sizes  # an effort without a sign takes that of any command
+        flipped = Planted(("sign_flipped", "unsigned"), joint, costs=not told_only)
         if not signless:
             found.append(
                 Variant(f"{part} of one joint flipped", _each(_values((joint,), (part,), np.negative)), flipped)
             )
-        shuffled = Planted(("rows_out_of_order",), joint)
+        shuffled = Planted(("rows_out_of_order",), joint, costs=part != "velocity")
         found.append(Variant(f"{part} of one joint shuffled", _each(_column_shuffled(joint, part)), shuffled))
         if len(joints) > 2:
-            swapped = Planted(("swapped", "velocity_mismatch"), joint)
+            swapped = Planted(("swapped", "velocity_mismatch"), joint, costs=part != "velocity")
             found.append(Variant(f"{part} of two joints swapped", _each(_swap(part, joint, joints[2])), swapped))
     if f"joint/{joint}/velocity" in columns:
         unit = Planted(("velocity_mismatch", "units"), joint, costs=False)

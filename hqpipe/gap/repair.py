@@ -31,8 +31,8 @@ def repairs(defect: Defect, log_set: LogSet) -> list[LogSet]:
     if defect.kind == "sign_flipped":
         return [_mended(log_set, defect, lambda t, _: _changed(t, (defect.channel,), columns, np.negative))]
     if defect.kind == "other_units":
-        scale = 1.0 / defect.factor
-        return [_mended(log_set, defect, lambda t, _: _changed(t, SCALED, columns, lambda v: scale * v))]
+        scale, every = 1.0 / defect.factor, list(range(len(log_set.joints)))
+        return [_mended(log_set, defect, lambda t, _: _changed(t, SCALED, every, lambda v: scale * v))]
     if defect.kind == "held_samples":
         return [_mended(log_set, defect, lambda t, _: _changed(t, (defect.channel,), columns, joined_up))]
     if defect.kind == "unsigned" and defect.channel == "effort" and log_set.control_mode == "position":

@@ -19,7 +19,7 @@ LAGS = (1, 2, 3, 5, 8, 16, 32, 64, 128)
 SIGMAS = 5.0  # serial correlation of T independent rows has the standard deviation 1/√T; over all columns one in 10⁴
 MIN_COUNTS = 3.0  # standard deviation in steps of the sensor: a signal of fewer is its own rounding
 SMOOTH = 0.8  # serial correlation above which a channel counts as sampled motion; assumption
-AGREEMENT = 0.3  # correlation within the rows that noise of two sensors does not reach; assumption
+AGREEMENT = 0.3  # correlation that noise does not reach, of two sensors or of one with itself; assumption
 CLEARER = 10.0  # × the white noise of the same channel in another trial; assumption
 JUMP_ROWS = 5.0  # a position step this many times that of the speed around it; assumption
 JUMP_SIGMAS = 20.0  # and this many times the usual disagreement of position and velocity; assumption
@@ -111,7 +111,8 @@ class _Serial:
     alive: np.ndarray
 
     def independent(self, samples: int) -> np.ndarray:
-        return self.alive & (self.greatest < SIGMAS / np.sqrt(samples))
+        """(J,) True where no correlation is left at any lag, and there are rows enough to tell."""
+        return self.alive & (self.greatest < min(SIGMAS / np.sqrt(samples), AGREEMENT)) & (samples >= MIN_ROWS)
 
 
 def _serial(values: np.ndarray) -> _Serial:
@@ -153,7 +154,8 @@ def _noise_elsewhere(log_set: LogSet) -> dict[str, np.ndarray]:
         rows = []
         for trial in log_set.trials:
             values = getattr(trial.trajectory, name)
-            rows.append(np.where(_serial(values).first > SMOOTH, white_noise(values), np.inf))
+            noise = np.maximum(white_noise(values), count(values))  # at rest a coarse sensor shows no noise
+            rows.append(np.where(_serial(values).first > SMOOTH, noise, np.inf))
         found[name] = np.array(rows)
     return found
 
@@ -171,11 +173,28 @@ def _shuffled(t: Trajectory, elsewhere: dict[str, np.ndarray]) -> list[tuple[str
     found = []
     for name, flags in loose.items():
         spread = channels[name].std(axis=0)
-        known = spread > CLEARER * np.min(elsewhere[name], axis=0)
+        known = spread > CLEARER * np.median(elsewhere[name], axis=0)
         for j in np.flatnonzero(flags):
-            if known[j] or _agrees(channels, loose, name, j) or _contradicts(t, name, j, moving[j]):
+            told = known[j] or _agrees(channels, loose, name, j) or _contradicts(t, name, j, moving[j])
+            if told and not (moving[j] and _belongs(t, channels, loose, name, j)):
                 found.append((name, int(j)))
     return found
+
+
+def _belongs(t: Trajectory, channels: dict[str, np.ndarray], loose: dict[str, np.ndarray], name: str, j: int) -> bool:
+    """Whether a column of independent rows follows the smooth channels of its joint: noisy, or slowly logged, but in order.
+
+    A torque that changes faster than it is logged resembles no sample before it, and follows the motion none the less.
+    """
+    reach = _reach(t)
+    mine = channels[name][1:, j]
+    for other in (other for other, flags in loose.items() if other != name and not flags[j]):
+        smooth = channels[other][:, j]
+        change = np.diff(smooth)
+        for signal in (smooth[1:], change, np.abs(change), np.sign(change)):
+            if _likeness(mine, signal, reach) > SIGMAS / np.sqrt(t.samples):
+                return True
+    return False
 
 
 def _agrees(channels: dict[str, np.ndarray], loose: dict[str, np.ndarray], name: str, j: int) -> bool:
@@ -212,14 +231,20 @@ def _ignored(t: Trajectory, j: int) -> bool:
     command, position = t.position_command[1:, j], t.position[1:, j]
     if command.std() < 0.1 * position.std():
         return False
-    reach = min(round(COMMAND_REACH_S / t.dt), t.samples // 4)
-    length = 2 ** int(np.ceil(np.log2(2 * t.samples)))
-    given = np.conj(np.fft.rfft(_unit(command), length))
-    for answer in (position, np.diff(t.position[:, j])):
-        likeness = np.fft.irfft(np.fft.rfft(_unit(answer), length) * given, length)[: reach + 1]
-        if np.abs(likeness).max() > SIGMAS / np.sqrt(t.samples):
-            return False
-    return True
+    answers = (position, np.diff(t.position[:, j]))
+    return not any(_likeness(answer, command, _reach(t)) > SIGMAS / np.sqrt(t.samples) for answer in answers)
+
+
+def _reach(t: Trajectory) -> int:
+    """Rows within which one channel of a joint answers another."""
+    return min(round(COMMAND_REACH_S / t.dt), t.samples // 4)
+
+
+def _likeness(answer: np.ndarray, given: np.ndarray, reach: int) -> float:
+    """Greatest correlation, by size, of (T,) with what was given up to `reach` rows before."""
+    length = 2 ** int(np.ceil(np.log2(2 * len(given))))
+    spectrum = np.fft.rfft(_unit(answer), length) * np.conj(np.fft.rfft(_unit(given), length))
+    return float(np.abs(np.fft.irfft(spectrum, length)[: reach + 1]).max())
 
 
 def _unit(values: np.ndarray) -> np.ndarray:

@@ -148,22 +148,22 @@ def _meaning(slope: float | None) -> str:
     return ""
 
 
-def _partners(t: Trajectory, name: str) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Channels none of which changes much while `name` stands still, by how much they must at least, and per row, (J,).
+def _partners(t: Trajectory, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Channels none of which changes much while `name` stands still, and by how much they must at least, (J,).
 
-    A command may rest, so it has none. A speed of a count or two is none: what it adds up to says nothing.
+    A command may rest, so it has none. A speed of a few counts is none: what it adds up to says nothing.
     """
     unit = count(t.position)
     unit = np.where(unit > 0, unit, unit.max())  # a dead encoder shows no count of its own
     nothing, least = np.zeros(len(t.joints)), FROZEN_COUNTS * unit
-    command = [] if t.position_command is None else [(t.position_command, least, nothing)]
+    command = [] if t.position_command is None else [(t.position_command, least)]
     if name == "position":
-        drift = CLEAR_TRAVEL * count(t.velocity) * t.dt
-        speed = [(np.cumsum(t.velocity, axis=0) * t.dt, least, drift)] if t.velocity_source == "measured" else []
+        clear = np.where(np.abs(t.velocity) > CLEAR_TRAVEL * count(t.velocity), t.velocity, 0.0)
+        speed = [(np.cumsum(clear, axis=0) * t.dt, least)] if t.velocity_source == "measured" else []
         return speed + command
     if name == "velocity":
-        return [(differentiate(t.position, t.dt), nothing, nothing), (t.position, least, nothing)]
-    error = [(t.position_command - t.position, least, nothing)] if command else [(t.position, least, nothing)]
+        return [(differentiate(t.position, t.dt), nothing), (t.position, least)]
+    error = [(t.position_command - t.position, least)] if command else [(t.position, least)]
     return error if name in ("effort", "pressure_a", "pressure_b") else []
 
 
@@ -182,21 +182,20 @@ def _frozen(t: Trajectory, name: str) -> dict[int, np.ndarray]:
             returns = (held == limit).sum() >= CLIP_RUNS  # to its limit: such a channel is clipped, not dead
             if returns or (len(held) > 1 and name not in ("position", "velocity")):
                 long &= held != limit
-        for partner, least, drift in partners:
-            long &= _travels(partner[:, j], start, long, least[j] + drift[j] * (stop - start))
+        for partner, least in partners:
+            long &= _travels(partner[:, j], start, long, least[j])
         if long.any():
             still = [np.arange(a, b + 1) for a, b in zip(start[long], stop[long], strict=True)]
             found[j] = np.concatenate(still)
     return found
 
 
-def _travels(partner: np.ndarray, start: np.ndarray, long: np.ndarray, least: np.ndarray) -> np.ndarray:
-    """(runs,) True where the partner travels within a run of one value as it does in no usual run, and by `least` (runs,)."""
+def _travels(partner: np.ndarray, start: np.ndarray, long: np.ndarray, least: float) -> np.ndarray:
+    """(runs,) True where the partner travels within a run of one value as it does in no usual run."""
     travel = np.maximum.reduceat(partner, start) - np.minimum.reduceat(partner, start)
     usual = np.quantile(travel[~long], 0.99) if (~long).sum() > FROZEN_ROWS else 0.0
     noise = white_noise(partner[:, None])[0]
-    lowest = max(FROZEN_FACTOR * usual, FROZEN_SHARE * partner.std(), 2.0 * CLEAR_TRAVEL * noise)
-    return travel > np.maximum(lowest, least)
+    return travel > max(FROZEN_FACTOR * usual, FROZEN_SHARE * partner.std(), 2.0 * CLEAR_TRAVEL * noise, least)
 
 
 def _constant(log_set: LogSet, frozen: Places[np.ndarray]) -> list[Defect]:
