@@ -7,8 +7,9 @@ can show in trials and joints that do not have it. The diagnosis ends only where
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -81,7 +82,8 @@ def take_in(log_set: LogSet, window_s: float, without: Sequence[str] = ()) -> In
 
 def _sifted(log_set: LogSet, window_s: float, steps: int, without: Sequence[str]) -> Intake:
     """The log set without what is broken in it."""
-    sieve = _Sieve(log_set, steps)
+    apart, names = _named_apart(log_set)
+    sieve = _Sieve(apart, names, steps)
     sieve.drop_short()
     signed = restore_efforts(sieve.logs, without)
     while not sieve.empty:
@@ -95,16 +97,33 @@ def _sifted(log_set: LogSet, window_s: float, steps: int, without: Sequence[str]
     return sieve.intake(signed, (), tuple(f"{item.reason}; {item.fix}" for item in sieve.left), advice)
 
 
+def _named_apart(log_set: LogSet) -> tuple[LogSet, dict[str, str]]:
+    """The log set with a name of its own for each part of a trial that is both fitted and held out, and what it was."""
+    count = Counter(trial.file for trial in log_set.trials)
+    names, trials = {}, []
+    for trial in log_set.trials:
+        part = "held-out" if trial.split == "heldout" else "fit"
+        name = f"{trial.file} ({part} part)" if count[trial.file] > 1 else trial.file
+        names[name] = trial.file
+        trials.append(replace(trial, file=name))
+    return replace(log_set, trials=tuple(trials)), names
+
+
+def _named_back(log_set: LogSet, names: dict[str, str]) -> LogSet:
+    return replace(log_set, trials=tuple(replace(trial, file=names[trial.file]) for trial in log_set.trials))
+
+
 class _Sieve:
     """A log set from which parts are taken until it is sound.
 
     Attributes:
-        logs: what is left of it, as it came. empty: whether nothing is left; `logs` is then what there was before.
+        logs: what is left of it, as it came. names: name of each of its trials → that of its file.
+        empty: whether nothing is left; `logs` is then what there was before.
         left: what was left out. spare: see `Intake`.
     """
 
-    def __init__(self, logs: LogSet, steps: int) -> None:
-        self.logs, self.steps = logs, steps
+    def __init__(self, logs: LogSet, names: dict[str, str], steps: int) -> None:
+        self.logs, self.names, self.steps = logs, names, steps
         self.left: list[LeftOut] = []
         self.spare: dict[str, LogSet | None] = {}
         self.empty = False
@@ -133,7 +152,8 @@ class _Sieve:
         return False
 
     def intake(self, signed: SignedLogs, told: Sequence[str], reasons: tuple[str, ...], advice: str | None) -> Intake:
-        logs = signed.log_set
+        logs, raw = (_named_back(part, self.names) for part in (signed.log_set, signed.raw))
+        signed = replace(signed, log_set=logs, raw=raw)
         channels = channel_warnings([trial.trajectory for trial in logs.trials])
         warnings = (*reasons, *logs.warnings, *channels, *told)
         return Intake(logs, signed, self.steps, warnings, reasons, advice, tuple(self.left), self.spare)

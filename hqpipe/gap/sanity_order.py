@@ -18,8 +18,10 @@ from hqpipe.logs.trajectory import LogSet, Trajectory
 LAGS = (1, 2, 3, 5, 8, 16, 32, 64, 128)
 SIGMAS = 5.0  # serial correlation of T independent rows has the standard deviation 1/√T; over all columns one in 10⁴
 MIN_COUNTS = 3.0  # standard deviation in steps of the sensor: a signal of fewer is its own rounding
+ROUNDING = 1e-12  # of a channel's values: a constant one, as its mean rounds
 SMOOTH = 0.8  # serial correlation above which a channel counts as sampled motion; assumption
 AGREEMENT = 0.3  # correlation that noise does not reach, of two sensors or of one with itself; assumption
+CARRIES = 0.5  # of a channel's usual size, below which a trial may hold its noise only; assumption
 CLEARER = 10.0  # × the white noise of the same channel in another trial; assumption
 JUMP_ROWS = 5.0  # a position step this many times that of the speed around it; assumption
 JUMP_SIGMAS = 20.0  # and this many times the usual disagreement of position and velocity; assumption
@@ -47,11 +49,11 @@ _SAME_ORIGIN = ("effort", "pressure_a", "pressure_b", "valve_command")  # may sh
 def order_defects(log_set: LogSet) -> list[Defect]:
     """Shuffled rows or channels, jumps in the order, and held samples."""
     found: list[Defect] = []
-    smooth = _noise_elsewhere(log_set)
+    smooth, usual = _noise_elsewhere(log_set), _usual_size(log_set)
     shuffled: dict[str, dict[str, list[str]]] = {}
     whole: list[str] = []
     for trial in log_set.trials:
-        columns = _shuffled(trial.trajectory, smooth)
+        columns = _shuffled(trial.trajectory, smooth, usual)
         carried = {name for name, _ in columns}
         if len(carried - set(_SAME_ORIGIN)) > 1:
             whole.append(trial.file)
@@ -111,8 +113,9 @@ class _Serial:
     alive: np.ndarray
 
     def independent(self, samples: int) -> np.ndarray:
-        """(J,) True where no correlation is left at any lag, and there are rows enough to tell."""
-        return self.alive & (self.greatest < min(SIGMAS / np.sqrt(samples), AGREEMENT)) & (samples >= MIN_ROWS)
+        """(J,) True where no correlation is left at any lag, and there are rows enough to see a slight one."""
+        chance = SIGMAS / np.sqrt(samples)
+        return self.alive & (self.greatest < chance) & (chance < AGREEMENT)
 
 
 def _serial(values: np.ndarray) -> _Serial:
@@ -121,7 +124,8 @@ def _serial(values: np.ndarray) -> _Serial:
     lags = [lag for lag in LAGS if lag < len(values) // 4]
     safe = np.maximum(power, np.finfo(float).tiny)
     r = np.array([np.mean(centred[lag:] * centred[:-lag], axis=0) / safe for lag in lags])
-    alive = (power > 0) & (np.sqrt(power) > MIN_COUNTS * count(values))
+    alive = np.ptp(values, axis=0) > ROUNDING * np.abs(values).max(axis=0)
+    alive &= np.sqrt(power) > MIN_COUNTS * count(values)
     return _Serial(r[0], np.abs(r).max(axis=0), alive)
 
 
@@ -160,8 +164,19 @@ def _noise_elsewhere(log_set: LogSet) -> dict[str, np.ndarray]:
     return found
 
 
-def _shuffled(t: Trajectory, elsewhere: dict[str, np.ndarray]) -> list[tuple[str, int]]:
-    """(channel, joint) whose rows are independent although they carry a signal."""
+def _usual_size(log_set: LogSet) -> dict[str, np.ndarray]:
+    """Per channel (J,) median over the trials of its standard deviation."""
+    trials = [trial.trajectory for trial in log_set.trials]
+    return {name: np.median([getattr(t, name).std(axis=0) for t in trials], axis=0) for name in trials[0].channels()}
+
+
+def _shuffled(t: Trajectory, elsewhere: dict[str, np.ndarray], usual: dict[str, np.ndarray]) -> list[tuple[str, int]]:
+    """(channel, joint) whose rows are independent although they carry a signal.
+
+    Args:
+        elsewhere: channel → (trials, J) noise of the smooth ones. usual: channel → (J,) its size; a channel that shows far
+            less has nothing to carry.
+    """
     channels = t.channels()
     if t.velocity_source != "measured":
         del channels["velocity"]
@@ -175,7 +190,8 @@ def _shuffled(t: Trajectory, elsewhere: dict[str, np.ndarray]) -> list[tuple[str
         spread = channels[name].std(axis=0)
         known = spread > CLEARER * np.median(elsewhere[name], axis=0)
         for j in np.flatnonzero(flags):
-            told = known[j] or _agrees(channels, loose, name, j) or _contradicts(t, name, j, moving[j])
+            told = known[j] or _agrees(channels, loose, name, j)
+            told = told or (spread[j] > CARRIES * usual[name][j] and _contradicts(t, name, j, moving[j]))
             if told and not (moving[j] and _belongs(t, channels, loose, name, j)):
                 found.append((name, int(j)))
     return found

@@ -34,6 +34,7 @@ FROZEN_ROWS = 20  # a shorter run of one value is rounding or a pause; assumptio
 FROZEN_FACTOR = 10.0  # × the travel of the partner in the longest usual run of one value; assumption
 FROZEN_SHARE = 0.2  # of the partner's standard deviation, likewise
 FROZEN_COUNTS = 20.0  # of the position, that the joint travels meanwhile: stiction holds it within less; assumption
+STILL_SHARE = 0.02  # of the samples: less costs little
 CLIP_RUN, CLIP_RUNS = 5, 3  # samples on end at the extreme, and how often; assumption
 CLIP_LEVELS = 50  # a signal of fewer levels is a square wave or coarsely quantised
 CLIP_SHOWN = 3  # limits in a message
@@ -184,7 +185,7 @@ def _frozen(t: Trajectory, name: str) -> dict[int, np.ndarray]:
                 long &= held != limit
         for partner, least in partners:
             long &= _travels(partner[:, j], start, long, least[j])
-        if long.any():
+        if long.any() and (stop - start + 1)[long].sum() > STILL_SHARE * t.samples:
             still = [np.arange(a, b + 1) for a, b in zip(start[long], stop[long], strict=True)]
             found[j] = np.concatenate(still)
     return found

@@ -108,6 +108,14 @@ CONSIDERED = {
     "shrink": AT_MOST_ONE,
     "reason": TEXT,
 }
+LEFT_OUT = {
+    "trials": TEXTS,
+    "joints": TEXTS,
+    "channel": TEXT_OR_NULL,
+    "kind": TEXT,
+    "reason": TEXT,
+    "fix": TEXT,
+}
 DIAGNOSIS = {
     "format": _one_of(FORMAT),
     "verdict": _one_of(*VERDICTS),
@@ -118,6 +126,7 @@ DIAGNOSIS = {
         "joints": TEXTS,
         "control_mode": _one_of(*MODES),
     },
+    "left_out": Maybe([LEFT_OUT], absent=True),
     "reference": Maybe(REFERENCE, absent=True),
     "gap": Maybe(GAP),
     "gaps": Maybe([GAP], absent=True),
