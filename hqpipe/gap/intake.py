@@ -133,7 +133,7 @@ class _Sieve:
         """Leave out trials that hold no window."""
         if short := [t.file for t in self.logs.trials if t.trajectory.samples <= self.steps]:
             where = in_trials(short, self.logs.trials)
-            reason = f"{where}: shorter than one window of {self.steps} samples, left out"
+            reason = f"{where}: shorter than one window of {self.steps} samples"
             self.left.append(LeftOut(tuple(short), (), None, "too_short", reason, "record longer trials"))
             self._keep(without_trials(self.logs, short))
 

@@ -169,7 +169,7 @@ def test_the_model_of_a_joint_that_was_left_out_is_that_of_the_mended_logs():
     found, sound = (diagnose(x, without=WITHOUT) for x in (flipped, logs))
     assert found.content["logs"]["joints"] == [logs.joints[0], logs.joints[2]]
     assert found.augmented.joints == logs.joints
-    np.testing.assert_allclose(found.augmented.parameters, sound.augmented.parameters, rtol=0.05, atol=1e-9)
+    np.testing.assert_allclose(found.augmented.parameters[:, :4], sound.augmented.parameters[:, :4], rtol=0.02)
 
 
 def test_a_joint_without_any_sound_log_leaves_no_model_and_says_why():
@@ -216,7 +216,8 @@ def test_trial_shorter_than_a_window_is_left_out_and_said(sound):
     short = replace(sound.trials[0], file="stub.parquet", trajectory=sound.trials[0].trajectory.section(0, 60))
     content = verdict(replace(sound, trials=(*sound.trials, short)))
     assert content["verdict"] == "no_gap"
-    assert "stub.parquet: shorter than one window, left out" in content["warnings"]
+    (left,) = content["left_out"]
+    assert left["trials"] == ["stub.parquet"] and "stub.parquet: shorter than one window" in left["reason"]
 
 
 def test_without_commands_only_sensing_is_evaluated(sound):
