@@ -90,6 +90,7 @@ def _metrics(diagnosis: Any, loop: Any) -> dict[str, Any]:
         "gap": gap,
         "where": where[:10],
         "causes": causes,
+        "left_out": diagnosis.content["left_out"],
         "warnings": diagnosis.content["warnings"],
         "closed_loop": {name: loop.pooled(name) for name in loop.models} if loop is not None else None,
     }

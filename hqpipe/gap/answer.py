@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from hqpipe.gap.considered import considered, significant
 from hqpipe.gap.gap_entry import gap_entry, output_unit, undeclared
 from hqpipe.gap.groups import scope_of
 from hqpipe.gap.joint_scale import pooled
+from hqpipe.gap.left_out import LeftOut
 from hqpipe.gap.locate import Place, telling
 from hqpipe.gap.reference import Explained
 from hqpipe.gap.replay import persistence_error
@@ -60,6 +62,7 @@ def answer(
     places: tuple[list[Place], list[Place]],
     warnings: list[str],
     earlier: Earlier | None = None,
+    left_out: Sequence[LeftOut] = (),
 ) -> dict[str, Any]:
     """The content of diagnosis.json.
 
@@ -68,7 +71,7 @@ def answer(
         scales: torque sensors with a wrong gain; no part of the gap, for the coefficients take it up.
         evidence, explained, places: before and after the causes were added.
         warnings: so far.
-        earlier: the record that the logs are compared with.
+        earlier: the record that the logs are compared with. left_out: parts of the logs that were not used.
     """
     gap_before, gap_after = (_matters(e, found) for e in evidence)
     unexplained = bool(gap_after.any())
@@ -96,7 +99,7 @@ def answer(
     passing = {joint for cause in found.passing for joint in cause.joints}
     where = [_place(p, log_set) for p in (telling(places[0], passing) if gap_before.any() else [])]
     remaining = [_place(p, log_set) for p in (telling(places[1]) if unexplained else [])]
-    content = _head(log_set, verdict, earlier) | {
+    content = _head(log_set, verdict, earlier, left_out) | {
         "gap": _gap(log_set, window, found, evidence),
         "where": where,
         "causes": causes,
@@ -316,10 +319,14 @@ def _remarks(joints: tuple[str, ...], evidence: tuple[Evidence, Evidence], found
 
 
 def not_identifiable(
-    log_set: LogSet, warnings: list[str], advice: str | None, earlier: Earlier | None = None
+    log_set: LogSet,
+    warnings: list[str],
+    advice: str | None,
+    earlier: Earlier | None = None,
+    left_out: Sequence[LeftOut] = (),
 ) -> dict[str, Any]:
     """The answer when the logs cannot carry one."""
-    content = _head(log_set, "not_identifiable", earlier) | {
+    content = _head(log_set, "not_identifiable", earlier, left_out) | {
         "gap": None,
         "where": [],
         "causes": [],
@@ -332,7 +339,7 @@ def not_identifiable(
     return content
 
 
-def _head(log_set: LogSet, verdict: str, earlier: Earlier | None) -> dict[str, Any]:
+def _head(log_set: LogSet, verdict: str, earlier: Earlier | None, left_out: Sequence[LeftOut]) -> dict[str, Any]:
     logs = {
         "path": str(log_set.path),
         "sha256": log_set.sha256,
@@ -341,7 +348,8 @@ def _head(log_set: LogSet, verdict: str, earlier: Earlier | None) -> dict[str, A
         "control_mode": log_set.control_mode,
     }
     reference = {} if earlier is None else {"reference": earlier.header()}
-    return {"format": FORMAT, "verdict": verdict, "logs": logs} | reference
+    without = {"left_out": [item.content() for item in left_out]}
+    return {"format": FORMAT, "verdict": verdict, "logs": logs} | without | reference
 
 
 def _place(p: Place, log_set: LogSet) -> dict[str, Any]:

@@ -1,59 +1,179 @@
-"""Whether mending a defect of the wiring really helps the model: the second opinion before a log is refused.
+"""Whether a defect matters: the second opinion, by comparing models, before anything is left out for it.
 
-The checks of `hqpipe.gap.sanity` know no actuator. A controller with an integrator, or a valve at its stop, can pull
-away from its command for seconds, which looks like a flipped sign; but then the base model fits the log as it is better
-than the mended one.
+The checks of `hqpipe.gap.sanity` know no actuator, and can be wrong: a controller with an integrator, or a valve at its
+stop, pulls away from its command for seconds, which looks like a flipped sign; a slow machine repeats its samples. A
+defect costs something only if the answer would be another without it. The base model is fitted to the logs as they are
+and to what they would be without the defect:
+
+- where it can be mended, to the mended logs;
+- where it shows in some rows, to the windows without those rows: if they matter, they are far worse than the others;
+- where no sample resembles the one before it, to the same rows in a random order: if they are as good in it, theirs is none.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hqpipe.gap.defect import Defect
-from hqpipe.gap.joint_data import COMMAND_CHANNEL, joint_data
-from hqpipe.gap.set_fit import JointFitter
+from hqpipe.gap.joint_data import COMMAND_CHANNEL, LOGGED, MOVED, Split, joint_data
+from hqpipe.gap.repair import repairs
+from hqpipe.gap.set_fit import JointFitter, window_errors
 from hqpipe.logs.trajectory import LogSet, Trajectory
 
-WIRING = ("swapped", "sign_flipped")
-BETTER = 0.7  # of the squared error that mending must leave at most; assumption
+SIGMAS = 3.0  # of the logarithm of two fits' errors, by the jackknife: less may be chance
+BLOCKS = 16  # of the jackknife
+FEW = 8  # windows: fewer have no scatter, and no fit of their own
+BETTER = 0.7  # of the squared error that the other rows, or joined-up samples, must leave at most; assumption
+RAN_AWAY = 10.0  # × the output's mean square: a window that is worse says no more than that; assumption
+SEED = 0  # of the random order
+TAKEN = ("too_short",)  # no question of the model
 
 
 def confirmed(defect: Defect, log_set: LogSet, steps: int) -> bool:
-    """Whether the base model fits the mended channels better, for a defect of the wiring; others are taken as found."""
-    mode = log_set.control_mode
-    used = (COMMAND_CHANNEL[mode], "position", "effort")
-    if defect.kind not in WIRING or defect.channel not in used or not defect.joints:
+    """Whether the logs without the defect would give another answer.
+
+    Args:
+        defect: of the log set. log_set: with the channels of its control mode. steps: samples per window.
+    """
+    if defect.kind in TAKEN or not used(defect, log_set):
         return True
-    columns = [log_set.joints.index(joint) for joint in defect.joints]
-    if defect.kind == "swapped":
-        turns = range(1, len(columns))
-        options = [(columns, columns[turn:] + columns[:turn], 1.0) for turn in turns]
-    else:
-        options = [(columns, columns, -1.0)]
-    as_is = _loss(log_set, columns, steps, mode)
-    return any(
-        _loss(_mended(log_set, defect, *option), columns, steps, mode) < as_is + len(columns) * np.log(BETTER)
-        for option in options
-    )
+    speed = LOGGED if defect.channel == "velocity" else MOVED
+    joints = defect.joints or log_set.joints
+    columns = [log_set.joints.index(joint) for joint in joints]
+    windows = _Windows.of(log_set, columns, steps, speed)
+    if not any(len(owner) for owner in windows.owner):
+        return True  # no window is left to tell
+    if mended := repairs(defect, log_set):
+        here = [np.isin(owner, _indices(windows.files, defect.trials)) for owner in windows.owner]
+        as_is = windows.errors()
+        least = np.log(BETTER) if defect.kind == "held_samples" else 0.0
+        return any(_less(_Windows.of(option, columns, steps, speed).errors(), as_is, here, least) for option in mended)
+    if defect.rows:
+        return _stand_out(defect, log_set, windows, joints)
+    return defect.kind != "rows_out_of_order" or not _ordered(defect, log_set, columns, steps, speed)
 
 
-def _mended(log_set: LogSet, defect: Defect, to: list[int], source: list[int], sign: float) -> LogSet:
-    def mend(t: Trajectory) -> Trajectory:
-        values = getattr(t, defect.channel).copy()
-        values[:, to] = sign * getattr(t, defect.channel)[:, source]
-        return replace(t, **{defect.channel: values})
-
-    trials = tuple(
-        replace(trial, trajectory=mend(trial.trajectory)) if trial.file in defect.trials else trial
-        for trial in log_set.trials
-    )
-    return replace(log_set, trials=trials)
+def used(defect: Defect, log_set: LogSet) -> bool:
+    """Whether the models of the control mode read a channel that the defect is in."""
+    channels = {COMMAND_CHANNEL[log_set.control_mode], "position", "effort", "velocity"}
+    return bool(channels & set(defect.channels or (defect.channel or "position",)))
 
 
-def _loss(log_set: LogSet, columns: list[int], steps: int, mode: str) -> float:
-    """Summed logarithm of the base model's loss in all trials."""
-    trials = [t.trajectory for t in log_set.trials if t.trajectory.samples > steps]
-    data = [joint_data(trials, trials, j, mode, steps, 0.0) for j in columns]
-    return float(sum(np.log(JointFitter(d).fit().loss + 1e-300) for d in data))
+@dataclass(frozen=True, eq=False)
+class _Windows:
+    """The windows of some joints, per joint.
+
+    Attributes:
+        files: of the trials that hold a window. data: what is fitted. owner: (W,) index of the trial of each window.
+        first: (W,) its first row in that trial. steps: rows that follow.
+    """
+
+    files: list[str]
+    data: list
+    owner: list[np.ndarray]
+    first: list[np.ndarray]
+    steps: int
+
+    @classmethod
+    def of(cls, log_set: LogSet, columns: Sequence[int], steps: int, speed: str) -> _Windows:
+        least = steps * (3 if log_set.control_mode == "valve" else 1)
+        kept = [trial for trial in log_set.trials if trial.trajectory.samples > least]
+        parts = [trial.trajectory for trial in kept]
+        data, owner, first = [], [], []
+        for j in columns if parts else ():
+            data.append(joint_data(parts, parts, j, log_set.control_mode, steps, 0.0, speed=speed))
+            signals = data[-1].fit.signals
+            owner.append(np.searchsorted(signals.bounds, signals.first, side="right") - 1)
+            first.append(signals.first - signals.bounds[owner[-1]])
+        return cls([trial.file for trial in kept], data, owner, first, steps)
+
+    def errors(self) -> list[np.ndarray]:
+        """Per joint (W,) squared error of the base model fitted to all windows, in units of the output's mean square."""
+        return [_in_units(JointFitter(data).fit().fitted, data.fit) for data in self.data]
+
+    def errors_fitted_to(self, kept: list[np.ndarray]) -> list[np.ndarray]:
+        """Likewise of every window, with the model fitted to some of them."""
+        found = []
+        for data, some in zip(self.data, kept, strict=True):
+            row = JointFitter(replace(data, fit=_part(data.fit, some))).fit().row
+            found.append(_in_units(window_errors(row, data.fit), data.fit))
+        return found
+
+
+def _part(split: Split, some: np.ndarray) -> Split:
+    signals = split.signals
+    part = signals._replace(first=signals.first[some], target=np.ascontiguousarray(signals.target[:, some]))
+    return Split(part, split.trial[some])
+
+
+def _in_units(errors: np.ndarray, split: Split) -> np.ndarray:
+    size = float(np.mean(split.signals.target**2)) + np.finfo(float).tiny
+    return np.minimum(errors / size, RAN_AWAY)
+
+
+def _less(new: list[np.ndarray], old: list[np.ndarray], here: list[np.ndarray], least: float) -> bool:
+    """Whether errors fell, for certain and by a factor whose logarithm is `least`, in the mean over the joints.
+
+    Args:
+        new, old: per joint (W,). here: per joint (W,) windows that count.
+    """
+    terms = []
+    for a, b, kept in zip(new, old, here, strict=True):
+        parts = np.array_split(np.flatnonzero(kept), BLOCKS)
+        sums = np.array([[values[part].sum() for part in parts] for values in (a, b)])
+        rest = sums.sum(axis=1, keepdims=True) - sums
+        terms.append(np.diff(np.log(rest[::-1] + np.finfo(float).tiny), axis=0)[0])
+    fall = np.mean(terms, axis=0)  # (BLOCKS,) logarithm of new over old without one block each
+    if min(kept.sum() for kept in here) < FEW:
+        return bool(fall.mean() < min(least, np.log(BETTER)))
+    error = np.sqrt((BLOCKS - 1) * np.mean((fall - fall.mean()) ** 2))
+    return bool(fall.mean() < least - SIGMAS * error)
+
+
+def _stand_out(defect: Defect, log_set: LogSet, windows: _Windows, joints: Sequence[str]) -> bool:
+    """Whether a model of the windows that hold none of the defect's rows is far worse in those that do."""
+    lengths = {trial.file: trial.trajectory.samples for trial in log_set.trials}
+    touched = []
+    for joint, owner, first in zip(joints, windows.owner, windows.first, strict=True):
+        inside = np.zeros(len(owner), dtype=bool)
+        for i, file in enumerate(windows.files):
+            rows = defect.rows.get((file, joint), defect.rows.get((file, None)))
+            if rows is None:
+                continue
+            before = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=lengths[file]))])
+            mine = owner == i
+            inside[mine] = before[np.minimum(first[mine] + windows.steps + 1, lengths[file])] > before[first[mine]]
+        touched.append(inside)
+    if any((~inside).sum() < FEW for inside in touched):
+        return True  # nothing sound is left to fit
+    if not any(inside.any() for inside in touched):
+        return False
+    errors = windows.errors_fitted_to([~inside for inside in touched])
+    ratio = [
+        e[~t].mean() / (e[t].mean() + np.finfo(float).tiny) for e, t in zip(errors, touched, strict=True) if t.any()
+    ]
+    return bool(np.mean(np.log(np.array(ratio) + np.finfo(float).tiny)) < np.log(BETTER))
+
+
+def _ordered(defect: Defect, log_set: LogSet, columns: Sequence[int], steps: int, speed: str) -> bool:
+    """Whether the model fits the trials with the defect better than the same rows in a random order."""
+    rng = np.random.default_rng(SEED)
+    names = (defect.channel,) if defect.channel else tuple(log_set.trials[0].trajectory.channels())
+    some = replace(log_set, trials=tuple(t for t in log_set.trials if t.file in defect.trials))
+    mixed = replace(some, trials=tuple(replace(t, trajectory=_mixed(t.trajectory, names, rng)) for t in some.trials))
+    as_is, random = (_Windows.of(logs, columns, steps, speed).errors() for logs in (some, mixed))
+    if not as_is:
+        return False
+    return _less(as_is, random, [np.ones(len(errors), dtype=bool) for errors in as_is], 0.0)
+
+
+def _mixed(t: Trajectory, names: Sequence[str], rng: np.random.Generator) -> Trajectory:
+    order = rng.permutation(t.samples)
+    return replace(t, **{name: getattr(t, name)[order] for name in names})
+
+
+def _indices(files: list[str], wanted: Sequence[str]) -> list[int]:
+    return [i for i, file in enumerate(files) if file in wanted]

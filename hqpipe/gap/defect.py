@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hqpipe.logs.columns import joint_column
+from hqpipe.logs.findings import in_trials, listed
+
+__all__ = ["KINDS", "Defect", "listed", "of_channel", "where"]
 
 KINDS = (
     "too_short",
     "rows_out_of_order",
+    "other_units",
     "held_samples",
     "constant",
     "saturated",
@@ -16,7 +24,8 @@ KINDS = (
     "sign_flipped",
     "unsigned",
 )
-_SHOWN = 6
+Rows = Mapping[tuple[str, str | None], np.ndarray]
+"""(file, joint; None for all joints) → (K,) rows."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +36,14 @@ class Defect:
         kind: one of `KINDS`.
         trials: files in which it was found.
         joints: joints concerned; empty if it concerns the whole trial.
-        channel: name of the channel in the log format, or None for all channels.
-        message: one line: what, where, by which figures, and the mend.
+        channel: name of the channel in the log format, or None for all channels or several.
+        message: one line: what, where, by which figures, and after the last semicolon the mend.
         fatal: whether a cause named from these logs could be the defect in disguise.
+        channels: those that a swap concerns.
+        cells: (file, joint) where it was found, if not every joint in every trial.
+        rows: in which it shows, where the other rows are sound.
+        order: file → (T,) order in which its rows are right again.
+        factor: by which the positions are too large.
     """
 
     kind: str
@@ -38,15 +52,79 @@ class Defect:
     channel: str | None
     message: str
     fatal: bool
+    channels: tuple[str, ...] = ()
+    cells: frozenset[tuple[str, str]] = frozenset()
+    rows: Rows = field(default_factory=dict, compare=False)
+    order: Mapping[str, np.ndarray] = field(default_factory=dict, compare=False)
+    factor: float = 1.0
+    what: str = ""
+    total: int = 0
+
+    @property
+    def reason(self) -> str:
+        """The message without the mend."""
+        return self.message.rpartition("; ")[0] or self.message
+
+    @property
+    def fix(self) -> str:
+        """The mend."""
+        return self.message.rpartition("; ")[2]
+
+    def where_in(self) -> frozenset[tuple[str, str]]:
+        """(file, joint) where it was found; empty for whole trials."""
+        return self.cells or frozenset((file, joint) for file in self.trials for joint in self.joints)
+
+    def for_joints(self, joints: Sequence[str]) -> Defect:
+        """The same in fewer joints; a defect that binds its joints together cannot be parted."""
+        if not self.what or set(joints) == set(self.joints):
+            return self
+        cells = frozenset((file, joint) for file, joint in self.where_in() if joint in joints)
+        files = tuple(file for file in self.trials if any(file == f for f, _ in cells))
+        rows = {key: rows for key, rows in self.rows.items() if key[1] in joints}
+        part = replace(self, joints=tuple(joints), trials=files, cells=cells, rows=rows)
+        return replace(part, message=_message(part.channel, part.joints, part.trials, self.total, self.what))
 
 
-def listed(names: Iterable[str]) -> str:
-    """Names in a message; the first six, then how many more."""
-    names = list(names)
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return ", ".join(names[:_SHOWN]) + more
+def of_channel(
+    kind: str,
+    channel: str,
+    joints: Sequence[str],
+    trials: Sequence[str],
+    total: int,
+    what: str,
+    *,
+    fatal: bool = True,
+    cells: frozenset[tuple[str, str]] = frozenset(),
+    rows: Rows | None = None,
+) -> Defect:
+    """A defect of one channel, found in each of its joints by itself.
+
+    Args:
+        kind, channel, joints, trials, fatal, cells, rows: see `Defect`.
+        total: trials of the set. what: the message after the place.
+    """
+    message = _message(channel, joints, trials, total, what)
+    return Defect(
+        kind,
+        tuple(trials),
+        tuple(joints),
+        channel,
+        message,
+        fatal,
+        cells=cells,
+        rows=rows or {},
+        what=what,
+        total=total,
+    )
+
+
+def _message(channel: str | None, joints: Sequence[str], trials: Sequence[str], total: int, what: str) -> str:
+    others = f" (and of {listed(joints[1:])})" if len(joints) > 1 else ""
+    return f"{joint_column(joints[0], channel)}{others} {where(tuple(trials), total)}: {what}"
 
 
 def where(trials: tuple[str, ...], total: int) -> str:
-    """ "in every trial", or the files."""
-    return "in every trial" if len(trials) == total and total > 1 else f"in {listed(trials)}"
+    """ "in every trial", "in 10 of 12 trials (a, b, c and 7 more)", or "in a"."""
+    if len(trials) == total and total > 1:
+        return "in every trial"
+    return f"in {trials[0]}" if len(trials) == 1 else in_trials(trials, range(total))

@@ -98,8 +98,14 @@ def fit_diagnosed(
         )
     if intake.reasons:
         raise IdentificationError(intake.reasons[0])
+    if broken := [item for item in intake.left_out if item.joints and item.channel is None]:
+        raise IdentificationError(
+            f"{broken[0].reason}: a model of all joints needs sound logs of each; {broken[0].fix}"
+        )
+    rotten = {t.file for t in part.trials} - {t.file for t in intake.log_set.trials}
+    log_set = replace(log_set, trials=tuple(t for t in log_set.trials if t.file not in rotten))
     limit = per_joint(effort_limit, log_set.joints, "effort_limit")
-    found = accuse(part, steps, without, effort_limit=limit, workers=workers)
+    found = accuse(intake.log_set, steps, without, effort_limit=limit, workers=workers)
     reasons, _ = shortage(found.base.fit, found.heldout, np.array([state.data.noise for state in found.states]) ** 2)
     if reasons:
         raise IdentificationError(reasons[0])

@@ -23,6 +23,7 @@ from hqpipe.gap.gap_entry import output_unit
 from hqpipe.gap.intake import LONGER, Intake, take_in
 from hqpipe.gap.joint_data import by_speed
 from hqpipe.gap.joint_state import JointState
+from hqpipe.gap.left_joints import plain_joints, whole_machine
 from hqpipe.gap.locate import Place, locate
 from hqpipe.gap.reference import Explained
 from hqpipe.gap.replay import persistence_error
@@ -30,7 +31,8 @@ from hqpipe.gap.rest import Rest
 from hqpipe.gap.row_model import RowModel
 from hqpipe.gap.schema import FIX, validate_diagnosis
 from hqpipe.gap.second_channel import measured, scale_causes, settle_offsets
-from hqpipe.gap.since import Earlier
+from hqpipe.gap.since import MODE, Earlier
+from hqpipe.gap.since_intake import only_known
 from hqpipe.gap.tally import ALL, Tally, tally
 from hqpipe.gap.traces import worst_windows
 from hqpipe.gap.verdict import Evidence, shortage, weigh
@@ -65,7 +67,8 @@ class Diagnosis:
         content: JSON-able, valid against `hqpipe.gap.schema`.
         table: joint × regime.
         traces: measured and predicted torque round the worst window of each joint.
-        base, augmented: the actuator model without and with the effects found; None outside position mode.
+        base, augmented: the actuator model of all joints without and with the effects found, those that were left out
+            without any; None outside position mode, or where a joint has no sound logs.
     """
 
     content: dict[str, Any]
@@ -112,29 +115,39 @@ def diagnose(
     else:
         intake = take_in(log_set, window_s, without)
     if earlier is not None:
+        intake = only_known(intake, earlier)
         intake = replace(intake, warnings=(*intake.warnings, *earlier.warnings))
     if intake.reasons:
-        return Diagnosis(not_identifiable(intake.log_set, list(intake.warnings), intake.advice, earlier))
-    return _actuator(intake, without, effort_limit, workers, progress, earlier)
+        warnings = list(intake.warnings)
+        return Diagnosis(not_identifiable(intake.log_set, warnings, intake.advice, earlier, intake.left_out))
+    return _actuator(intake, log_set.joints, without, effort_limit, workers, progress, earlier)
 
 
 def _actuator(
     intake: Intake,
+    machine: tuple[str, ...],
     without: Sequence[str],
     effort_limit: np.ndarray | None,
     workers: int,
     progress: Progress | None,
     earlier: Earlier | None,
 ) -> Diagnosis:
+    """The answer for the joints that are left.
+
+    Args:
+        machine: joints of the logs as they came; `effort_limit` is of these.
+    """
     log_set, signed, warnings = intake.log_set, intake.signed, list(intake.warnings)
-    found = accuse(log_set, intake.steps, without, signed, effort_limit, workers, progress, earlier)
+    limit = None if effort_limit is None else effort_limit[[machine.index(joint) for joint in log_set.joints]]
+    found = accuse(log_set, intake.steps, without, signed, limit, workers, progress, earlier)
     checked = [f for f in measured(log_set, without) if earlier is None or (f.effect, f.joint) not in earlier.checked]
     compared = log_set.trials[0].trajectory.pressure_a is not None
     found = replace(found, causes=settle_offsets(found.causes, checked, compared))
     sensor = np.array([state.data.noise for state in found.states]) ** 2
     reasons, excited = shortage(found.base.fit, found.heldout, sensor)
     if reasons:
-        return Diagnosis(not_identifiable(log_set, [*warnings, *reasons], LONGER, earlier))
+        warnings += reasons
+        return Diagnosis(not_identifiable(log_set, warnings, LONGER, earlier, intake.left_out))
     joints = log_set.joints
     trials = [trial.trajectory for trial in log_set.fit]
     drawn = by_speed(trials, [state.data.linear for state in found.states])[0]
@@ -144,6 +157,10 @@ def _actuator(
     still = [joint for joint, moved in zip(joints, excited, strict=True) if not moved]
     if still:
         warnings.append(f"too little excitation to judge {', '.join(still)}")
+    base = whole_machine(found.before, intake, machine, effort_limit)
+    augmented = whole_machine(_simulated(found.after, found.states), intake, machine, effort_limit)
+    if found.before.mode == MODE:
+        warnings += plain_joints(intake, machine, augmented is not None)
     content = answer(
         log_set,
         signed,
@@ -155,11 +172,13 @@ def _actuator(
         (before.places, after.places),
         warnings,
         earlier,
+        intake.left_out,
     )
     units = {joint: output_unit(log_set, joint) for joint in joints}
     table = _table(before, after, found, units)
     traces = worst_windows(found.heldout, found.rest.heldout, log_set)
-    return Diagnosis(content, tuple(table), traces, found.before.actuator(), _simulated(found.after, found.states))
+    models = [model and model.actuator() for model in (base, augmented)]
+    return Diagnosis(content, tuple(table), traces, *models)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,13 +219,13 @@ def _paired(trial: str, before: list[Place], after: list[Place], units: Mapping[
     return [Row(trial, p, known.get((p.joint, p.family, p.regime)), units[p.joint]) for p in before]
 
 
-def _simulated(model: RowModel, states: Sequence[JointState]) -> ActuatorModel | None:
-    """The actuator for the training simulator; a sensor whose gain changed since an earlier record is no part of it."""
+def _simulated(model: RowModel, states: Sequence[JointState]) -> RowModel:
+    """The machine for the training simulator; a sensor whose gain changed since an earlier record is no part of it."""
     rows = model.rows.copy()
     for j, state in enumerate(states):
         if state.data.then is not None and SCALE in state.chosen.effects:
             rows[j] = multiplied(rows[j], SCALE, 1.0 / state.first_number(SCALE))
-    return replace(model, rows=rows).actuator()
+    return replace(model, rows=rows)
 
 
 def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> None:

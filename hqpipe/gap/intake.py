@@ -1,9 +1,15 @@
-"""Whether a log set can be diagnosed at all: its channels, its signs, its defects."""
+"""What of a log set can be diagnosed: its channels and signs are looked through, and what is broken is left out.
+
+A check names a defect, a comparison of models says whether the answer would be another without it (`confirmed`), and the
+channel, the joint or the trial that has it is left out (`leave_out`). What is left is looked through again, since a defect
+can show in trials and joints that do not have it. The diagnosis ends only where no joint, no fit or no held-out trial is left.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,16 +17,20 @@ from hqpipe.errors import IdentificationError
 from hqpipe.gap.confirm import confirmed
 from hqpipe.gap.defect import Defect
 from hqpipe.gap.joint_data import COMMAND_CHANNEL
+from hqpipe.gap.left_out import LeftOut, leave_out, of_joints, without_trials
+from hqpipe.gap.repair import repairs
 from hqpipe.gap.sanity import check_logs
 from hqpipe.gap.sensing import channel_warnings
 from hqpipe.gap.signs import SignedLogs, restore_efforts
 from hqpipe.logs.columns import joint_column
+from hqpipe.logs.findings import in_trials
 from hqpipe.logs.trajectory import LogSet
 from hqpipe.sysid.free_run import window_samples
 from hqpipe.sysid.window_choice import WindowChoice, window_for
 
 LONGER = "record longer trials in which every joint moves, one of them held out"
-NOT_USED = ("velocity_mismatch",)  # defects of the velocity channel: the models run on the change of position
+MEND = "mend the logs, then diagnose them again"
+SEEN = ("constant", "saturated", "held_samples", "velocity_mismatch")  # facts, also where the models do not mind them
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +38,11 @@ class Intake:
     """A log set that has been looked through.
 
     Attributes:
-        log_set: with signed efforts, and without trials that hold no window. signed: the same, and what it was before.
+        log_set: with signed efforts, without what is left out. signed: the same, and what it was before.
         window: of the free run. steps: its samples. warnings: what to know.
-        reasons: why nothing can be said of it, the gravest first; empty for a sound one. advice: the mend then.
+        reasons: why nothing can be said of it, the gravest first; empty where something can. advice: the mend then.
+        left_out: parts of the logs that had to go.
+        spare: joint that was left out → logs in which it is sound, mended or of its other trials; None where there are none.
     """
 
     log_set: LogSet
@@ -40,6 +52,8 @@ class Intake:
     warnings: tuple[str, ...]
     reasons: tuple[str, ...] = ()
     advice: str | None = None
+    left_out: tuple[LeftOut, ...] = ()
+    spare: dict[str, LogSet | None] = field(default_factory=dict)
 
 
 def take_in(log_set: LogSet, window_s: float | None, without: Sequence[str] = ()) -> Intake:
@@ -58,35 +72,135 @@ def take_in(log_set: LogSet, window_s: float | None, without: Sequence[str] = ()
             f"{log_set.path}: no layer can be evaluated without '{joint_column('<name>', 'effort')}'; "
             "record the joint torque (for the actuator layer with the command of its control mode)"
         )
-    warnings = (*log_set.warnings, *channel_warnings(trials))
     dt = float(np.median([t.dt for t in trials]))
     lacking = [COMMAND_CHANNEL[mode]] if mode and getattr(trials[0], COMMAND_CHANNEL[mode]) is None else []
     if mode is None or lacking:
         column = joint_column("<name>", lacking[0] if lacking else "position_command")
         reason = f"the actuator layer needs {column}: only the sensing layer was evaluated"
-        signed, window = SignedLogs(log_set, log_set), window_for(log_set, window_s)
+        warnings = (*log_set.warnings, *channel_warnings(trials), reason)
+        window = window_for(log_set, window_s)
         steps = window_samples(dt, window.seconds, log_set.path)
-        return Intake(log_set, signed, window, steps, (*warnings, reason), (reason,), "record the missing channel")
-    signed = restore_efforts(log_set, without)
-    log_set = signed.log_set
-    window = window_for(log_set, window_s)
-    steps = window_samples(dt, window.seconds, log_set.path)
-    defects = check_logs(log_set, window_s=window.seconds)
-    fatal = tuple(d.message for d in defects if _stops(d) and confirmed(d, log_set, steps))
-    warnings += tuple(d.message for d in defects if not _stops(d))
-    if fatal:
-        short = any(d.kind == "too_short" for d in defects)
-        advice = LONGER if short else "mend the logs, then diagnose them again"
-        return Intake(log_set, signed, window, steps, (*fatal, *warnings), fatal, advice)
-    short = [t.file for t in log_set.trials if t.trajectory.samples <= steps]
-    log_set = replace(log_set, trials=tuple(t for t in log_set.trials if t.file not in short))
-    warnings += tuple(f"{name}: shorter than one window, left out" for name in short)
-    if not log_set.fit or not log_set.heldout:
-        reason = "no fit or no held-out trial holds a window"
-        return Intake(log_set, signed, window, steps, (*warnings, reason), (reason,), LONGER)
-    return Intake(log_set, signed, window, steps, warnings)
+        signed = SignedLogs(log_set, log_set)
+        return Intake(log_set, signed, window, steps, warnings, (reason,), "record the missing channel")
+    return _sifted(log_set, window_s, dt, without)
 
 
-def _stops(defect: Defect) -> bool:
-    """Whether nothing can be said of logs with this defect, if it is confirmed."""
-    return defect.fatal and defect.kind not in NOT_USED
+def _sifted(log_set: LogSet, window_s: float | None, dt: float, without: Sequence[str]) -> Intake:
+    """The log set without what is broken in it; the window is chosen with the signs restored and before anything goes."""
+    apart, names = _named_apart(log_set)
+    signed = restore_efforts(apart, without)
+    window = window_for(signed.log_set, window_s)
+    sieve = _Sieve(apart, names, window, window_samples(dt, window.seconds, log_set.path))
+    if sieve.drop_short():
+        signed = restore_efforts(sieve.logs, without)
+    while not sieve.empty:
+        defects = check_logs(signed.log_set, window_s=window.seconds)
+        if not sieve.take(defects, signed.log_set):
+            short = tuple(d.message for d in defects if d.kind == "too_short")
+            told = tuple(d.message for d in defects if d.kind in SEEN or not d.fatal)
+            return sieve.intake(signed, told, short, LONGER if short else None)
+        signed = restore_efforts(sieve.logs, without)
+    advice = LONGER if all(item.kind == "too_short" for item in sieve.left) else MEND
+    return sieve.intake(signed, (), tuple(f"{item.reason}; {item.fix}" for item in sieve.left), advice)
+
+
+def _named_apart(log_set: LogSet) -> tuple[LogSet, dict[str, str]]:
+    """The log set with a name of its own for each part of a trial that is both fitted and held out, and what it was."""
+    count = Counter(trial.file for trial in log_set.trials)
+    names, trials = {}, []
+    for trial in log_set.trials:
+        part = "held-out" if trial.split == "heldout" else "fit"
+        name = f"{trial.file} ({part} part)" if count[trial.file] > 1 else trial.file
+        names[name] = trial.file
+        trials.append(replace(trial, file=name))
+    return replace(log_set, trials=tuple(trials)), names
+
+
+def _named_back(log_set: LogSet, names: dict[str, str]) -> LogSet:
+    return replace(log_set, trials=tuple(replace(trial, file=names[trial.file]) for trial in log_set.trials))
+
+
+class _Sieve:
+    """A log set from which parts are taken until it is sound.
+
+    Attributes:
+        logs: what is left of it, as it came. names: name of each of its trials → that of its file.
+        empty: whether nothing is left; `logs` is then what there was before.
+        left: what was left out. spare: see `Intake`.
+    """
+
+    def __init__(self, logs: LogSet, names: dict[str, str], window: WindowChoice, steps: int) -> None:
+        self.logs, self.names, self.window, self.steps = logs, names, window, steps
+        self.left: list[LeftOut] = []
+        self.spare: dict[str, LogSet | None] = {}
+        self.empty = False
+        self._judged: set[tuple[object, ...]] = set()
+
+    def drop_short(self) -> bool:
+        """Leave out trials that hold no window; whether there were any."""
+        if short := [t.file for t in self.logs.trials if t.trajectory.samples <= self.steps]:
+            where = in_trials(short, self.logs.trials)
+            reason = f"{where}: shorter than one window of {self.steps} samples"
+            self.left.append(LeftOut(tuple(short), (), None, "too_short", reason, "record longer trials"))
+            self._keep(without_trials(self.logs, short))
+        return bool(short)
+
+    def take(self, defects: Sequence[Defect], signed: LogSet) -> bool:
+        """Leave out what the gravest kind of defect costs; whether there was any.
+
+        Args:
+            defects: of `signed`, the logs with signed efforts.
+        """
+        for kind in dict.fromkeys(d.kind for d in defects if d.fatal and d.kind != "too_short"):
+            taken = False
+            for defect in (part for d in defects if d.kind == kind and d.fatal for part in self._proven(d, signed)):
+                taken |= self._leave(defect, signed)
+            if taken:
+                return True
+        return False
+
+    def intake(self, signed: SignedLogs, told: Sequence[str], reasons: tuple[str, ...], advice: str | None) -> Intake:
+        logs, raw = (_named_back(part, self.names) for part in (signed.log_set, signed.raw))
+        signed = replace(signed, log_set=logs, raw=raw)
+        channels = channel_warnings([trial.trajectory for trial in logs.trials])
+        warnings = (*reasons, *logs.warnings, *channels, *told)
+        return Intake(logs, signed, self.window, self.steps, warnings, reasons, advice, tuple(self.left), self.spare)
+
+    def _proven(self, defect: Defect, signed: LogSet) -> list[Defect]:
+        """The part of a defect that would change the answer and has not been judged before, joint by joint."""
+        real = []
+        for part in [defect.for_joints([joint]) for joint in defect.joints] if defect.what else [defect]:
+            key = part.kind, part.channel, part.joints, part.trials
+            if key not in self._judged and confirmed(part, signed, self.steps):
+                real.append(part)
+            self._judged.add(key)
+        if real and defect.what:
+            return [defect.for_joints([joint for part in real for joint in part.joints])]
+        return real
+
+    def _leave(self, defect: Defect, signed: LogSet) -> bool:
+        """Leave out what a defect costs, as far as it is still there; whether anything was."""
+        there = {trial.file for trial in self.logs.trials}
+        joints = [joint for joint in defect.joints if joint in self.logs.joints]
+        if self.empty or not there & set(defect.trials) or (defect.joints and not joints):
+            return False
+        rest, items = leave_out(defect.for_joints(joints) if joints else defect, self.logs)
+        known = {(joint, item.channel) for item in self.left if item.channel for joint in item.joints}
+        new = [item for item in items if not (item.channel and {(j, item.channel) for j in item.joints} <= known)]
+        for joint in {joint for item in new if item.channel is None for joint in item.joints}:
+            self.spare[joint] = _spare(defect, signed, joint)
+        self.left += new
+        self._keep(rest)
+        return bool(new)
+
+    def _keep(self, rest: LogSet | None) -> None:
+        self.empty = rest is None
+        self.logs = rest or self.logs
+
+
+def _spare(defect: Defect, log_set: LogSet, joint: str) -> LogSet | None:
+    """Logs in which a joint that is left out for a defect is sound."""
+    if mended := repairs(defect, log_set):
+        return of_joints(mended[0], [joint])
+    rest = without_trials(log_set, {file for file, name in defect.where_in() if name == joint})
+    return of_joints(rest, [joint]) if rest is not None else None

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 from hqpipe.gap.defect import KINDS, Defect, listed
 from hqpipe.gap.sanity_order import order_defects
+from hqpipe.gap.sanity_units import unit_defects
 from hqpipe.gap.sanity_values import value_defects
 from hqpipe.gap.sanity_wiring import wiring_defects
 from hqpipe.gap.unsigned import Unsigned, never_negative, unsigned
@@ -42,7 +43,7 @@ def check_logs(log_set: LogSet, *, window_s: float = WINDOW_S) -> list[Defect]:
     }
     explained |= {(entry.joint, file) for entry in sizes if entry.channel == "velocity" for file in entry.trials}
     values = [d for d in value_defects(log_set, broken) if not _follows(d, explained)]
-    found = [*too_short(log_set, window_s), *ordered, *wiring, *values, *_sizes(log_set, sizes)]
+    found = [*too_short(log_set, window_s), *ordered, *unit_defects(judged), *wiring, *values, *_sizes(log_set, sizes)]
     return sorted(found, key=lambda defect: (not defect.fatal, KINDS.index(defect.kind)))
 
 

@@ -8,19 +8,20 @@ channels of the same row, with the joint's motion in the other channels, or with
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hqpipe.gap.defect import Defect, listed, where
-from hqpipe.logs.columns import joint_column
+from hqpipe.gap.defect import Defect, of_channel, where
 from hqpipe.logs.trajectory import LogSet, Trajectory
 
 LAGS = (1, 2, 3, 5, 8, 16, 32, 64, 128)
 SIGMAS = 5.0  # serial correlation of T independent rows has the standard deviation 1/√T; over all columns one in 10⁴
 MIN_COUNTS = 3.0  # standard deviation in steps of the sensor: a signal of fewer is its own rounding
+ROUNDING = 1e-12  # of a channel's values: a constant one, as its mean rounds
 SMOOTH = 0.8  # serial correlation above which a channel counts as sampled motion; assumption
-AGREEMENT = 0.3  # correlation within the rows that noise of two sensors does not reach; assumption
+AGREEMENT = 0.3  # correlation that noise does not reach, of two sensors or of one with itself; assumption
+CARRIES = 0.5  # of a channel's usual size, below which a trial may hold its noise only; assumption
 CLEARER = 10.0  # × the white noise of the same channel in another trial; assumption
 JUMP_ROWS = 5.0  # a position step this many times that of the speed around it; assumption
 JUMP_SIGMAS = 20.0  # and this many times the usual disagreement of position and velocity; assumption
@@ -29,6 +30,7 @@ SOUND_ROWS = 50  # over which travel and velocity are compared: more than rows a
 SOUND = 0.5  # share of the usual ratio of the two by which three quarters of the fast rows may differ; assumption
 ROW_ERROR = 0.2  # standard error, in rows, up to which the row's step tells how far it lies from its neighbour
 MIN_ROWS = 100
+MIN_JOINTS = 3  # that must tell a row's place together: two agree by chance
 DISORDER = 0.02  # share of rows that step backwards; assumption: impacts make fewer
 COMMAND_REACH_S = 1.0  # s within which a joint answers its command; assumption: heavy machines need tenths
 HELD_SHARE = 1e-3  # of the moving rows; assumption
@@ -47,11 +49,11 @@ _SAME_ORIGIN = ("effort", "pressure_a", "pressure_b", "valve_command")  # may sh
 def order_defects(log_set: LogSet) -> list[Defect]:
     """Shuffled rows or channels, jumps in the order, and held samples."""
     found: list[Defect] = []
-    smooth = _noise_elsewhere(log_set)
+    smooth, usual = _noise_elsewhere(log_set), _usual_size(log_set)
     shuffled: dict[str, dict[str, list[str]]] = {}
     whole: list[str] = []
     for trial in log_set.trials:
-        columns = _shuffled(trial.trajectory, smooth)
+        columns = _shuffled(trial.trajectory, smooth, usual)
         carried = {name for name, _ in columns}
         if len(carried - set(_SAME_ORIGIN)) > 1:
             whole.append(trial.file)
@@ -63,9 +65,15 @@ def order_defects(log_set: LogSet) -> list[Defect]:
     for name, files in shuffled.items():
         found.append(_one_channel(name, files, len(log_set.trials)))
     broken = {file for name in ("position", "velocity") for file in shuffled.get(name, {})} | set(whole)
-    texts = {t.file: _disorder(t.trajectory) for t in log_set.trials if t.file not in broken}
-    if jumbled := {file: text for file, text in texts.items() if text}:
-        found.append(_whole_trial(tuple(jumbled), len(log_set.trials), next(iter(jumbled.values()))))
+    jumbled = {
+        t.file: disorder for t in log_set.trials if t.file not in broken and (disorder := _disorder(t.trajectory))
+    }
+    for jumps in (True, False):  # each is mended, and proven, in its own way
+        if alike := {file: d for file, d in jumbled.items() if (d.order is None) == jumps}:
+            defect = _whole_trial(tuple(alike), len(log_set.trials), next(iter(alike.values())).text)
+            rows = {(file, None): d.rows for file, d in alike.items()} if jumps else {}
+            order = {} if jumps else {file: d.order for file, d in alike.items()}
+            found.append(replace(defect, rows=rows, order=order))
     return found + _held(log_set, set(whole) | set(jumbled), shuffled)
 
 
@@ -79,13 +87,21 @@ def _whole_trial(files: tuple[str, ...], total: int, what: str) -> Defect:
 
 def _one_channel(name: str, files: dict[str, list[str]], total: int) -> Defect:
     joints = tuple(dict.fromkeys(joint for listing in files.values() for joint in listing))
-    text = (
-        f"{joint_column(joints[0], name)}"
-        + (f" (and of {listed(joints[1:])})" if len(joints) > 1 else "")
-        + f" {where(tuple(files), total)}: no sample resembles the one before it, although the joint moves "
-        "smoothly: the rows of this channel are out of order, or it holds noise only; record it again"
+    what = (
+        "no sample resembles the one before it, although the joint moves smoothly: the rows of this channel are out of "
+        "order, or it holds noise only; record it again"
     )
-    return Defect("rows_out_of_order", tuple(files), joints, name, text, fatal=True)
+    cells = frozenset((file, joint) for file, listing in files.items() for joint in listing)
+    return of_channel("rows_out_of_order", name, joints, tuple(files), total, what, cells=cells)
+
+
+@dataclass(frozen=True, eq=False)
+class _Disorder:
+    """What shows that rows are displaced: jumps at some rows, or an order in which they would not step backwards."""
+
+    text: str
+    rows: np.ndarray
+    order: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +113,9 @@ class _Serial:
     alive: np.ndarray
 
     def independent(self, samples: int) -> np.ndarray:
-        return self.alive & (self.greatest < SIGMAS / np.sqrt(samples))
+        """(J,) True where no correlation is left at any lag, and there are rows enough to see a slight one."""
+        chance = SIGMAS / np.sqrt(samples)
+        return self.alive & (self.greatest < chance) & (chance < AGREEMENT)
 
 
 def _serial(values: np.ndarray) -> _Serial:
@@ -106,7 +124,8 @@ def _serial(values: np.ndarray) -> _Serial:
     lags = [lag for lag in LAGS if lag < len(values) // 4]
     safe = np.maximum(power, np.finfo(float).tiny)
     r = np.array([np.mean(centred[lag:] * centred[:-lag], axis=0) / safe for lag in lags])
-    alive = (power > 0) & (np.sqrt(power) > MIN_COUNTS * count(values))
+    alive = np.ptp(values, axis=0) > ROUNDING * np.abs(values).max(axis=0)
+    alive &= np.sqrt(power) > MIN_COUNTS * count(values)
     return _Serial(r[0], np.abs(r).max(axis=0), alive)
 
 
@@ -139,13 +158,25 @@ def _noise_elsewhere(log_set: LogSet) -> dict[str, np.ndarray]:
         rows = []
         for trial in log_set.trials:
             values = getattr(trial.trajectory, name)
-            rows.append(np.where(_serial(values).first > SMOOTH, white_noise(values), np.inf))
+            noise = np.maximum(white_noise(values), count(values))  # at rest a coarse sensor shows no noise
+            rows.append(np.where(_serial(values).first > SMOOTH, noise, np.inf))
         found[name] = np.array(rows)
     return found
 
 
-def _shuffled(t: Trajectory, elsewhere: dict[str, np.ndarray]) -> list[tuple[str, int]]:
-    """(channel, joint) whose rows are independent although they carry a signal."""
+def _usual_size(log_set: LogSet) -> dict[str, np.ndarray]:
+    """Per channel (J,) median over the trials of its standard deviation."""
+    trials = [trial.trajectory for trial in log_set.trials]
+    return {name: np.median([getattr(t, name).std(axis=0) for t in trials], axis=0) for name in trials[0].channels()}
+
+
+def _shuffled(t: Trajectory, elsewhere: dict[str, np.ndarray], usual: dict[str, np.ndarray]) -> list[tuple[str, int]]:
+    """(channel, joint) whose rows are independent although they carry a signal.
+
+    Args:
+        elsewhere: channel → (trials, J) noise of the smooth ones. usual: channel → (J,) its size; a channel that shows far
+            less has nothing to carry.
+    """
     channels = t.channels()
     if t.velocity_source != "measured":
         del channels["velocity"]
@@ -157,11 +188,29 @@ def _shuffled(t: Trajectory, elsewhere: dict[str, np.ndarray]) -> list[tuple[str
     found = []
     for name, flags in loose.items():
         spread = channels[name].std(axis=0)
-        known = spread > CLEARER * np.min(elsewhere[name], axis=0)
+        known = spread > CLEARER * np.median(elsewhere[name], axis=0)
         for j in np.flatnonzero(flags):
-            if known[j] or _agrees(channels, loose, name, j) or _contradicts(t, name, j, moving[j]):
+            told = known[j] or _agrees(channels, loose, name, j)
+            told = told or (spread[j] > CARRIES * usual[name][j] and _contradicts(t, name, j, moving[j]))
+            if told and not (moving[j] and _belongs(t, channels, loose, name, j)):
                 found.append((name, int(j)))
     return found
+
+
+def _belongs(t: Trajectory, channels: dict[str, np.ndarray], loose: dict[str, np.ndarray], name: str, j: int) -> bool:
+    """Whether a column of independent rows follows the smooth channels of its joint: noisy, or slowly logged, but in order.
+
+    A torque that changes faster than it is logged resembles no sample before it, and follows the motion none the less.
+    """
+    reach = _reach(t)
+    mine = channels[name][1:, j]
+    for other in (other for other, flags in loose.items() if other != name and not flags[j]):
+        smooth = channels[other][:, j]
+        change = np.diff(smooth)
+        for signal in (smooth[1:], change, np.abs(change), np.sign(change)):
+            if _likeness(mine, signal, reach) > SIGMAS / np.sqrt(t.samples):
+                return True
+    return False
 
 
 def _agrees(channels: dict[str, np.ndarray], loose: dict[str, np.ndarray], name: str, j: int) -> bool:
@@ -198,14 +247,20 @@ def _ignored(t: Trajectory, j: int) -> bool:
     command, position = t.position_command[1:, j], t.position[1:, j]
     if command.std() < 0.1 * position.std():
         return False
-    reach = min(round(COMMAND_REACH_S / t.dt), t.samples // 4)
-    length = 2 ** int(np.ceil(np.log2(2 * t.samples)))
-    given = np.conj(np.fft.rfft(_unit(command), length))
-    for answer in (position, np.diff(t.position[:, j])):
-        likeness = np.fft.irfft(np.fft.rfft(_unit(answer), length) * given, length)[: reach + 1]
-        if np.abs(likeness).max() > SIGMAS / np.sqrt(t.samples):
-            return False
-    return True
+    answers = (position, np.diff(t.position[:, j]))
+    return not any(_likeness(answer, command, _reach(t)) > SIGMAS / np.sqrt(t.samples) for answer in answers)
+
+
+def _reach(t: Trajectory) -> int:
+    """Rows within which one channel of a joint answers another."""
+    return min(round(COMMAND_REACH_S / t.dt), t.samples // 4)
+
+
+def _likeness(answer: np.ndarray, given: np.ndarray, reach: int) -> float:
+    """Greatest correlation, by size, of (T,) with what was given up to `reach` rows before."""
+    length = 2 ** int(np.ceil(np.log2(2 * len(given))))
+    spectrum = np.fft.rfft(_unit(answer), length) * np.conj(np.fft.rfft(_unit(given), length))
+    return float(np.abs(np.fft.irfft(spectrum, length)[: reach + 1]).max())
 
 
 def _unit(values: np.ndarray) -> np.ndarray:
@@ -214,7 +269,7 @@ def _unit(values: np.ndarray) -> np.ndarray:
     return centred / (np.linalg.norm(centred) + np.finfo(float).tiny)
 
 
-def _disorder(t: Trajectory) -> str | None:
+def _disorder(t: Trajectory) -> _Disorder | None:
     """Steps of the position that contradict the velocity around them."""
     sound = _sound(t)
     if not sound.any():
@@ -229,7 +284,8 @@ def _disorder(t: Trajectory) -> str | None:
     moving = int((np.sqrt(np.mean(expected**2, axis=0)) > usual).sum())
     rows = np.flatnonzero(jump.sum(axis=1) >= min(2, moving)) if moving else np.array([], dtype=int)
     if len(rows) and not _repeats(t, rows).all():
-        return f"the positions jump at row {rows[0] + 1} ({len(rows)} such rows) by more than the speed there allows"
+        text = f"the positions jump at row {rows[0] + 1} ({len(rows)} such rows) by more than the speed there allows"
+        return _Disorder(text, rows + 1)
     return _backwards(step, expected)
 
 
@@ -248,14 +304,14 @@ def _sound(t: Trajectory) -> np.ndarray:
     return sound
 
 
-def _backwards(step: np.ndarray, expected: np.ndarray) -> str | None:
+def _backwards(step: np.ndarray, expected: np.ndarray) -> _Disorder | None:
     """Rows that all joints together say lie before their predecessor.
 
     A row that is s rows away from the one before moves every joint by s times what its velocity says; the scatter
     of the joints about one s tells how well it is known. Fewer than three joints do not tell.
     """
     moved = expected.std(axis=0) > 0
-    if moved.sum() < 3:
+    if moved.sum() < MIN_JOINTS:
         return None
     weight = expected[:, moved] / np.mean(expected[:, moved] ** 2, axis=0)
     size = np.sum(weight * expected[:, moved], axis=1) + np.finfo(float).tiny
@@ -263,11 +319,18 @@ def _backwards(step: np.ndarray, expected: np.ndarray) -> str | None:
     left = weight / np.where(expected[:, moved] == 0, 1.0, expected[:, moved])
     scatter = np.sum(left * (step[:, moved] - rows[:, None] * expected[:, moved]) ** 2, axis=1)
     error = np.sqrt(scatter / (moved.sum() - 1) / size)
-    clear = error < ROW_ERROR * np.maximum(1.0, np.abs(rows))
+    said = weight * expected[:, moved]  # how much each joint has to say of a row; one that rests says nothing
+    voices = size**2 / (np.sum(said**2, axis=1) + np.finfo(float).tiny)
+    clear = (error < ROW_ERROR * np.maximum(1.0, np.abs(rows))) & (voices > MIN_JOINTS - 1)
     if clear.sum() < MIN_ROWS:
         return None
-    share = float(np.mean(rows[clear] < -0.5))
-    return f"{share:.0%} of the rows step backwards in all joints at once" if share > DISORDER else None
+    back = clear & (rows < -0.5)
+    share = float(back.sum() / clear.sum())
+    if share <= DISORDER:
+        return None
+    place = np.concatenate([[0.0], np.cumsum(np.where(back, rows, 1.0))])
+    text = f"{share:.0%} of the rows step backwards in all joints at once"
+    return _Disorder(text, np.flatnonzero(back) + 1, np.argsort(place, kind="stable"))
 
 
 def _greatest_near(values: np.ndarray) -> np.ndarray:
@@ -301,13 +364,13 @@ def _held(log_set: LogSet, skip: set[str], shuffled: dict[str, dict[str, list[st
     for name, files in found.items():
         joints = tuple(log_set.joints[j] for j in dict.fromkeys(j for js, _ in files.values() for j in js))
         share = max(value for _, value in files.values())
-        text = (
-            f"{joint_column(joints[0], name)}"
-            + (f" (and of {listed(joints[1:])})" if len(joints) > 1 else "")
-            + f" {where(tuple(files), len(log_set.trials))}: {share:.1%} of the rows repeat the sample before while "
-            "the signal travels: frames were dropped or the sensor is slower than the log; record at its rate"
+        what = (
+            f"{share:.1%} of the rows repeat the sample before while the signal travels: frames were dropped or the "
+            "sensor is slower than the log; record at its rate"
         )
-        defects.append(Defect("held_samples", tuple(files), joints, name, text, fatal=share > HELD_FATAL))
+        cells = frozenset((file, log_set.joints[j]) for file, (js, _) in files.items() for j in js)
+        total, fatal = len(log_set.trials), share > HELD_FATAL
+        defects.append(of_channel("held_samples", name, joints, tuple(files), total, what, fatal=fatal, cells=cells))
     return defects
 
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from typing import TypeVar
 
 import numpy as np
 
-from hqpipe.gap.defect import Defect, listed, where
+from hqpipe.gap.defect import Defect, of_channel
 from hqpipe.gap.sanity_order import count, white_noise
-from hqpipe.logs.columns import joint_column
 from hqpipe.logs.differentiate import differentiate
 from hqpipe.logs.trajectory import LogSet, Trajectory
+
+T = TypeVar("T")
 
 SPANS_S = (0.02, 0.06, 0.2, 0.6)  # over which travel and integrated velocity are compared; the best one counts
 CLEAR_TRAVEL = 5.0  # × the noise of travel and of integrated velocity: below it they need not agree; assumption
@@ -32,11 +34,15 @@ FROZEN_ROWS = 20  # a shorter run of one value is rounding or a pause; assumptio
 FROZEN_FACTOR = 10.0  # × the travel of the partner in the longest usual run of one value; assumption
 FROZEN_SHARE = 0.2  # of the partner's standard deviation, likewise
 FROZEN_COUNTS = 20.0  # of the position, that the joint travels meanwhile: stiction holds it within less; assumption
+STILL_SHARE = 0.02  # of the samples: less costs little
 CLIP_RUN, CLIP_RUNS = 5, 3  # samples on end at the extreme, and how often; assumption
 CLIP_LEVELS = 50  # a signal of fewer levels is a square wave or coarsely quantised
+CLIP_SHOWN = 3  # limits in a message
 CLIP_SHARE = 0.02  # of the samples: less costs little
 CLIP_PILE = 10.0  # × as many samples at the extreme as on a level of the decile below it; assumption
 _MEASURED = ("effort", "velocity", "pressure_a", "pressure_b")
+Places = dict[tuple[str, int], dict[str, T]]
+"""(channel, joint) → file → what was found there."""
 _LIMITED_DRIVE = ("current", "estimate")  # such an effort is clipped where the drive itself is
 
 
@@ -48,8 +54,8 @@ def value_defects(log_set: LogSet, skip: set[tuple[str, str]]) -> list[Defect]:
         skip: (channel, file) that other checks have found broken.
     """
     slopes: dict[int, dict[str, float | None]] = defaultdict(dict)
-    frozen: dict[tuple[str, int], dict[str, float]] = defaultdict(dict)
-    clipped: dict[tuple[str, int], dict[str, tuple[float, float]]] = defaultdict(dict)
+    frozen: Places[np.ndarray] = defaultdict(dict)
+    clipped: Places[tuple[float, float]] = defaultdict(dict)
     for trial in log_set.trials:
         t, file = trial.trajectory, trial.file
         broken = {channel for channel, where_ in skip if where_ == file}
@@ -59,8 +65,8 @@ def value_defects(log_set: LogSet, skip: set[tuple[str, str]]) -> list[Defect]:
         for name, values in t.channels().items():
             if name in broken or (name == "velocity" and t.velocity_source != "measured"):
                 continue
-            for j, share in _frozen(t, name).items():
-                frozen[name, j][file] = share
+            for j, rows in _frozen(t, name).items():
+                frozen[name, j][file] = rows
             if name in _MEASURED:
                 for j in range(len(t.joints)):
                     if found := clip(values[:, j]):
@@ -129,13 +135,8 @@ def _velocity(log_set: LogSet, slopes: dict[int, dict[str, float | None]]) -> li
         what = "is unlike the derivative of its position"
         if slope is not None:
             what = f"is {slope:.4g} times the derivative of its position"
-        text = (
-            f"{joint_column(joints[0], 'velocity')}"
-            + (f" (and of {listed(joints[1:])})" if len(joints) > 1 else "")
-            + f" {where(files, len(log_set.trials))}: {what}{meaning}; correct it, or leave the column out and have "
-            "it differentiated"
-        )
-        defects.append(Defect("velocity_mismatch", files, joints, "velocity", text, fatal=True))
+        what += f"{meaning}; correct it, or leave the column out and have it differentiated"
+        defects.append(of_channel("velocity_mismatch", "velocity", joints, files, len(log_set.trials), what))
     return defects
 
 
@@ -151,14 +152,15 @@ def _meaning(slope: float | None) -> str:
 def _partners(t: Trajectory, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
     """Channels none of which changes much while `name` stands still, and by how much they must at least, (J,).
 
-    A command may rest, so it has none.
+    A command may rest, so it has none. A speed of a few counts is none: what it adds up to says nothing.
     """
     unit = count(t.position)
     unit = np.where(unit > 0, unit, unit.max())  # a dead encoder shows no count of its own
     nothing, least = np.zeros(len(t.joints)), FROZEN_COUNTS * unit
     command = [] if t.position_command is None else [(t.position_command, least)]
     if name == "position":
-        speed = [(np.cumsum(t.velocity, axis=0) * t.dt, least)] if t.velocity_source == "measured" else []
+        clear = np.where(np.abs(t.velocity) > CLEAR_TRAVEL * count(t.velocity), t.velocity, 0.0)
+        speed = [(np.cumsum(clear, axis=0) * t.dt, least)] if t.velocity_source == "measured" else []
         return speed + command
     if name == "velocity":
         return [(differentiate(t.position, t.dt), nothing), (t.position, least)]
@@ -166,9 +168,9 @@ def _partners(t: Trajectory, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
     return error if name in ("effort", "pressure_a", "pressure_b") else []
 
 
-def _frozen(t: Trajectory, name: str) -> dict[int, float]:
-    """Joint → share of the rows in which the channel stands still while its partners travel as they never do else."""
-    found: dict[int, float] = {}
+def _frozen(t: Trajectory, name: str) -> dict[int, np.ndarray]:
+    """Joint → (K,) rows in which the channel stands still while its partners travel as they never do else."""
+    found: dict[int, np.ndarray] = {}
     values, partners = getattr(t, name), _partners(t, name)
     for j in range(len(t.joints) if partners else 0):
         edges = np.flatnonzero(np.diff(values[:, j]) != 0)
@@ -183,8 +185,9 @@ def _frozen(t: Trajectory, name: str) -> dict[int, float]:
                 long &= held != limit
         for partner, least in partners:
             long &= _travels(partner[:, j], start, long, least[j])
-        if long.any():
-            found[j] = float((stop - start + 1)[long].sum() / t.samples)
+        if long.any() and (stop - start + 1)[long].sum() > STILL_SHARE * t.samples:
+            still = [np.arange(a, b + 1) for a, b in zip(start[long], stop[long], strict=True)]
+            found[j] = np.concatenate(still)
     return found
 
 
@@ -196,21 +199,21 @@ def _travels(partner: np.ndarray, start: np.ndarray, long: np.ndarray, least: fl
     return travel > max(FROZEN_FACTOR * usual, FROZEN_SHARE * partner.std(), 2.0 * CLEAR_TRAVEL * noise, least)
 
 
-def _constant(log_set: LogSet, frozen: dict[tuple[str, int], dict[str, float]]) -> list[Defect]:
-    groups: dict[tuple[str, tuple[str, ...]], list[tuple[str, float]]] = defaultdict(list)
+def _constant(log_set: LogSet, frozen: Places[np.ndarray]) -> list[Defect]:
+    groups: dict[tuple[str, tuple[str, ...]], list[int]] = defaultdict(list)
     for (name, j), files in frozen.items():
-        groups[name, tuple(files)].append((log_set.joints[j], max(files.values())))
+        groups[name, tuple(files)].append(j)
+    samples = {trial.file: trial.trajectory.samples for trial in log_set.trials}
     defects = []
     for (name, files), members in groups.items():
-        joints = tuple(joint for joint, _ in members)
-        share = max(value for _, value in members)
-        text = (
-            f"{joint_column(joints[0], name)}"
-            + (f" (and of {listed(joints[1:])})" if len(joints) > 1 else "")
-            + f" {where(files, len(log_set.trials))}: stands still for {share:.0%} of the rows while the joint's other "
-            "channels move: the sensor or its line is dead there; cut the trial, or drop the channel"
+        rows = {(file, log_set.joints[j]): frozen[name, j][file] for j in members for file in files}
+        share = max(len(there) / samples[file] for (file, _), there in rows.items())
+        what = (
+            f"stands still for {share:.0%} of the rows while the joint's other channels move: the sensor or its line is "
+            "dead there; cut the trial, or drop the channel"
         )
-        defects.append(Defect("constant", files, joints, name, text, fatal=True))
+        joints = [log_set.joints[j] for j in members]
+        defects.append(of_channel("constant", name, joints, files, len(log_set.trials), what, rows=rows))
     return defects
 
 
@@ -232,20 +235,28 @@ def clip(values: np.ndarray) -> tuple[float, float] | None:
     return None
 
 
-def _clipped(log_set: LogSet, clipped: dict[tuple[str, int], dict[str, tuple[float, float]]]) -> list[Defect]:
-    groups: dict[tuple[str, tuple[str, ...]], list[tuple[str, float, float]]] = defaultdict(list)
+def _clipped(log_set: LogSet, clipped: Places[tuple[float, float]]) -> list[Defect]:
+    groups: dict[tuple[str, tuple[str, ...]], list[int]] = defaultdict(list)
     for (name, j), files in clipped.items():
-        limit, share = max(files.values(), key=lambda item: item[1])
-        groups[name, tuple(files)].append((log_set.joints[j], limit, share))
+        groups[name, tuple(files)].append(j)
+    values = {trial.file: trial.trajectory for trial in log_set.trials}
     defects = []
     for (name, files), members in groups.items():
-        joints = tuple(joint for joint, _, _ in members)
         own = name == "effort" and log_set.effort_source in _LIMITED_DRIVE
-        limits = [
-            f"{joint_column(joint, name)} at {limit:.6g} ({share:.0%} of the rows)" for joint, limit, share in members
-        ]
-        text = f"cut off {where(files, len(log_set.trials))}: {listed(limits)}; " + (
-            "the drive's own limit, or the sensor's" if own else "values beyond the sensor's range are lost: widen it"
+        limits = [max(clipped[name, j].values(), key=lambda item: item[1]) for j in members]
+        figures = ", ".join(f"{limit:.6g} ({share:.0%} of the rows)" for limit, share in limits[:CLIP_SHOWN])
+        what = f"cut off at {figures}" + (
+            ": the drive's own limit, or the sensor's; widen the range if it is the sensor's"
+            if own
+            else ": values beyond the sensor's range are lost; widen its range"
         )
-        defects.append(Defect("saturated", files, joints, name, text, fatal=not own))
+        rows = {
+            (file, log_set.joints[j]): np.flatnonzero(getattr(values[file], name)[:, j] == clipped[name, j][file][0])
+            for j in members
+            for file in files
+        }
+        joints = [log_set.joints[j] for j in members]
+        defects.append(
+            of_channel("saturated", name, joints, files, len(log_set.trials), what, fatal=not own, rows=rows)
+        )
     return defects

@@ -13,9 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hqpipe.gap.defect import Defect, listed, where
+from hqpipe.gap.defect import Defect, of_channel, where
 from hqpipe.gap.relations import FOLDS, Relation, relations
-from hqpipe.logs.columns import joint_column
 from hqpipe.logs.trajectory import LogSet, Trajectory
 
 CLEARLY = np.log(4.0)  # the error of every joint concerned must fall to a quarter, over all its relations; assumption
@@ -211,7 +210,8 @@ def _swapped(log_set: LogSet, cycle: tuple[int, ...], files: dict[str, Gains]) -
         + ": put back, the squared errors with which these joints' channels explain each other fall by a factor "
         f"of {ratio:.3g} in all; rename the columns"
     )
-    return Defect("swapped", tuple(files), names, channels[0] if len(channels) == 1 else None, text, fatal=True)
+    one = channels[0] if len(channels) == 1 else None
+    return Defect("swapped", tuple(files), names, one, text, fatal=True, channels=channels)
 
 
 def _backwards(log_set: LogSet, files: list[str]) -> list[Defect]:
@@ -221,7 +221,9 @@ def _backwards(log_set: LogSet, files: list[str]) -> list[Defect]:
         f"the rows run backwards in time {where(tuple(files), len(log_set.trials))}: every velocity opposes the "
         "motion, and joints move before they are commanded; restore the order in which the rows were recorded"
     )
-    return [Defect("rows_out_of_order", tuple(files), (), None, text, fatal=True)]
+    samples = {trial.file: trial.trajectory.samples for trial in log_set.trials}
+    order = {file: np.arange(samples[file])[::-1] for file in files}
+    return [Defect("rows_out_of_order", tuple(files), (), None, text, fatal=True, order=order)]
 
 
 def _flipped(log_set: LogSet, flips: dict[tuple[str, int], list[str]]) -> list[Defect]:
@@ -238,10 +240,6 @@ def _flipped(log_set: LogSet, flips: dict[tuple[str, int], list[str]]) -> list[D
     }
     defects = []
     for (channel, files), joints in grouped.items():
-        text = (
-            f"{joint_column(joints[0], channel)}"
-            + (f" (and of {listed(joints[1:])})" if len(joints) > 1 else "")
-            + f" {where(files, len(log_set.trials))}: {against[channel]}: its sign is flipped; multiply it by −1"
-        )
-        defects.append(Defect("sign_flipped", files, tuple(joints), channel, text, fatal=True))
+        what = f"{against[channel]}: its sign is flipped; multiply it by −1"
+        defects.append(of_channel("sign_flipped", channel, joints, files, len(log_set.trials), what))
     return defects

@@ -131,6 +131,14 @@ CONSIDERED = {
     "shrink": AT_MOST_ONE,
     "reason": TEXT,
 }
+LEFT_OUT = {
+    "trials": TEXTS,
+    "joints": TEXTS,
+    "channel": TEXT_OR_NULL,
+    "kind": TEXT,
+    "reason": TEXT,
+    "fix": TEXT,
+}
 DIAGNOSIS = {
     "format": _one_of(*FORMATS),
     "verdict": _one_of(*VERDICTS),
@@ -141,6 +149,7 @@ DIAGNOSIS = {
         "joints": TEXTS,
         "control_mode": _one_of(*MODES),
     },
+    "left_out": Maybe([LEFT_OUT], absent=True),
     "reference": Maybe(REFERENCE, absent=True),
     "gap": Maybe(GAP),
     "gaps": Maybe([GAP], absent=True),

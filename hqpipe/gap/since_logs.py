@@ -64,7 +64,7 @@ def earlier_logs(
         window_s=intake.window.seconds,
         unsigned=intake.signed.joints,
         checked=frozenset((f.effect, f.joint) for f in measured(logs, without)),
-        warnings=tuple(f"reference: {text}" for text in intake.warnings),
+        warnings=tuple(f"reference: {text}" for text in (*intake.warnings, *(item.reason for item in intake.left_out))),
     )
 
 

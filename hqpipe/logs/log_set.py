@@ -13,6 +13,7 @@ from hqpipe.logs.checks import check_length
 from hqpipe.logs.clocks import SAME_RATE
 from hqpipe.logs.columns import Shape, check_names, joint_column, joints_of
 from hqpipe.logs.differentiate import window_s
+from hqpipe.logs.findings import Finding, grouped
 from hqpipe.logs.joint_kinds import completed
 from hqpipe.logs.long_logs import coverage, joined, plan, read_sections
 from hqpipe.logs.manifest import FILE, SPLITS, Manifest, read_manifest
@@ -21,9 +22,9 @@ from hqpipe.logs.same_files import check_copies, check_distinct, digests_of
 from hqpipe.logs.size import check_size
 from hqpipe.logs.split import split_of
 from hqpipe.logs.trajectory import LogSet, Trajectory, Trial, recording_of
-from hqpipe.logs.units import unit_warnings
+from hqpipe.logs.units import unit_findings
 from hqpipe.logs.whole_logs import Logs, read_whole
-from hqpipe.logs.wiring import wiring_warnings
+from hqpipe.logs.wiring import wiring_findings
 
 _COMMAND_OF = {"position": "position_command", "torque": "effort_command", "valve": "valve_command"}
 
@@ -264,6 +265,8 @@ def _warnings(
     if first.velocity_source == "differentiated":
         span = 1e3 * window_s(first.dt)
         found.append(f"no velocity recorded: differentiated from position, zero-phase, window {span:.0f} ms")
+    looks: list[Finding] = []
     for file, trial in named:
-        found += unit_warnings(file, trial, manifest.rate_hz if manifest else None)
-    return found + wiring_warnings(trials)
+        looks += unit_findings(file, trial, manifest.rate_hz if manifest else None)
+    looks += wiring_findings(trials)
+    return [*found, *grouped(looks, [file for file, _ in named])]

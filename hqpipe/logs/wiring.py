@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Callable
 
 import numpy as np
 
-from hqpipe.logs.columns import joint_column
+from hqpipe.logs.findings import Finding
 from hqpipe.logs.trajectory import Trajectory, Trial
 
 _FLIPPED = -0.5  # correlation of a joint with its own command
@@ -23,7 +22,6 @@ _SATURATED_SHARE = 0.02
 _SATURATED_RUN = 5  # samples on end at the limit
 _SATURATED_LEVELS = 50  # a signal of fewer levels is a square wave or coarsely quantised
 _MAX_SAMPLES = 20_000  # enough for a correlation
-_SHOWN = 6
 
 Pair = tuple[str, str, Callable[[Trajectory], tuple[np.ndarray | None, np.ndarray | None]]]
 
@@ -39,11 +37,11 @@ _PAIRS: tuple[Pair, ...] = (
 )
 
 
-def wiring_warnings(trials: list[Trial]) -> list[str]:
+def wiring_findings(trials: list[Trial]) -> list[Finding]:
     """What looks wrongly connected in a log set whose trials share their joints."""
     joints = trials[0].trajectory.joints
     unsigned = _unsigned(trials)
-    found: dict[str, list[tuple[str, float]]] = defaultdict(list)
+    found = []
     for first, second, pick in _PAIRS:
         kept = [j for j, name in enumerate(joints) if first != "effort" or name not in unsigned]
         names = tuple(joints[j] for j in kept)
@@ -57,22 +55,18 @@ def wiring_warnings(trials: list[Trial]) -> list[str]:
                 (trial.file, x[::stride, kept], y[::stride, kept], _LATEST_S / (trial.trajectory.dt * stride))
             )
         for file, x, y, latest in signals:
-            for joint in _opposed(x, y, latest, [(a, b, most) for other, a, b, most in signals if other != file]):
-                text = f"{joint_column(names[joint], first)} opposes its {second}: is a sign flipped?"
-                found[text].append((file, _correlations(x, y)[joint, joint]))
-            for text, value in _swaps(first, second, names, _correlations(x, y)):
-                found[text].append((file, value))
-    pairs = []
-    for text, hits in found.items():
-        strongest = max((correlation for _, correlation in hits), key=abs)
-        where = "" if len(hits) == len(trials) else f" in {', '.join(file for file, _ in hits)}"
-        pairs.append(f"{text} (correlation {strongest:.2f}){where}")
-    if unsigned:
-        pairs.append(
-            f"effort of {', '.join(unsigned)} is never negative although the joints move both ways: the "
-            "sensor seems to have lost the sign (motor current?); a torque model fitted to it means little"
-        )
-    return pairs + _still(trials) + _saturated(trials)
+            likeness = _correlations(x, y)
+            text = f"opposes its {second} (correlation {{}}): is a sign flipped?"
+            for j in _opposed(x, y, latest, [(a, b, most) for other, a, b, most in signals if other != file]):
+                found.append(Finding("sign", file, text, names[j], first, float(likeness[j, j])))
+            for text, value in _swaps(first, second, names, likeness):
+                found.append(Finding("swap", file, text, size=value))
+    text = (
+        "is never negative although the joint moves both ways: the sensor seems to have lost the sign (motor current?); "
+        "a torque model fitted to it means little"
+    )
+    found += [Finding("unsigned", t.file, text, joint, "effort") for joint in unsigned for t in trials]
+    return found + _still(trials) + _saturated(trials)
 
 
 def _correlations(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -116,9 +110,9 @@ def _swaps(first: str, second: str, joints: tuple[str, ...], correlation: np.nda
             if own < _SWAPPED_OWN and cross > _SWAPPED_CROSS:
                 text = (
                     f"{first} of joints {joints[j]} and {joints[i]} may be swapped: each follows the "
-                    f"{second} of the other, not its own"
+                    f"{second} of the other, not its own (correlation {{}})"
                 )
-                found.append((text, cross))
+                found.append((text, float(cross)))
     return found
 
 
@@ -135,24 +129,26 @@ def _unsigned(trials: list[Trial]) -> list[str]:
     return names
 
 
-def _still(trials: list[Trial]) -> list[str]:
-    where = defaultdict(list)
+def _still(trials: list[Trial]) -> list[Finding]:
+    files = {trial.file for trial in trials}
+    where: dict[tuple[str, str], list[str]] = {}
     for trial in trials:
+        derived = trial.trajectory.velocity_source != "measured"  # says what the position says
         for channel, values in trial.trajectory.channels().items():
-            for j in np.flatnonzero(np.ptp(values, axis=0) == 0.0):
-                where[joint_column(trial.trajectory.joints[j], channel)].append(trial.file)
-    dead = [name for name, files in where.items() if len(files) == len(trials)]
-    partly = [f"{name} in {', '.join(files)}" for name, files in where.items() if len(files) < len(trials)]
+            for j in np.flatnonzero(np.ptp(values, axis=0) == 0.0) if not (derived and channel == "velocity") else ():
+                where.setdefault((trial.trajectory.joints[j], channel), []).append(trial.file)
     found = []
-    if dead:
-        found.append(f"constant in every trial: {_listed(dead)}; nothing that needs them can be identified")
-    if partly:
-        found.append(f"constant: {_listed(partly)}; these trials say nothing about those joints")
+    for (joint, channel), there in where.items():
+        text = "is constant: such a trial says nothing about that joint"
+        if set(there) == files:
+            text = "is constant: nothing that needs it can be identified"
+        found += [Finding("constant", file, text, joint, channel) for file in there]
     return found
 
 
-def _saturated(trials: list[Trial]) -> list[str]:
-    where = []
+def _saturated(trials: list[Trial]) -> list[Finding]:
+    found = []
+    text = "is saturated at {}: values beyond the limit are lost"
     for trial in trials:
         for channel in ("effort", "velocity", "valve_command", "pressure_a", "pressure_b"):
             values = getattr(trial.trajectory, channel)
@@ -160,8 +156,8 @@ def _saturated(trials: list[Trial]) -> list[str]:
                 continue
             for j, joint in enumerate(trial.trajectory.joints):
                 if (limit := saturation_limit(values[:, j])) is not None:
-                    where.append(f"{joint_column(joint, channel)} at {limit:.6g} in {trial.file}")
-    return [f"saturated: {_listed(where)}; values beyond the limit are lost"] if where else []
+                    found.append(Finding("saturated", trial.file, text, joint, channel, limit))
+    return found
 
 
 def saturation_limit(values: np.ndarray) -> float | None:
@@ -175,8 +171,3 @@ def saturation_limit(values: np.ndarray) -> float | None:
         if longest >= _SATURATED_RUN and len(np.unique(values)) >= _SATURATED_LEVELS:
             return float(limit)
     return None
-
-
-def _listed(items: list[str]) -> str:
-    more = f" and {len(items) - _SHOWN} more" if len(items) > _SHOWN else ""
-    return "; ".join(items[:_SHOWN]) + more

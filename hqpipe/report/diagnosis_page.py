@@ -34,6 +34,7 @@ def write_page(folder: Path, *, provenance: Mapping[str, str] | None = None) -> 
         sections.remains(content),
         sections.considered(content),
         sections.next_step(files),
+        sections.left_out(content),
         sections.warnings(content),
         sections.made(content, provenance or {}),
     ]

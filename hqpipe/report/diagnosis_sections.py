@@ -16,6 +16,7 @@ from hqpipe.report.diagnosis_words import (
     MARKS,
     confusions,
     joints_text,
+    left_out_words,
     listed,
     number,
     parameter_name,
@@ -296,6 +297,15 @@ def next_step(files: DiagnosisFiles) -> str:
     if not steps:
         return ""
     return f'<section><h2>What to do next</h2><div class="next">{"".join(f"<p>{s}</p>" for s in steps)}</div></section>'
+
+
+def left_out(content: Content) -> str:
+    """What of the logs the answer does without, why, and what to do about it."""
+    items = "".join(
+        f"<li><b>{_text(left_out_words(item))}</b>: {with_code(item['reason'])}; {with_code(item['fix'])}</li>"
+        for item in content.get("left_out") or []
+    )
+    return f"<section><h2>Left out of the answer</h2><ul>{items}</ul></section>" if items else ""
 
 
 def warnings(content: Content) -> str:

@@ -10,6 +10,7 @@ from hqpipe.report.diagnosis_words import (
     MARKS,
     confusions,
     joints_text,
+    left_out_words,
     listed,
     number,
     parameter_name,
@@ -55,9 +56,11 @@ def diagnosis_table(content: Content) -> RenderableType:
         lines += _gap(content["gap"], len(content["causes"]))
         lines += _causes(content["causes"], content["logs"]["joints"], "changed" if "reference" in content else "cause")
         lines += _rest(content)
+    lines += _without(content.get("left_out") or [])
     tail = _warnings(content["warnings"], 1 if content["gap"] is not None else _MAX_REASONS)
-    if experiment := content["next_experiment"]:
-        lines.append(_Line("next", experiment.replace("`", ""), MAX_LINES - len(lines) - len(tail)))
+    room = MAX_LINES - len(lines) - len(tail)
+    if room > 0 and (experiment := content["next_experiment"]):
+        lines.append(_Line("next", experiment.replace("`", ""), room))
     return Group(*lines, *tail)
 
 
@@ -153,6 +156,12 @@ def _rest(content: Content) -> list[_Line]:
     if rest["depends_on"]:
         text += f", depends on {listed([words(item['signal']) for item in rest['depends_on'][:3]])}"
     return [_Line("unknown", text)]
+
+
+def _without(left_out: Sequence[Content]) -> list[_Line]:
+    """What of the logs was not used, and for which defect."""
+    told = [f"{left_out_words(item)} ({words(item['kind'])})" for item in left_out]
+    return [_Line("without", "; ".join(told))] if told else []
 
 
 def _warnings(warnings: Sequence[str], most: int) -> list[_Line]:

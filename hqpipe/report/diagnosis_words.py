@@ -26,6 +26,7 @@ MARKS = {"explained": "✓", "partly_explained": "◐", "unknown": "?", "no_gap"
 # unit → what is compared; the first two are the output of a rotary and of a linear drive
 _QUANTITIES = {"N·m": "torque", "N": "force", "rad/s": "speed", "m/s": "speed"}
 _MILLI = {"s": "ms", "rad": "mrad", "m": "mm"}
+_NAMED = 4  # joints or trials in a line
 _MILLI_BELOW = 0.1  # of the unit: below it thousandths are easier to read
 _UNIT_SUFFIX = re.compile(r"(?:^|_)(?:nm_s_per_rad|nm_per_rad|n_per_m|per_rad|per_s|per_m|rad_s|kg_m2|nm|rad|kg|s|m)$")
 
@@ -175,3 +176,12 @@ def parameter_text(parameter: Mapping[str, Any]) -> tuple[str, str]:
     places = min(9, max(0, 1 - math.floor(math.log10(width))))
     text = [f"{x:.{places}f}".replace("-", "−") for x in (value, low, high)]
     return f"{text[0]}{tail}", f"{text[1]} … {text[2]}{tail}"
+
+
+def left_out_words(item: Mapping[str, Any]) -> str:
+    """What of the logs an entry of `left_out` says was not used: a channel of joints, joints, or trials."""
+    joints, trials = item["joints"], item["trials"]
+    if not joints:
+        return listed(trials) if len(trials) <= _NAMED else f"{len(trials)} trials"
+    names = listed(joints) if len(joints) <= _NAMED else f"{len(joints)} joints"
+    return f"{item['channel']} of {names}" if item["channel"] else names

@@ -9,15 +9,16 @@ from pathlib import Path
 from hqpipe.errors import LogError
 from hqpipe.logs import LOG_READERS
 from hqpipe.logs.columns import check_names
+from hqpipe.logs.findings import grouped
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.logs.manifest import FILE, Manifest, read_manifest
 from hqpipe.logs.repair import look_through, repair
 from hqpipe.logs.repairs import as_recorded
 from hqpipe.logs.size import check_size
 from hqpipe.logs.trajectory import AsRecorded, LogSet, Trial
-from hqpipe.logs.units import unit_warnings
+from hqpipe.logs.units import unit_findings
 from hqpipe.logs.whole_logs import named_stretches
-from hqpipe.logs.wiring import wiring_warnings
+from hqpipe.logs.wiring import wiring_findings
 
 MOST = 4_000_000  # samples × joints; half an hour of two joints or 6 minutes of twelve at 1 kHz, read in seconds
 
@@ -76,9 +77,10 @@ def _one_by_one(folder: Path, refused: LogError) -> Reading:
         except LogError as error:
             errors[file] = error
     rate = manifest.rate_hz if manifest else None
-    warnings = [text for trial in trials for text in unit_warnings(trial.file, trial.trajectory, rate)]
+    looks = [each for trial in trials for each in unit_findings(trial.file, trial.trajectory, rate)]
     if len({(t.trajectory.joints, tuple(t.trajectory.channels())) for t in trials}) == 1:
-        warnings += wiring_warnings(trials)
+        looks += wiring_findings(trials)
+    warnings = grouped(looks, [trial.file for trial in trials])
     mode = manifest.control_mode if manifest else None
     return Reading(folder, None, tuple(trials), mode, tuple(warnings), refused, errors, before)
 

@@ -150,12 +150,54 @@ def test_shuffled_rows_are_not_identifiable(sound):
     assert content["verdict"] == "not_identifiable" and content["gap"] is None
 
 
-def test_swapped_channels_are_not_identifiable():
-    logs = logs_of([{}, {}, {}])
+def test_swapped_channels_cost_their_joints_only(tmp_path):
+    logs = logs_of([{}, {}, size("valve_deadband")])
     swapped = broken(logs, lambda t: replace(t, position_command=t.position_command[:, [1, 0, 2]]))
-    content = verdict(swapped)
-    assert content["verdict"] == "not_identifiable" and content["causes"] == []
-    assert logs.joints[0] in content["warnings"][0] and logs.joints[1] in content["warnings"][0]
+    found = diagnose(swapped, without=WITHOUT)
+    content = found.content
+    assert named(content) == {("valve_deadband", logs.joints[2:])} and content["logs"]["joints"] == [logs.joints[2]]
+    (left,) = content["left_out"]
+    assert (left["kind"], left["joints"], left["channel"]) == ("swapped", list(logs.joints[:2]), None)
+    assert "swapped in every trial" in left["reason"] and left["fix"] == "rename the columns"
+    write_diagnosis(found, tmp_path)
+    assert read_diagnosis(tmp_path / FILE)["left_out"] == [left]
+    assert load_actuator(tmp_path).joints == logs.joints
+    assert any("actuator.json" in text and logs.joints[0] in text for text in content["warnings"])
+
+
+def test_the_model_of_a_joint_that_was_left_out_is_that_of_the_mended_logs():
+    logs = logs_of([{}, {}, {}])
+    flipped = broken(logs, values("effort", np.negative, 1))
+    found, sound = (diagnose(x, without=WITHOUT) for x in (flipped, logs))
+    assert found.content["logs"]["joints"] == [logs.joints[0], logs.joints[2]]
+    assert found.augmented.joints == logs.joints
+    np.testing.assert_allclose(found.augmented.parameters[:, :4], sound.augmented.parameters[:, :4], rtol=0.02)
+
+
+def test_a_joint_without_any_sound_log_leaves_no_model_and_says_why():
+    logs = logs_of([{}, {}, {}])
+    found = diagnose(broken(logs, values("effort", lambda v: 0.0 * v, 1)), without=WITHOUT)
+    assert found.verdict == "no_gap" and found.augmented is None
+    assert any(
+        text.startswith(f"no actuator.json: no sound logs of {logs.joints[1]}") for text in found.content["warnings"]
+    )
+
+
+def test_one_rotten_trial_costs_that_trial(sound):
+    trials = (*sound.trials, replace(sound.trials[0], file="again.parquet"))
+    mixed = rows(lambda n: np.random.default_rng(0).permutation(n))
+    rotten = broken(replace(sound, trials=trials), mixed, only=[len(trials) - 1])
+    content = verdict(rotten)
+    assert content["verdict"] == "no_gap" and content["logs"]["joints"] == list(sound.joints)
+    (left,) = content["left_out"]
+    assert left["trials"] == ["again.parquet"] and left["joints"] == [] and left["kind"] == "rows_out_of_order"
+
+
+def test_effort_limits_are_those_of_the_joints_that_are_left():
+    logs = logs_of([{}, {}, {}])
+    flipped = broken(logs, values("effort", np.negative, 0))
+    found = diagnose(flipped, without=WITHOUT, effort_limit=np.array([100.0, 1e6, 1e6]))
+    assert found.verdict == "no_gap", "the limit of the first joint would cut the torques of the second"
 
 
 def test_no_motion_is_not_identifiable(sound):
@@ -176,7 +218,8 @@ def test_trial_shorter_than_a_window_is_left_out_and_said(sound):
     short = replace(sound.trials[0], file="stub.parquet", trajectory=sound.trials[0].trajectory.section(0, 60))
     content = verdict(replace(sound, trials=(*sound.trials, short)))
     assert content["verdict"] == "no_gap"
-    assert "stub.parquet: shorter than one window, left out" in content["warnings"]
+    (left,) = content["left_out"]
+    assert left["trials"] == ["stub.parquet"] and "stub.parquet: shorter than one window" in left["reason"]
 
 
 def test_without_commands_only_sensing_is_evaluated(sound):

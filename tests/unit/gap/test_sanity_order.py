@@ -9,6 +9,8 @@ import pytest
 from plant_logs import broken, log_set, plant_logs, real, recorded, rows, values
 
 from hqpipe.gap.sanity_order import held_share, order_defects
+from hqpipe.logs.differentiate import differentiate
+from hqpipe.logs.trajectory import Trajectory
 
 RNG = np.random.default_rng(0)
 
@@ -123,3 +125,33 @@ def test_wrong_velocity_is_not_taken_for_disorder():
     logs = plant_logs()
     for change in (np.abs, lambda v: 0.0 * v, lambda v: 57.3 * v, lambda v: -v):
         assert order_defects(broken(logs, values("velocity", change))) == []
+
+
+def test_a_torque_that_changes_faster_than_it_is_logged_is_in_order():
+    """It resembles no sample before it, but follows the motion of its own joint; shuffled, it follows nothing."""
+    t = recorded(0)
+    size = t.effort.std(axis=0)
+    noisy = size * np.random.default_rng(5).standard_normal(t.effort.shape)
+    speed = np.gradient(t.position, t.dt, axis=0)
+    alone = replace(t, pressure_a=None, pressure_b=None, valve_command=None)
+    follows = replace(alone, effort=noisy + 0.2 * size * speed / speed.std(axis=0))
+    assert order_defects(log_set([follows])) == []
+    assert {d.kind for d in order_defects(log_set([replace(alone, effort=noisy)]))} == {"rows_out_of_order"}
+
+
+def test_too_few_rows_say_nothing_about_their_order():
+    t = replace(recorded(0), pressure_a=None, pressure_b=None)
+    assert order_defects(log_set([rows(permuted, "effort")(t)])) != []
+    assert order_defects(log_set([rows(permuted, "effort")(t.section(0, 200))])) == []
+
+
+@pytest.mark.parametrize("rate", [20, 50])
+def test_a_slow_log_of_few_moving_joints_does_not_step_backwards(rate):
+    """Three joints of which one moves at a time, the speed taken from their positions, as slow machines are logged."""
+    time = np.arange(0.0, 60.0, 1.0 / rate)
+    turn = np.floor(time / 4.0) % 3
+    speed = np.stack([(turn == j) * np.sin(2 * np.pi * (0.5 + 0.1 * j) * time) for j in range(3)], axis=1)
+    position = np.cumsum(speed, axis=0) / rate + 2e-4 * np.random.default_rng(5).standard_normal(speed.shape)
+    velocity = differentiate(position, 1.0 / rate)
+    slow = Trajectory(time, ("a", "b", "c"), position, velocity, velocity_source="differentiated")
+    assert order_defects(log_set([slow, slow])) == []

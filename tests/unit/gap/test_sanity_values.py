@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from plant_logs import broken, plant_logs, real, recorded, values
@@ -63,6 +65,20 @@ def test_dead_channel(channel, part):
 
     found = value_defects(broken(plant_logs(), values(channel, freeze, LFK), [1]), set())
     assert ("constant", channel, ("LFK",), ("t1.parquet",)) in [(d.kind, d.channel, d.joints, d.trials) for d in found]
+
+
+def test_a_joint_that_sticks_while_its_speed_shows_a_count_or_two_is_not_dead():
+    """As a servo does whose friction holds it against its command: the speed rests at one count instead of none."""
+
+    def stuck(t):
+        position, velocity, still = t.position.copy(), t.velocity.copy(), slice(t.samples // 3, 2 * t.samples // 3)
+        count = velocity[:, LFK].std() / 40.0
+        velocity[:, LFK] = np.round(velocity[:, LFK] / count) * count
+        position[still, LFK], velocity[still, LFK] = position[still, LFK][0], 2.0 * count
+        return replace(t, position=position, velocity=velocity)
+
+    found = value_defects(broken(plant_logs(), stuck), set())
+    assert "constant" not in {d.kind for d in found if d.channel == "position"}, [d.message for d in found]
 
 
 def test_clipped_effort_and_who_is_to_blame():
