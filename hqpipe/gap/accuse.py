@@ -211,7 +211,10 @@ def prepare(
     known = (ROW_OFFSET,) if mode == "valve" else ()  # a delay must not choose the speed that hides a part of it
     flow = by_speed(fit, linear)
     speed, data = MOVED, cut_up(MOVED, flow)
-    if late <= FILTERED_ROWS:  # two cuts at a time: they are the largest thing in memory
+    smoothed = (
+        mode == "valve" and fit[0].velocity_source != "measured"
+    )  # an output that was smoothed always fits better
+    if late <= FILTERED_ROWS and not smoothed:  # two cuts at a time: they are the largest thing in memory
         logged = cut_up(LOGGED, flow)
         if _misfit(logged, known, workers) < _misfit(data, known, workers):
             speed, data = LOGGED, logged

@@ -21,6 +21,7 @@ from hqpipe.gap.replay import Replay
 SEGMENT_S = 0.512
 _MIN_SEGMENTS = 8
 _UPDATES = 300
+_LEAST = 1e-12  # of the largest power; keeps a spectrum with empty bins from infinite weights
 _REPEAT = 1e-6  # of the command's standard deviation: repeats are the same numbers, up to float32
 
 
@@ -92,22 +93,31 @@ def _fit(shapes: list[np.ndarray], power: np.ndarray, known: np.ndarray | float 
     never lower the likelihood, over any number of decades.
     """
     basis = np.column_stack(shapes)
-    least = 1e-12 * power.max() + np.finfo(float).tiny
-    weights = np.median(power) / np.median(basis, axis=0)
+    top = power.max()
+    if top <= 0.0:  # a joint that stands still in most segments
+        return np.zeros(basis.shape[1])
+    power, known = power / top, known / top
+    weights = np.maximum(np.median(power), _LEAST) / np.median(basis, axis=0)
     for _ in range(_UPDATES):
-        height = basis @ weights + known + least
+        height = basis @ weights + known + _LEAST
         weights = weights * np.sqrt((basis.T @ (power / height**2)) / (basis.T @ (1.0 / height)))
-    return weights
+    return top * weights
+
+
+def _common_length(lengths: Sequence[int]) -> int:
+    """The shortest length but for those of few samples: trials at least as long hold most of all samples."""
+    ordered = np.sort(np.asarray(lengths))
+    return int(ordered[np.cumsum(ordered) > 0.1 * ordered.sum()][0])
 
 
 def _spectrum(replays: Sequence[Replay]) -> tuple[np.ndarray, np.ndarray]:
     """Frequency in cycles per sample without 0, and the power (F, J) of the one-step residual.
 
-    Welch's method with the median over segments, which an impact in a few of them does not move. The scale is
-    such that white noise of variance v has power v.
+    Welch's method with the median over segments, which an impact in a few of them does not move; segments in which a coarse
+    sensor shows no change at all say nothing of its noise. The scale is such that white noise of variance v has power v.
     """
     dt = replays[0].trajectory.dt
-    shortest = min(len(r.one_step) for r in replays) - 1
+    shortest = _common_length([len(r.one_step) - 1 for r in replays])
     length = max(8, min(round(SEGMENT_S / dt), shortest // _MIN_SEGMENTS))
     taper = np.hanning(length + 2)[1:-1, None]
     segments = []
@@ -115,6 +125,11 @@ def _spectrum(replays: Sequence[Replay]) -> tuple[np.ndarray, np.ndarray]:
         residual = (item.trajectory.effort - item.one_step)[1:]
         for start in range(0, len(residual) - length + 1, max(1, length // 2)):
             part = residual[start : start + length]
-            segments.append(np.abs(np.fft.rfft(taper * (part - part.mean(axis=0)), axis=0)) ** 2)
-    power = np.median(segments, axis=0) / np.log(2.0) / np.sum(taper**2)  # median of an exponential is ln 2
+            found = np.abs(np.fft.rfft(taper * (part - part.mean(axis=0)), axis=0)) ** 2
+            still = np.ptp(item.trajectory.effort[start + 1 : start + 1 + length], axis=0) == 0.0
+            segments.append(np.where(still, np.nan, found))
+    some = ~np.isnan(segments).all(axis=0)
+    middle = np.zeros(some.shape)
+    middle[some] = np.nanmedian(np.array(segments)[:, some], axis=0)
+    power = middle / np.log(2.0) / np.sum(taper**2)  # median of an exponential is ln 2
     return np.fft.rfftfreq(length)[2:], power[2:]  # the taper spreads the removed mean over two bins

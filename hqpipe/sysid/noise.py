@@ -34,9 +34,12 @@ class NoiseFloor:
 
 
 def _block_rms(values: np.ndarray) -> float:
+    """Of the median block; one in which a coarse sensor shows no change at all says nothing of its noise."""
     size = min(_BLOCK, len(values))
     blocks = values[: len(values) // size * size].reshape(-1, size)
-    return float(np.sqrt(np.median(np.mean(blocks**2, axis=1))))
+    squares = np.mean(blocks**2, axis=1)
+    changing = squares[squares > 0.0]
+    return float(np.sqrt(np.median(changing))) if len(changing) else 0.0
 
 
 def difference_noise(signal: np.ndarray) -> float:
