@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from hqpipe.logs.clocks import clock
 from hqpipe.logs.columns import CHANNELS, TIME, RawTable, joint_column, joints_of
 from hqpipe.logs.differentiate import differentiate
-from hqpipe.logs.resample import Uniform
 from hqpipe.logs.trajectory import Trajectory
 
 _MEASURED = ("position", "velocity", "effort")
 
 
-def assemble(data: Uniform) -> Trajectory:
+def assemble(table: RawTable, observed: Mapping[str, np.ndarray] | None = None) -> Trajectory:
     """The trial of a table without missing values.
 
     Args:
-        data: checked columns on a sound clock. A joint without velocity, or all of them, has it differentiated.
+        table: checked columns on a sound clock. A joint without velocity, or all of them, has it differentiated.
+        observed: column → (T,) False where a measured value was not recorded, see `hqpipe.logs.resample.Uniform`.
     """
-    columns = data.table.columns
+    columns = table.columns
     time = clock(columns[TIME])
     time = (time - time[0]).astype(np.float64)
-    joints = _joint_order(data.table)
+    joints = _joint_order(table)
     channels: dict[str, np.ndarray] = {}
     for channel in CHANNELS:
         present = [joint_column(joint, channel) in columns for joint in joints]
@@ -39,7 +41,12 @@ def assemble(data: Uniform) -> Trajectory:
     taken = {TIME, *(joint_column(j, c) for j in joints for c in channels)}
     extra = {name: np.asarray(values, np.float64) for name, values in columns.items() if name not in taken}
     return Trajectory(
-        time=time, joints=joints, extra=extra, velocity_source=source, observed=_observed(data, joints), **channels
+        time=time,
+        joints=joints,
+        extra=extra,
+        velocity_source=source,
+        observed=_observed(observed or {}, joints),
+        **channels,
     )
 
 
@@ -47,12 +54,12 @@ def _lacks_speed(channels: dict[str, np.ndarray]) -> bool:
     return "velocity" not in channels or bool(np.isnan(channels["velocity"][0]).any())
 
 
-def _observed(data: Uniform, joints: tuple[str, ...]) -> np.ndarray | None:
+def _observed(columns: Mapping[str, np.ndarray], joints: tuple[str, ...]) -> np.ndarray | None:
     """(T, J) whether every measured channel of a joint was recorded; None if all were."""
     found = None
     for j, joint in enumerate(joints):
         for channel in _MEASURED:
-            seen = data.observed.get(joint_column(joint, channel))
+            seen = columns.get(joint_column(joint, channel))
             if seen is not None:
                 found = np.ones((len(seen), len(joints)), dtype=bool) if found is None else found
                 found[:, j] &= seen

@@ -140,7 +140,7 @@ def check_rates(sources: Mapping[str, Source], dt: float) -> None:
 def named_stretches(file: str, source: Source, found: Repaired) -> list[tuple[str, Trajectory]]:
     """Trajectories of the stretches of a file, with where they lie in it."""
     whole = source.clock.seconds
-    parts = [(part.start, assemble(part.data)) for part in found.stretches]
+    parts = [(part.start, assemble(part.data.table, part.data.observed)) for part in found.stretches]
     if len(parts) == 1 and parts[0][1].duration > whole - source.clock.dt:
         return [(file, parts[0][1])]
     digits = max(0, ceil(-log10(10.0 * source.clock.dt)))  # ten samples, the shortest stretch

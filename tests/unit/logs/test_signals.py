@@ -10,7 +10,7 @@ from hqpipe.errors import LogError
 from hqpipe.logs.assemble import assemble
 from hqpipe.logs.columns import RawTable
 from hqpipe.logs.differentiate import differentiate
-from hqpipe.logs.resample import Uniform, resample
+from hqpipe.logs.resample import resample
 
 
 @pytest.mark.parametrize("rate", [1000.0, 200.0, 50.0])
@@ -51,7 +51,7 @@ def test_resampling_interpolates_signals_and_holds_commands(tmp_path):
 
 
 def test_sections_and_joint_choice(tmp_path):
-    trial = assemble(Uniform(RawTable(tmp_path, make_columns()), {}))
+    trial = assemble(RawTable(tmp_path, make_columns()))
     part = trial.section(500, 800).for_joints(("knee",))
     assert part.samples == 300 and part.time[0] == 0.0
     np.testing.assert_array_equal(part.effort[:, 0], trial.effort[500:800, 1])

@@ -10,7 +10,6 @@ from hqpipe.logs.assemble import assemble
 from hqpipe.logs.columns import RawTable
 from hqpipe.logs.repair import look_through, repair
 from hqpipe.logs.repairs import as_recorded
-from hqpipe.logs.resample import Uniform
 from hqpipe.logs.survey.channel import channel_verdicts
 from hqpipe.logs.survey.clock import trial_verdict
 from hqpipe.logs.survey.end_stop import end_stops
@@ -18,7 +17,7 @@ from hqpipe.logs.survey.excitation import excitations
 
 
 def trajectory(tmp_path, columns=None):
-    return assemble(Uniform(RawTable(tmp_path / "a.parquet", columns or make_columns()), {}))
+    return assemble(RawTable(tmp_path / "a.parquet", columns or make_columns()))
 
 
 def verdicts(tmp_path, **changes):
@@ -92,7 +91,7 @@ def moving(position, command, rate=200.0):
     """A one-joint trial."""
     time = np.arange(len(position)) / rate
     columns = {"time": time, "joint/arm/position": position, "joint/arm/position_command": command}
-    return assemble(Uniform(RawTable(__file__, columns), {}))
+    return assemble(RawTable(__file__, columns))
 
 
 SLOW = 0.5 * np.sin(2 * np.pi * 0.4 * np.arange(2000) / 200.0)
