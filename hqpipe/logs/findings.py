@@ -35,16 +35,50 @@ class Finding:
     size: float | None = None
 
 
+@dataclass(frozen=True)
+class Group:
+    """Findings that say the same of several files or joints.
+
+    Attributes:
+        members: in the order in which they were found.
+    """
+
+    members: tuple[Finding, ...]
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(finding.file for finding in self.members))
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(finding.joint for finding in self.members if finding.joint is not None))
+
+    @property
+    def text(self) -> str:
+        """What was found, in which joints, and from the least to the greatest figure."""
+        first = self.members[0]
+        text = first.text.replace(NUMBER, _span([f.size for f in self.members if f.size is not None]))
+        if first.joint is None:
+            return text
+        others = f" (and of {listed(self.joints[1:])})" if len(self.joints) > 1 else ""
+        return f"{joint_column(first.joint, first.channel)}{others} {text}"
+
+
+def groups_of(findings: Iterable[Finding]) -> list[Group]:
+    """What was found, each thing once, in the order in which it was found first."""
+    found: dict[tuple[str, str | None, str], list[Finding]] = {}
+    for finding in findings:
+        found.setdefault((finding.kind, finding.channel, finding.text), []).append(finding)
+    return [Group(tuple(members)) for members in found.values()]
+
+
 def grouped(findings: Iterable[Finding], files: Sequence[str]) -> list[str]:
-    """One line for each thing that was found, in the order in which it was found first.
+    """A line for each group, with the trials in which it was found.
 
     Args:
         findings: of any checks. files: every file that they could have been found in.
     """
-    lines: dict[tuple[str, str | None, str], list[Finding]] = {}
-    for finding in findings:
-        lines.setdefault((finding.kind, finding.channel, finding.text), []).append(finding)
-    return [f"{in_trials([f.file for f in found], files)}: {_line(found)}" for found in lines.values()]
+    return [f"{in_trials(group.files, files)}: {group.text}" for group in groups_of(findings)]
 
 
 def in_trials(found: Iterable[str], files: Collection[object]) -> str:
@@ -66,16 +100,6 @@ def listed(names: Iterable[str], most: int = SHOWN, separator: str = ", ") -> st
     names = list(names)
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return separator.join(names[:most]) + more
-
-
-def _line(found: list[Finding]) -> str:
-    first = found[0]
-    text = first.text.replace(NUMBER, _span([f.size for f in found if f.size is not None]))
-    if first.joint is None:
-        return text
-    joints = list(dict.fromkeys(f.joint for f in found))
-    others = f" (and of {listed(joints[1:])})" if len(joints) > 1 else ""
-    return f"{joint_column(first.joint, first.channel)}{others} {text}"
 
 
 def _span(sizes: list[float]) -> str:

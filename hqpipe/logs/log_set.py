@@ -79,10 +79,12 @@ def read_log_set(
     recorded = joined(trials)
     named = list({trial.file: (trial.file, trial.trajectory) for trial in recorded}.values())
     first = named[0][1]
+    findings = _findings(manifest, named, recorded)
     warnings = [
         *([coverage(thinned)] if thinned else []),
         *(repair.text for repair in logs.repairs),
-        *_warnings(manifest, files, named, recorded),
+        *_warnings(manifest, files, first, recorded),
+        *grouped(findings, [file for file, _ in named]),
         *copies,
         *repeats,
     ]
@@ -99,6 +101,7 @@ def read_log_set(
         trials=tuple(trials),
         warnings=tuple(warnings),
         kinds=_kinds(folder, manifest, joints_of(next(iter(outlines.values())).names), first.joints),
+        findings=tuple(findings),
         repairs=tuple(logs.repairs),
         as_recorded=logs.as_recorded,
     )
@@ -248,9 +251,8 @@ def _digest(folder: Path, digests: Mapping[str, bytes]) -> str:
     return total.hexdigest()
 
 
-def _warnings(
-    manifest: Manifest | None, files: list[str], named: list[tuple[str, Trajectory]], trials: list[Trial]
-) -> list[str]:
+def _warnings(manifest: Manifest | None, files: list[str], first: Trajectory, trials: list[Trial]) -> list[str]:
+    """How the set was read."""
     found = []
     if manifest is None:
         held = ", ".join(f"{t.file} ({t.trajectory.whole:.1f} s)" for t in trials if t.split == "heldout")
@@ -261,12 +263,14 @@ def _warnings(
             found.append(f"{FILE} does not list {', '.join(unused)}: not read")
         if not any(t.split == "heldout" for t in trials):
             found.append(f"{FILE} holds out no trial: no error can be stated on data that the fit has not seen")
-    first = named[0][1]
     if first.velocity_source == "differentiated":
         span = 1e3 * window_s(first.dt)
         found.append(f"no velocity recorded: differentiated from position, zero-phase, window {span:.0f} ms")
-    looks: list[Finding] = []
-    for file, trial in named:
-        looks += unit_findings(file, trial, manifest.rate_hz if manifest else None)
-    looks += wiring_findings(trials)
-    return [*found, *grouped(looks, [file for file, _ in named])]
+    return found
+
+
+def _findings(manifest: Manifest | None, named: list[tuple[str, Trajectory]], trials: list[Trial]) -> list[Finding]:
+    """What looks wrong in single trials."""
+    rate = manifest.rate_hz if manifest else None
+    units = [finding for file, trial in named for finding in unit_findings(file, trial, rate)]
+    return units + wiring_findings(trials)

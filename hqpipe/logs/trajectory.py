@@ -12,6 +12,7 @@ import numpy as np
 from hqpipe.errors import LogError, near_match
 from hqpipe.logs.columns import CHANNELS, TIME, RawTable, joint_column
 from hqpipe.logs.drive import Stated
+from hqpipe.logs.findings import Finding
 
 
 @dataclass(frozen=True)
@@ -221,7 +222,8 @@ class LogSet:
         rate_hz: nominal sample rate.
         kinds: joint → "revolute" or "prismatic"; empty where nobody says, see `hqpipe.logs.joint_kinds`.
         warnings: what looks wrong but is not certain to be, and what was repaired or left out.
-        repairs: what was repaired or left out. as_recorded: file, or name of a section that was read of it → before its repair.
+        findings: of what looks wrong, those that concern single trials. repairs: what was repaired or left out.
+        as_recorded: file, or name of a section that was read of it → before its repair.
     """
 
     path: Path
@@ -235,6 +237,7 @@ class LogSet:
     joints: tuple[str, ...]
     trials: tuple[Trial, ...]
     warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     repairs: tuple[Repair, ...] = ()
     as_recorded: Mapping[str, AsRecorded] = field(default_factory=dict)
     kinds: Mapping[str, str] = field(default_factory=dict)
@@ -249,9 +252,8 @@ class LogSet:
 
     def header(self) -> dict[str, Any]:
         """Everything but the trials, JSON-able."""
-        plain = {
-            f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("trials", "repairs", "as_recorded")
-        }
+        apart = ("trials", "findings", "repairs", "as_recorded")
+        plain = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in apart}
         return plain | {
             "path": str(self.path),
             "joints": list(self.joints),

@@ -9,7 +9,7 @@ from pathlib import Path
 from hqpipe.errors import LogError
 from hqpipe.logs import LOG_READERS
 from hqpipe.logs.columns import check_names
-from hqpipe.logs.findings import grouped
+from hqpipe.logs.findings import Finding, groups_of
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.logs.manifest import FILE, Manifest, read_manifest
 from hqpipe.logs.repair import look_through, repair
@@ -30,7 +30,7 @@ class Reading:
     Attributes:
         folder: as given. log_set: None where the set is refused. trials: every one that can be read.
         control_mode: as stated or inferred; None where neither can be done.
-        warnings: of the set, or of the trials where the set is refused.
+        warnings: of the set; none where it is refused. looks: what looks wrong in single trials.
         refused: why the set cannot be used as it is. errors: file → why it cannot be read.
         as_recorded: file, or section that was read of it → before its repair.
     """
@@ -40,6 +40,7 @@ class Reading:
     trials: tuple[Trial, ...]
     control_mode: str | None
     warnings: tuple[str, ...] = ()
+    looks: tuple[Finding, ...] = ()
     refused: LogError | None = None
     errors: dict[str, LogError] = field(default_factory=dict)
     as_recorded: Mapping[str, AsRecorded] = field(default_factory=dict)
@@ -58,8 +59,16 @@ def read(folder: Path, most: int = MOST) -> Reading:
         log_set = read_log_set(folder, most=most)
     except LogError as error:
         return _one_by_one(folder, error)
+    told = {group.text for group in groups_of(log_set.findings)}
+    rest = tuple(text for text in log_set.warnings if text.partition(": ")[2] not in told)
     return Reading(
-        folder, log_set, log_set.trials, log_set.control_mode, log_set.warnings, as_recorded=log_set.as_recorded
+        folder,
+        log_set,
+        log_set.trials,
+        log_set.control_mode,
+        rest,
+        log_set.findings,
+        as_recorded=log_set.as_recorded,
     )
 
 
@@ -80,9 +89,8 @@ def _one_by_one(folder: Path, refused: LogError) -> Reading:
     looks = [each for trial in trials for each in unit_findings(trial.file, trial.trajectory, rate)]
     if len({(t.trajectory.joints, tuple(t.trajectory.channels())) for t in trials}) == 1:
         looks += wiring_findings(trials)
-    warnings = grouped(looks, [trial.file for trial in trials])
     mode = manifest.control_mode if manifest else None
-    return Reading(folder, None, tuple(trials), mode, tuple(warnings), refused, errors, before)
+    return Reading(folder, None, tuple(trials), mode, (), tuple(looks), refused, errors, before)
 
 
 def _manifest(folder: Path) -> Manifest | None:

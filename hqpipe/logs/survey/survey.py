@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hqpipe.logs.columns import CHANNELS, joint_column
+from hqpipe.logs.findings import groups_of
 from hqpipe.logs.survey.channel import COMMANDS, ChannelVerdict, channel_verdicts
 from hqpipe.logs.survey.clock import TrialVerdict, recordings, trial_verdict
 from hqpipe.logs.survey.end_stop import EndStop, end_stops
@@ -85,6 +86,8 @@ def survey(reading: Reading, more_warnings: Iterable[str] = ()) -> Survey:
     possible = _layers(reading)
     own = [*_own_findings(channels, found, stops), *_undiagnosed(possible, _mode(reading))]
     files = list(dict.fromkeys(trial.file for trial in trials))
+    said = [Finding(group.text, group.files, group.joints) for group in groups_of(reading.looks)]
+    said += grouped([*reading.warnings, *more_warnings], files)
     for file, error in reading.errors.items():
         trials.append(TrialVerdict(file, "", verdict="refused", error=str(error)))
     return Survey(
@@ -93,7 +96,7 @@ def survey(reading: Reading, more_warnings: Iterable[str] = ()) -> Survey:
         channels=tuple(_marked(channels, stops)),
         excitation=tuple(found),
         layers=tuple(possible),
-        findings=tuple(sorted((*grouped([*reading.warnings, *more_warnings], files), *own), key=lambda f: f.is_note)),
+        findings=tuple(sorted((*said, *own), key=lambda f: f.is_note)),
         other_columns=tuple(sorted({name for trial in reading.trials for name in trial.trajectory.extra})),
     )
 
