@@ -222,7 +222,7 @@ def _as_then(
     earlier: Earlier, cut_up: Callable[[str, Flow], list[JointData]], workers: int
 ) -> tuple[list[JointData], str, float]:
     """The joints beside an earlier record, with its speed and flow; where it does not say, the speed that suits it."""
-    known = np.nan_to_num(earlier.then[earlier.joints[0]].row[FLOW])
+    known = np.nan_to_num(next(iter(earlier.then.values())).row[FLOW])
     flow = tuple(known.tolist()) if known.any() else BY_SPEED
     options = {speed: earlier.beside(cut_up(speed, flow)) for speed in ([earlier.speed] if earlier.speed else SPEEDS)}
     speed = min(options, key=lambda name: _misfit(options[name], (), workers))

@@ -160,10 +160,12 @@ class _Sieve:
 
     def _proven(self, defect: Defect, signed: LogSet) -> list[Defect]:
         """The part of a defect that would change the answer and has not been judged before, joint by joint."""
+        # A restored sign comes from the command of its row: it would make an order of any.
+        logs = self.logs if defect.kind == "rows_out_of_order" else signed
         real = []
         for part in [defect.for_joints([joint]) for joint in defect.joints] if defect.what else [defect]:
             key = part.kind, part.channel, part.joints, part.trials
-            if key not in self._judged and confirmed(part, signed, self.steps):
+            if key not in self._judged and confirmed(part, logs, self.steps):
                 real.append(part)
             self._judged.add(key)
         if real and defect.what:
