@@ -116,16 +116,16 @@ def judge(
     started = time.perf_counter()
     claims, costs, ended = _claims(log_set)
     hit = [claim for claim in claims if _names(claim, planted)]
-    paid = [claim for claim in costs if _names(claim, planted)]
+    paid = [claim for claim in costs or () if _names(claim, planted)]
     spurious = [c for c in claims if c not in hit and not _listed(c, known)]
-    unjust = [c for c in costs if c not in paid and not _listed(c, known)]
+    unjust = [c for c in costs or () if c not in paid and not _listed(c, known)]
     row = Row(
         set=name,
         variant=variant.name,
         read="yes",
         expected=expected,
         found=bool(hit) if planted.kinds else None,
-        cost=bool(paid) if planted.kinds and planted.costs else None,
+        cost=bool(paid) if planted.kinds and planted.costs and costs is not None else None,
         false_claims=tuple(sorted({c.kind for c in spurious})),
         false_costs=tuple(sorted({c.kind for c in unjust})),
         ended=ended,
@@ -134,8 +134,8 @@ def judge(
     return row, set(claims)
 
 
-def _claims(log_set: LogSet) -> tuple[list[Claim], list[Claim], bool]:
-    """What is said, what of it costs something, and whether the diagnosis would end."""
+def _claims(log_set: LogSet) -> tuple[list[Claim], list[Claim] | None, bool]:
+    """What is said, what of it costs something (None where there is no model to ask), and whether the diagnosis would end."""
     window_s = max(WINDOW_S, WINDOW_ROWS / log_set.rate_hz)
     steps = round(window_s * log_set.rate_hz)
     defects = check_logs(log_set, window_s=window_s)
@@ -146,7 +146,7 @@ def _claims(log_set: LogSet) -> tuple[list[Claim], list[Claim], bool]:
     try:
         intake = take_in(log_set, window_s)
     except HqpipeError:  # nothing to compare models on
-        return claims, [], True
+        return claims, None, True
     ended = bool(intake.reasons)
     if hasattr(intake, "left_out"):
         costs = [Claim(item.kind, item.joints, item.trials) for item in intake.left_out]

@@ -305,7 +305,11 @@ def _of_one_trial(trials: Trials, mode: str) -> list[Variant]:
     found = [
         Variant("one trial shuffled", _only(file, _shuffled), rotten("rows_out_of_order")),
         Variant("one trial backwards", _only(file, _reversed), rotten("rows_out_of_order", "sign_flipped")),
-        Variant("one trial cut short", _only(file, lambda c, rng: {n: v[:CUT_ROWS] for n, v in c.items()})),
+        Variant(
+            "one trial cut short",
+            _only(file, lambda c, rng: {n: v[:CUT_ROWS] for n, v in c.items()}),
+            Planted(("too_short",), None, file, costs=False),
+        ),
     ]
     moved = ("position", "position_command", "velocity")
     change = _values(joints, moved, lambda v: v / DEGREE)

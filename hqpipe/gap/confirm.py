@@ -7,7 +7,7 @@ and to what they would be without the defect:
 
 - where it can be mended, to the mended logs;
 - where it shows in some rows, to the windows without those rows: if they matter, they are far worse than the others;
-- where no sample resembles the one before it, to the same rows in a random order: if they are as good in it, theirs is none.
+- where no sample resembles the one before it, to the same rows in random orders: if they are as good in one, theirs is none.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from hqpipe.gap.repair import repairs
 from hqpipe.gap.set_fit import JointFitter, window_errors
 from hqpipe.logs.trajectory import LogSet, Trajectory
 
-SIGMAS = 3.0  # of the logarithm of two fits' errors, by the jackknife: less may be chance
+SIGMAS = 3.0  # of the difference of two fits' errors, by the jackknife: less may be chance
 BLOCKS = 16  # of the jackknife
 FEW = 8  # windows: fewer have no scatter, and no fit of their own
 BETTER = 0.7  # of the squared error that the other rows, or joined-up samples, must leave at most; assumption
 RAN_AWAY = 10.0  # × the output's mean square: a window that is worse says no more than that; assumption
-SEED = 0  # of the random order
+SEED, ORDERS = 0, 6  # of the random orders; two fits to noise differ by more than their windows tell
 TAKEN = ("too_short",)  # no question of the model
 
 
@@ -47,10 +47,12 @@ def confirmed(defect: Defect, log_set: LogSet, steps: int) -> bool:
     if not any(len(owner) for owner in windows.owner):
         return True  # no window is left to tell
     if mended := repairs(defect, log_set):
-        here = [np.isin(owner, _indices(windows.files, defect.trials)) for owner in windows.owner]
+        inside = [np.isin(owner, _indices(windows.files, defect.trials)) for owner in windows.owner]
         as_is = windows.errors()
-        least = np.log(BETTER) if defect.kind == "held_samples" else 0.0
-        return any(_less(_Windows.of(option, columns, steps, speed).errors(), as_is, here, least) for option in mended)
+        ratio = BETTER if defect.kind == "held_samples" else 1.0
+        return any(
+            _fell(_Windows.of(option, columns, steps, speed).errors(), as_is, inside, ratio) for option in mended
+        )
     if defect.rows:
         return _stand_out(defect, log_set, windows, joints)
     return defect.kind != "rows_out_of_order" or not _ordered(defect, log_set, columns, steps, speed)
@@ -114,21 +116,44 @@ def _in_units(errors: np.ndarray, split: Split) -> np.ndarray:
     return np.minimum(errors / size, RAN_AWAY)
 
 
-def _less(new: list[np.ndarray], old: list[np.ndarray], here: list[np.ndarray], least: float) -> bool:
-    """Whether errors fell, for certain and by a factor whose logarithm is `least`, in the mean over the joints.
+def _fell(new: list[np.ndarray], old: list[np.ndarray], inside: list[np.ndarray], ratio: float) -> bool:
+    """Whether errors fell in all, and for certain in the trials that have the defect or in those that it spoils.
 
     Args:
-        new, old: per joint (W,). here: per joint (W,) windows that count.
+        new, old: per joint (W,). inside: per joint (W,) windows of the trials that have it. ratio: see `_less`.
     """
+    if not np.mean([a.sum() / (b.sum() + np.finfo(float).tiny) for a, b in zip(new, old, strict=True)]) < ratio:
+        return False
+    for part in (inside, [~here for here in inside]):
+        if all(here.any() for here in part):
+            cut = [[errors[here] for errors, here in zip(side, part, strict=True)] for side in (new, old)]
+            if _less(*cut, ratio):
+                return True
+    return False
+
+
+def _indices(files: list[str], wanted: Sequence[str]) -> list[int]:
+    return [i for i, file in enumerate(files) if file in wanted]
+
+
+def _less(new: list[np.ndarray], old: list[np.ndarray], ratio: float = 1.0) -> bool:
+    """Whether errors fell for certain, to less than `ratio` of what they were, in the mean over the joints.
+
+    The jackknife is one of (new − old)/(new + old), which no single window of an impact can carry away, as it can a logarithm.
+
+    Args:
+        new, old: per joint (W,).
+    """
+    least = (ratio - 1.0) / (ratio + 1.0)
     terms = []
-    for a, b, kept in zip(new, old, here, strict=True):
-        parts = np.array_split(np.flatnonzero(kept), BLOCKS)
+    for a, b in zip(new, old, strict=True):
+        parts = np.array_split(np.arange(len(a)), BLOCKS)
         sums = np.array([[values[part].sum() for part in parts] for values in (a, b)])
-        rest = sums.sum(axis=1, keepdims=True) - sums
-        terms.append(np.diff(np.log(rest[::-1] + np.finfo(float).tiny), axis=0)[0])
-    fall = np.mean(terms, axis=0)  # (BLOCKS,) logarithm of new over old without one block each
-    if min(kept.sum() for kept in here) < FEW:
-        return bool(fall.mean() < min(least, np.log(BETTER)))
+        after, before = sums.sum(axis=1, keepdims=True) - sums
+        terms.append((after - before) / (after + before + np.finfo(float).tiny))
+    fall = np.mean(terms, axis=0)  # (BLOCKS,) without one block each
+    if min(len(errors) for errors in new) < FEW:
+        return bool(fall.mean() < min(least, (BETTER - 1.0) / (BETTER + 1.0)))
     error = np.sqrt((BLOCKS - 1) * np.mean((fall - fall.mean()) ** 2))
     return bool(fall.mean() < least - SIGMAS * error)
 
@@ -163,17 +188,24 @@ def _ordered(defect: Defect, log_set: LogSet, columns: Sequence[int], steps: int
     rng = np.random.default_rng(SEED)
     names = (defect.channel,) if defect.channel else tuple(log_set.trials[0].trajectory.channels())
     some = replace(log_set, trials=tuple(t for t in log_set.trials if t.file in defect.trials))
-    mixed = replace(some, trials=tuple(replace(t, trajectory=_mixed(t.trajectory, names, rng)) for t in some.trials))
-    as_is, random = (_Windows.of(logs, columns, steps, speed).errors() for logs in (some, mixed))
+    as_is = _Windows.of(some, columns, steps, speed).errors()
     if not as_is:
         return False
-    return _less(as_is, random, [np.ones(len(errors), dtype=bool) for errors in as_is], 0.0)
+    chance = []
+    for _ in range(ORDERS):
+        trials = tuple(replace(t, trajectory=_mixed(t.trajectory, names, rng)) for t in some.trials)
+        random = _Windows.of(replace(some, trials=trials), columns, steps, speed).errors()
+        if not _less(as_is, random):
+            return False
+        chance.append(_logarithm(random))
+    return _logarithm(as_is) < np.mean(chance) - SIGMAS * np.std(chance, ddof=1)
+
+
+def _logarithm(errors: list[np.ndarray]) -> float:
+    """Of the mean error, mean over the joints."""
+    return float(np.mean([np.log(e.mean() + np.finfo(float).tiny) for e in errors]))
 
 
 def _mixed(t: Trajectory, names: Sequence[str], rng: np.random.Generator) -> Trajectory:
     order = rng.permutation(t.samples)
     return replace(t, **{name: getattr(t, name)[order] for name in names})
-
-
-def _indices(files: list[str], wanted: Sequence[str]) -> list[int]:
-    return [i for i, file in enumerate(files) if file in wanted]

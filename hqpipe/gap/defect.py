@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -76,13 +76,21 @@ class Defect:
 
     def for_joints(self, joints: Sequence[str]) -> Defect:
         """The same in fewer joints; a defect that binds its joints together cannot be parted."""
-        if not self.what or set(joints) == set(self.joints):
+        return self.within(joints, self.trials)
+
+    def within(self, joints: Sequence[str], files: Collection[str]) -> Defect:
+        """The same in fewer joints and trials; a defect that binds its joints together keeps all of them."""
+        joints = tuple(joint for joint in self.joints if joint in joints or not self.what)
+        cells = frozenset((file, joint) for file, joint in self.where_in() if joint in joints and file in files)
+        there = {file for file, _ in cells} if self.joints else set(files)
+        trials = tuple(file for file in self.trials if file in there)
+        if (joints, trials) == (self.joints, self.trials):
             return self
-        cells = frozenset((file, joint) for file, joint in self.where_in() if joint in joints)
-        files = tuple(file for file in self.trials if any(file == f for f, _ in cells))
-        rows = {key: rows for key, rows in self.rows.items() if key[1] in joints}
-        part = replace(self, joints=tuple(joints), trials=files, cells=cells, rows=rows)
-        return replace(part, message=_message(part.channel, part.joints, part.trials, self.total, self.what))
+        rows = {key: rows for key, rows in self.rows.items() if key[0] in trials and key[1] in (None, *joints)}
+        part = replace(self, joints=joints, trials=trials, cells=cells, rows=rows)
+        if not self.what or not joints or not trials:
+            return part
+        return replace(part, message=_message(self.channel, joints, trials, self.total, self.what))
 
 
 def of_channel(

@@ -168,10 +168,12 @@ class _Sieve:
 
     def _proven(self, defect: Defect, signed: LogSet) -> list[Defect]:
         """The part of a defect that would change the answer and has not been judged before, joint by joint."""
+        # A restored sign comes from the command of its row: it would make an order of any.
+        logs = self.logs if defect.kind == "rows_out_of_order" else signed
         real = []
         for part in [defect.for_joints([joint]) for joint in defect.joints] if defect.what else [defect]:
             key = part.kind, part.channel, part.joints, part.trials
-            if key not in self._judged and confirmed(part, signed, self.steps):
+            if key not in self._judged and confirmed(part, logs, self.steps):
                 real.append(part)
             self._judged.add(key)
         if real and defect.what:
@@ -180,11 +182,12 @@ class _Sieve:
 
     def _leave(self, defect: Defect, signed: LogSet) -> bool:
         """Leave out what a defect costs, as far as it is still there; whether anything was."""
-        there = {trial.file for trial in self.logs.trials}
-        joints = [joint for joint in defect.joints if joint in self.logs.joints]
-        if self.empty or not there & set(defect.trials) or (defect.joints and not joints):
+        here = defect.within(self.logs.joints, {trial.file for trial in self.logs.trials})
+        if self.empty or not here.trials or bool(defect.joints) != bool(here.joints):
             return False
-        rest, items = leave_out(defect.for_joints(joints) if joints else defect, self.logs)
+        if not set(here.joints) <= set(self.logs.joints):  # a swap one of whose joints is gone: the next round sees
+            return False
+        rest, items = leave_out(here, self.logs)
         known = {(joint, item.channel) for item in self.left if item.channel for joint in item.joints}
         new = [item for item in items if not (item.channel and {(j, item.channel) for j in item.joints} <= known)]
         for joint in {joint for item in new if item.channel is None for joint in item.joints}:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hqpipe.gap.defect import Defect
-from hqpipe.gap.unsigned import restore_sign
+from hqpipe.gap.signs import restored
 from hqpipe.logs.differentiate import differentiate
 from hqpipe.logs.trajectory import LogSet, Trajectory
 
@@ -101,9 +101,7 @@ def _signed(log_set: LogSet, columns: list[int]) -> LogSet:
     parts = [trial.trajectory for trial in log_set.trials]
     efforts = [t.effort.copy() for t in parts]
     for j in columns:
-        names = ("effort", "position_command", "position", "velocity")
-        signals = ([getattr(t, name)[:, j] for t in parts] for name in names)
-        for effort, values in zip(efforts, restore_sign(*signals, parts[0].dt), strict=True):
+        for effort, values in zip(efforts, restored(parts, j), strict=True):
             effort[:, j] = values
     trials = zip(log_set.trials, efforts, strict=True)
     return replace(log_set, trials=tuple(replace(x, trajectory=replace(x.trajectory, effort=e)) for x, e in trials))

@@ -237,15 +237,15 @@ def _contradicts(t: Trajectory, name: str, j: int, moving: bool) -> bool:
     if name == "velocity":
         travelled = np.abs(np.diff(t.position[:: max(1, round(0.02 / t.dt)), j])).mean() / max(0.02, t.dt)
         return bool(moving and travelled > 0.1 * np.abs(t.velocity[:, j]).mean())
-    if name == "position_command":
-        return bool(moving) and _ignored(t, j)
+    if name in ("position_command", "valve_command"):
+        return bool(moving) and _ignored(t, name, j)
     return bool(moving) and name not in _DRIVEN  # noise may be commanded on purpose
 
 
-def _ignored(t: Trajectory, j: int) -> bool:
+def _ignored(t: Trajectory, name: str, j: int) -> bool:
     """Whether a joint moves as if its random command, which is no small dither, did not exist."""
-    command, position = t.position_command[1:, j], t.position[1:, j]
-    if command.std() < 0.1 * position.std():
+    command, position = getattr(t, name)[1:, j], t.position[1:, j]
+    if name == "position_command" and command.std() < 0.1 * position.std():
         return False
     answers = (position, np.diff(t.position[:, j]))
     return not any(_likeness(answer, command, _reach(t)) > SIGMAS / np.sqrt(t.samples) for answer in answers)

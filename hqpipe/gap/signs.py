@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from hqpipe.gap.unsigned import Unsigned, never_negative, restore_sign, unsigned
-from hqpipe.logs.trajectory import LogSet
+from hqpipe.logs.trajectory import LogSet, Trajectory
 
 NAME = "unsigned_sensor"
+RATE_APART = 0.1  # of the logarithm: rates that differ by less are one
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,18 +53,23 @@ def restore_efforts(log_set: LogSet, without: Sequence[str] = ()) -> SignedLogs:
     trials = [trial.trajectory for trial in log_set.trials]
     efforts = [t.effort.copy() for t in trials]
     for joint in (*proven, *alike):
-        j = log_set.joints.index(joint)
-        signed = restore_sign(
-            [t.effort[:, j] for t in trials],
-            [t.position_command[:, j] for t in trials],
-            [t.position[:, j] for t in trials],
-            [t.velocity[:, j] for t in trials],
-            trials[0].dt,
-        )
-        for effort, values in zip(efforts, signed, strict=True):
-            effort[:, j] = values
+        for effort, values in zip(efforts, restored(trials, log_set.joints.index(joint)), strict=True):
+            effort[:, log_set.joints.index(joint)] = values
     mended = tuple(
         replace(trial, trajectory=replace(trial.trajectory, effort=effort))
         for trial, effort in zip(log_set.trials, efforts, strict=True)
     )
     return SignedLogs(replace(log_set, trials=mended), log_set, found, alike)
+
+
+def restored(trials: Sequence[Trajectory], j: int) -> list[np.ndarray]:
+    """Per trial the effort (T,) of a joint with its sign; trials of one rate together, for the model is one of a step."""
+    found: dict[int, np.ndarray] = {}
+    rates = np.round(np.log([t.dt for t in trials]) / RATE_APART)
+    for rate in np.unique(rates):
+        alike = np.flatnonzero(rates == rate)
+        part = [trials[i] for i in alike]
+        names = ("effort", "position_command", "position", "velocity")
+        signals = ([getattr(t, name)[:, j] for t in part] for name in names)
+        found |= dict(zip(alike.tolist(), restore_sign(*signals, part[0].dt), strict=True))
+    return [found[i] for i in range(len(trials))]

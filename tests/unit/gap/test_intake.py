@@ -81,6 +81,15 @@ def test_several_defects_cost_what_each_has(sound):
     assert intake.reasons == ()
 
 
+def test_two_defects_of_one_kind_in_one_trial_cost_it_once(sound):
+    def rotten(t):
+        return values("position_command", np.negative, 1)(values("effort", np.negative, 2)(t))
+
+    intake = take_in(broken(broken(sound, rotten, only=[0]), values("effort", np.negative, 2), only=[1]), WINDOW_S)
+    assert sorted(item.trials for item in intake.left_out) == [("t0.parquet",), ("t1.parquet",)]
+    assert intake.log_set.joints == sound.joints and len(intake.log_set.trials) == 4
+
+
 def test_the_last_held_out_trial_is_not_given_up_for_one_joint(sound):
     few = replace(sound, trials=sound.trials[:5])
     intake = take_in(broken(few, values("effort", np.negative, 2), only=[4]), WINDOW_S)

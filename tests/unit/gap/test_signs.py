@@ -49,3 +49,19 @@ def test_given_logs_are_not_changed(lost):
     restore_efforts(lost)
     for trial, effort in zip(lost.trials, before, strict=True):
         np.testing.assert_array_equal(trial.trajectory.effort, effort)
+
+
+def test_trials_of_other_rates_get_their_signs_by_models_of_their_own():
+    """One model of a step cannot be that of a step twice as long."""
+    logs = logs_of([{}, {}], seconds=8.0)
+    slow = [i for i in range(len(logs.trials)) if i % 2]
+
+    def halved(t):
+        return replace(t, time=t.time[::10], **{name: v[::10] for name, v in t.channels().items()})
+
+    mixed = broken(broken(logs, halved, slow), lambda t: t)
+    signed = restore_efforts(broken(mixed, values("effort", np.abs, 0)))
+    assert signed.joints == (logs.joints[0],)
+    for true, found in zip(mixed.trials, signed.log_set.trials, strict=True):
+        a, b = true.trajectory.effort[:, 0], found.trajectory.effort[:, 0]
+        assert np.abs(a)[np.sign(a) != np.sign(b)].sum() < 0.1 * np.abs(a).sum(), found.file

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plant_logs import broken, values
 from planted_logs import logs_of, planted, size
 
 from hqpipe.actuators.files import load_actuator, save_actuator
@@ -64,6 +65,22 @@ def test_the_same_machine_again_has_not_changed(earlier):
     assert content["reference"] == {"path": "synthetic", "kind": "logs", "sha256": "0" * 64}
     considered = {row["effect"] for row in content["effects_considered"]}
     assert considered >= set(CHANGES) | {"torque_scale", "valve_lag"}
+
+
+def flipped(logs, j):
+    return broken(logs, values("effort", np.negative, j))
+
+
+def test_a_joint_that_either_record_left_out_is_not_compared_and_the_others_are(sound, earlier, leaking):
+    part = since(earlier_logs(flipped(sound, 0), 0.1, WITHOUT), leaking)
+    assert part["logs"]["joints"] == [sound.joints[1]] and named(part) == {("leakage_change", sound.joints[1:])}
+    (left,) = part["left_out"]
+    assert (left["kind"], left["joints"]) == ("not_in_reference", [sound.joints[0]])
+    other = since(earlier, flipped(leaking, 0))
+    assert named(other) == {("leakage_change", sound.joints[1:])}
+    assert [(x["kind"], x["joints"]) for x in other["left_out"]] == [("sign_flipped", [sound.joints[0]])]
+    nothing = since(earlier_logs(flipped(sound, 0), 0.1, WITHOUT), flipped(leaking, 1))
+    assert nothing["verdict"] == "not_identifiable" and len(nothing["left_out"]) == 2
 
 
 def test_grown_leakage_is_named_with_its_ratio(leaking, found):
