@@ -152,10 +152,10 @@ class _Sieve:
             defects: of `signed`, the logs with signed efforts.
         """
         for kind in dict.fromkeys(d.kind for d in defects if d.fatal and d.kind != "too_short"):
-            taken = False
-            for defect in (part for d in defects if d.kind == kind and d.fatal for part in self._proven(d, signed)):
-                taken |= self._leave(defect, signed)
-            if taken:
+            # A restored sign comes from the command of its row: it would make an order of any.
+            judged = self.logs if kind == "rows_out_of_order" else signed
+            real = [part for d in defects if d.kind == kind and d.fatal for part in self._proven(d, judged)]
+            if any([self._leave(defect, signed) for defect in real]):
                 return True
         return False
 
@@ -166,10 +166,8 @@ class _Sieve:
         warnings = (*reasons, *logs.warnings, *channels, *told)
         return Intake(logs, signed, self.window, self.steps, warnings, reasons, advice, tuple(self.left), self.spare)
 
-    def _proven(self, defect: Defect, signed: LogSet) -> list[Defect]:
+    def _proven(self, defect: Defect, logs: LogSet) -> list[Defect]:
         """The part of a defect that would change the answer and has not been judged before, joint by joint."""
-        # A restored sign comes from the command of its row: it would make an order of any.
-        logs = self.logs if defect.kind == "rows_out_of_order" else signed
         real = []
         for part in [defect.for_joints([joint]) for joint in defect.joints] if defect.what else [defect]:
             key = part.kind, part.channel, part.joints, part.trials
@@ -203,7 +201,8 @@ class _Sieve:
 
 def _spare(defect: Defect, log_set: LogSet, joint: str) -> LogSet | None:
     """Logs in which a joint that is left out for a defect is sound."""
-    if mended := repairs(defect, log_set):
+    mended = repairs(defect, log_set)
+    if len(mended) == 1:  # a ring of three may have turned either way
         return of_joints(mended[0], [joint])
     rest = without_trials(log_set, {file for file, name in defect.where_in() if name == joint})
     return of_joints(rest, [joint]) if rest is not None else None

@@ -90,6 +90,22 @@ def test_two_defects_of_one_kind_in_one_trial_cost_it_once(sound):
     assert intake.log_set.joints == sound.joints and len(intake.log_set.trials) == 4
 
 
+def test_two_channels_of_a_joint_out_of_order_cost_it_once(sound):
+    def rotten(t):
+        return rows(lambda n: np.random.default_rng(1).permutation(n), "effort")(t)
+
+    def spoilt(t):
+        one = [2]
+        effort, command = t.effort.copy(), t.position_command.copy()
+        effort[:, one], command[:, one] = rotten(t).effort[:, one], SHUFFLED(t).position_command[:, one]
+        return replace(t, effort=effort, position_command=command)
+
+    intake = take_in(broken(sound, spoilt), WINDOW_S)
+    assert intake.reasons == () and intake.log_set.joints == (*sound.joints[:2], sound.joints[3])
+    assert [item.joints for item in intake.left_out] == [(sound.joints[2],)]
+    assert intake.spare[sound.joints[2]] is None
+
+
 def test_the_last_held_out_trial_is_not_given_up_for_one_joint(sound):
     few = replace(sound, trials=sound.trials[:5])
     intake = take_in(broken(few, values("effort", np.negative, 2), only=[4]), WINDOW_S)
