@@ -19,7 +19,7 @@ def assemble(table: RawTable, observed: Mapping[str, np.ndarray] | None = None) 
 
     Args:
         table: checked columns on a sound clock. A joint without velocity, or all of them, has it differentiated.
-        observed: column → (T,) False where a measured value was not recorded, see `hqpipe.logs.resample.Uniform`.
+        observed: column → (T,) False where a measured value was not recorded, see `hqpipe.logs.repair.resample.Uniform`.
     """
     columns = table.columns
     time = clock(columns[TIME])

@@ -14,11 +14,11 @@ import numpy as np
 
 from hqpipe.logs.clocks import shared_dt
 from hqpipe.logs.columns import Shape, joints_of
-from hqpipe.logs.losses import leave_out
 from hqpipe.logs.manifest import Manifest, TrialEntry
 from hqpipe.logs.overlap import fingerprint_file
-from hqpipe.logs.repair import Source, look_through, repair
-from hqpipe.logs.repairs import as_recorded, describe
+from hqpipe.logs.repair.losses import leave_out
+from hqpipe.logs.repair.one_file import Source, look_through, repair
+from hqpipe.logs.repair.report import as_recorded, describe
 from hqpipe.logs.sections import Rows, rows_within, sections, shares
 from hqpipe.logs.size import check_size
 from hqpipe.logs.split import split_rows

@@ -13,11 +13,11 @@ from hqpipe.logs.checks import check_clock, check_values
 from hqpipe.logs.clocks import SAME_RATE, clock, shared_dt
 from hqpipe.logs.columns import TIME, RawTable, check_names
 from hqpipe.logs.drive import merged
-from hqpipe.logs.losses import leave_out
 from hqpipe.logs.manifest import Manifest, TrialEntry
 from hqpipe.logs.overlap import Fingerprint, fingerprint
-from hqpipe.logs.repair import Repaired, Source, look_through, repair
-from hqpipe.logs.repairs import as_recorded, describe
+from hqpipe.logs.repair.losses import leave_out
+from hqpipe.logs.repair.one_file import Repaired, Source, look_through, repair
+from hqpipe.logs.repair.report import as_recorded, describe
 from hqpipe.logs.split import infer_split
 from hqpipe.logs.trajectory import AsRecorded, Excerpt, Repair, Trajectory, Trial
 

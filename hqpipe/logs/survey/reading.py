@@ -12,8 +12,8 @@ from hqpipe.logs.columns import check_names
 from hqpipe.logs.findings import Finding, groups_of
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.logs.manifest import FILE, Manifest, read_manifest
-from hqpipe.logs.repair import look_through, repair
-from hqpipe.logs.repairs import as_recorded
+from hqpipe.logs.repair.one_file import look_through, repair
+from hqpipe.logs.repair.report import as_recorded
 from hqpipe.logs.size import check_size
 from hqpipe.logs.trajectory import AsRecorded, LogSet, Trial
 from hqpipe.logs.units import unit_findings

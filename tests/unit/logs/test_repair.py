@@ -8,7 +8,7 @@ from log_builders import JOINTS, make_columns, put
 
 from hqpipe.errors import LogError
 from hqpipe.logs.log_set import read_log_set
-from hqpipe.logs.segments import bridgeable, stretches
+from hqpipe.logs.repair.segments import bridgeable, stretches
 
 
 def kept(columns, rows):

@@ -10,7 +10,7 @@ from hqpipe.errors import LogError
 from hqpipe.logs.assemble import assemble
 from hqpipe.logs.columns import RawTable
 from hqpipe.logs.differentiate import differentiate
-from hqpipe.logs.resample import resample
+from hqpipe.logs.repair.resample import resample
 
 
 @pytest.mark.parametrize("rate", [1000.0, 200.0, 50.0])

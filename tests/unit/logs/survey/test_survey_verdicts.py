@@ -8,8 +8,8 @@ from log_builders import make_columns
 
 from hqpipe.logs.assemble import assemble
 from hqpipe.logs.columns import RawTable
-from hqpipe.logs.repair import look_through, repair
-from hqpipe.logs.repairs import as_recorded
+from hqpipe.logs.repair.one_file import look_through, repair
+from hqpipe.logs.repair.report import as_recorded
 from hqpipe.logs.survey.channel import channel_verdicts
 from hqpipe.logs.survey.clock import trial_verdict
 from hqpipe.logs.survey.end_stop import end_stops

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from hqpipe.errors import LogError
 from hqpipe.logs.columns import CHANNELS, joint_column, joints_of
-from hqpipe.logs.masks import MOST_MISSING
-from hqpipe.logs.repair import Source
+from hqpipe.logs.repair.missing import MOST_MISSING
+from hqpipe.logs.repair.one_file import Source
 from hqpipe.logs.trajectory import Repair
 
 _RECORD = "repair the sensor or its wiring, or drop the column"

@@ -10,9 +10,9 @@ import numpy as np
 from hqpipe.logs.checks import MIN_SAMPLES, check_shapes
 from hqpipe.logs.clocks import Clock, clock, is_regular, read_clock, repeated_rows
 from hqpipe.logs.columns import TIME, RawTable, joint_column, joints_of
-from hqpipe.logs.masks import mask
-from hqpipe.logs.resample import Uniform, fill, resample
-from hqpipe.logs.segments import bridgeable, stretches
+from hqpipe.logs.repair.missing import mask
+from hqpipe.logs.repair.resample import Uniform, fill, resample
+from hqpipe.logs.repair.segments import bridgeable, stretches
 
 NEEDED = ("position", "velocity", "effort", "position_command", "effort_command", "valve_command")
 """Channels of a joint without which a sample says nothing; a missing value of any other column cuts no trial."""

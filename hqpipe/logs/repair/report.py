@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hqpipe.logs.clocks import SAME_RATE, STEADY
-from hqpipe.logs.repair import Repaired, Source
+from hqpipe.logs.repair.one_file import Repaired, Source
 from hqpipe.logs.trajectory import AsRecorded, Repair
 
 
