@@ -54,14 +54,19 @@ class Group:
         return tuple(dict.fromkeys(finding.joint for finding in self.members if finding.joint is not None))
 
     @property
+    def of_first(self) -> str:
+        """What was found in the first joint, with figures from the least to the greatest of all."""
+        return self._told("")
+
+    @property
     def text(self) -> str:
-        """What was found, in which joints, and from the least to the greatest figure."""
+        """The same, with the other joints named."""
+        return self._told(f" (and of {listed(self.joints[1:])})" if len(self.joints) > 1 else "")
+
+    def _told(self, others: str) -> str:
         first = self.members[0]
         text = first.text.replace(NUMBER, _span([f.size for f in self.members if f.size is not None]))
-        if first.joint is None:
-            return text
-        others = f" (and of {listed(self.joints[1:])})" if len(self.joints) > 1 else ""
-        return f"{joint_column(first.joint, first.channel)}{others} {text}"
+        return text if first.joint is None else f"{joint_column(first.joint, first.channel)}{others} {text}"
 
 
 def groups_of(findings: Iterable[Finding]) -> list[Group]:

@@ -86,7 +86,7 @@ def survey(reading: Reading, more_warnings: Iterable[str] = ()) -> Survey:
     possible = _layers(reading)
     own = [*_own_findings(channels, found, stops), *_undiagnosed(possible, _mode(reading))]
     files = list(dict.fromkeys(trial.file for trial in trials))
-    said = [Finding(group.text, group.files, group.joints) for group in groups_of(reading.looks)]
+    said = [Finding(group.of_first, group.files, group.joints) for group in groups_of(reading.looks)]
     said += grouped([*reading.warnings, *more_warnings], files)
     for file, error in reading.errors.items():
         trials.append(TrialVerdict(file, "", verdict="refused", error=str(error)))
