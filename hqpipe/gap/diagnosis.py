@@ -24,6 +24,8 @@ from hqpipe.gap.intake import LONGER, Intake, take_in
 from hqpipe.gap.joint_data import by_speed
 from hqpipe.gap.joint_state import JointState
 from hqpipe.gap.left_joints import plain_joints, whole_machine
+from hqpipe.gap.level_answer import ADVICE, by_levels
+from hqpipe.gap.levels import BLIND, levels_of
 from hqpipe.gap.locate import Place, locate
 from hqpipe.gap.reference import Explained
 from hqpipe.gap.replay import persistence_error
@@ -175,6 +177,12 @@ def _actuator(
         intake.left_out,
     )
     units = {joint: output_unit(log_set, joint) for joint in joints}
+    if earlier is not None and content["verdict"] == "no_gap":
+        held = persistence_error(found.heldout)
+        untold = [joint for joint, e, h in zip(joints, before.evidence.error, held, strict=True) if e >= BLIND * h]
+        content, reason = by_levels(content, earlier.levels, levels_of(signed.raw), untold, units[joints[0]])
+        if reason:
+            return Diagnosis(not_identifiable(log_set, content["warnings"], ADVICE, earlier, intake.left_out))
     table = _table(before, after, found, units)
     traces = worst_windows(found.heldout, found.rest.heldout, log_set)
     models = [model and model.actuator() for model in (base, augmented)]

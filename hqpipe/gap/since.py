@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.effects.layout import NOT_KNOWN, slot
 from hqpipe.errors import UsageError
 from hqpipe.gap.joint_data import LOGGED, JointData, Then
+from hqpipe.gap.levels import Levels
 from hqpipe.gap.model_files import COEFFICIENTS, POWERS, Left, digest, left_of, variances
 from hqpipe.gap.two_fits import two_fits
 from hqpipe.logs.trajectory import LogSet
@@ -35,7 +36,7 @@ class Earlier:
             those of the new logs.
         window_s: of the free run that it was judged in; None for a model.
         unsigned: joints whose torque had lost its sign. checked: what a second sensor showed, (effect, joint).
-        warnings: what to know of it.
+        warnings: what to know of it. levels: see `hqpipe.gap.levels`; empty for a model.
     """
 
     path: str
@@ -52,6 +53,7 @@ class Earlier:
     checked: frozenset[tuple[str, str]] = frozenset()
     warnings: tuple[str, ...] = ()
     bare: bool = False
+    levels: Levels = field(default_factory=dict)
 
     def header(self) -> dict[str, str]:
         """As in diagnosis.json."""

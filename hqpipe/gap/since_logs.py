@@ -12,6 +12,7 @@ from hqpipe.gap.accuse import accuse
 from hqpipe.gap.intake import take_in
 from hqpipe.gap.joint_data import Then
 from hqpipe.gap.joint_state import JointState, Progress
+from hqpipe.gap.levels import levels_of
 from hqpipe.gap.replay import persistence_error
 from hqpipe.gap.second_channel import measured
 from hqpipe.gap.since import LOGS, Earlier, sample_time
@@ -63,6 +64,7 @@ def earlier_logs(
         source=log_set.effort_source,
         window_s=intake.window.seconds,
         unsigned=intake.signed.joints,
+        levels=levels_of(log_set),
         checked=frozenset((f.effect, f.joint) for f in measured(logs, without)),
         warnings=tuple(f"reference: {text}" for text in (*intake.warnings, *(item.reason for item in intake.left_out))),
     )
