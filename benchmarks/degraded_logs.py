@@ -115,7 +115,7 @@ def judge(
             return Row(name, variant.name, text[:160], expected, None, None, (), (), True, 0.0), set()
     started = time.perf_counter()
     claims, costs, ended = _claims(log_set)
-    hit = [claim for claim in claims if _names(claim, planted)]
+    hit = [claim for claim in (*claims, *(costs or ())) if _names(claim, planted)]
     paid = [claim for claim in costs or () if _names(claim, planted)]
     spurious = [c for c in claims if c not in hit and not _listed(c, known)]
     unjust = [c for c in costs or () if c not in paid and not _listed(c, known)]

@@ -21,6 +21,7 @@ from hqpipe.gap.defect import Defect
 from hqpipe.gap.joint_data import COMMAND_CHANNEL, LOGGED, MOVED, Split, joint_data
 from hqpipe.gap.repair import repairs
 from hqpipe.gap.set_fit import JointFitter, window_errors
+from hqpipe.gap.signs import with_signs
 from hqpipe.logs.trajectory import LogSet, Trajectory
 
 SIGMAS = 3.0  # of the difference of two fits' errors, by the jackknife: less may be chance
@@ -32,30 +33,31 @@ SEED, ORDERS = 0, 6  # of the random orders; two fits to noise differ by more th
 TAKEN = ("too_short",)  # no question of the model
 
 
-def confirmed(defect: Defect, log_set: LogSet, steps: int) -> bool:
+def confirmed(defect: Defect, log_set: LogSet, steps: int, signless: Sequence[str] = ()) -> bool:
     """Whether the logs without the defect would give another answer.
 
     Args:
         defect: of the log set. log_set: with the channels of its control mode. steps: samples per window.
+        signless: joints whose effort has no sign in `log_set`. It is restored in whatever is compared: the sign comes from the
+            command of its row, and would make an order of any if it were shuffled along with the rows.
     """
     if defect.kind in TAKEN or not used(defect, log_set):
         return True
     speed = LOGGED if defect.channel == "velocity" else MOVED
     joints = defect.joints or log_set.joints
     columns = [log_set.joints.index(joint) for joint in joints]
-    windows = _Windows.of(log_set, columns, steps, speed)
+    windows = _Windows.of(log_set, columns, steps, speed, signless)
     if not any(len(owner) for owner in windows.owner):
         return True  # no window is left to tell
     if mended := repairs(defect, log_set):
         inside = [np.isin(owner, _indices(windows.files, defect.trials)) for owner in windows.owner]
         as_is = windows.errors()
         ratio = BETTER if defect.kind == "held_samples" else 1.0
-        return any(
-            _fell(_Windows.of(option, columns, steps, speed).errors(), as_is, inside, ratio) for option in mended
-        )
+        options = [_Windows.of(option, columns, steps, speed, signless).errors() for option in mended]
+        return any(_fell(option, as_is, inside, ratio) for option in options)
     if defect.rows:
         return _stand_out(defect, log_set, windows, joints)
-    return defect.kind != "rows_out_of_order" or not _ordered(defect, log_set, columns, steps, speed)
+    return defect.kind != "rows_out_of_order" or not _ordered(defect, log_set, columns, steps, speed, signless)
 
 
 def used(defect: Defect, log_set: LogSet) -> bool:
@@ -80,7 +82,10 @@ class _Windows:
     steps: int
 
     @classmethod
-    def of(cls, log_set: LogSet, columns: Sequence[int], steps: int, speed: str) -> _Windows:
+    def of(
+        cls, log_set: LogSet, columns: Sequence[int], steps: int, speed: str, signless: Sequence[str] = ()
+    ) -> _Windows:
+        log_set = with_signs(log_set, signless) if signless else log_set
         least = steps * (3 if log_set.control_mode == "valve" else 1)
         kept = [trial for trial in log_set.trials if trial.trajectory.samples > least]
         parts = [trial.trajectory for trial in kept]
@@ -183,18 +188,20 @@ def _stand_out(defect: Defect, log_set: LogSet, windows: _Windows, joints: Seque
     return bool(np.mean(np.log(np.array(ratio) + np.finfo(float).tiny)) < np.log(BETTER))
 
 
-def _ordered(defect: Defect, log_set: LogSet, columns: Sequence[int], steps: int, speed: str) -> bool:
+def _ordered(
+    defect: Defect, log_set: LogSet, columns: Sequence[int], steps: int, speed: str, signless: Sequence[str]
+) -> bool:
     """Whether the model fits the trials with the defect better than the same rows in a random order."""
     rng = np.random.default_rng(SEED)
     names = (defect.channel,) if defect.channel else tuple(log_set.trials[0].trajectory.channels())
     some = replace(log_set, trials=tuple(t for t in log_set.trials if t.file in defect.trials))
-    as_is = _Windows.of(some, columns, steps, speed).errors()
+    as_is = _Windows.of(some, columns, steps, speed, signless).errors()
     if not as_is:
         return False
     chance = []
     for _ in range(ORDERS):
         trials = tuple(replace(t, trajectory=_mixed(t.trajectory, names, rng)) for t in some.trials)
-        random = _Windows.of(replace(some, trials=trials), columns, steps, speed).errors()
+        random = _Windows.of(replace(some, trials=trials), columns, steps, speed, signless).errors()
         if not _less(as_is, random):
             return False
         chance.append(_logarithm(random))

@@ -20,6 +20,7 @@ from hqpipe.gap.joint_data import COMMAND_CHANNEL
 from hqpipe.gap.left_out import LeftOut, leave_out, of_joints, without_trials
 from hqpipe.gap.repair import repairs
 from hqpipe.gap.sanity import check_logs
+from hqpipe.gap.sanity_order import order_defects
 from hqpipe.gap.sensing import channel_warnings
 from hqpipe.gap.signs import SignedLogs, restore_efforts
 from hqpipe.logs.columns import joint_column
@@ -94,14 +95,31 @@ def _sifted(log_set: LogSet, window_s: float | None, dt: float, without: Sequenc
     if sieve.drop_short():
         signed = restore_efforts(sieve.logs, without)
     while not sieve.empty:
-        defects = check_logs(signed.log_set, window_s=window.seconds)
-        if not sieve.take(defects, signed.log_set):
+        defects = _as_recorded(check_logs(signed.log_set, window_s=window.seconds), sieve.logs, signed)
+        if not sieve.take(defects, signed):
             short = tuple(d.message for d in defects if d.kind == "too_short")
             told = tuple(d.message for d in defects if d.kind in SEEN or not d.fatal)
             return sieve.intake(signed, told, short, LONGER if short else None)
         signed = restore_efforts(sieve.logs, without)
     advice = LONGER if all(item.kind == "too_short" for item in sieve.left) else MEND
     return sieve.intake(signed, (), tuple(f"{item.reason}; {item.fix}" for item in sieve.left), advice)
+
+
+def _as_recorded(defects: list[Defect], raw: LogSet, signed: SignedLogs) -> list[Defect]:
+    """What was found in logs with restored signs, as far as it is a defect of the logs as they came.
+
+    A restored sign comes from the command of its row, so that it makes an order of any, and can itself be wrong.
+    """
+    if not signed.joints:
+        return defects
+    hidden = [d for d in order_defects(raw) if d.kind == "rows_out_of_order" and d.channel == "effort"]
+    found = []
+    for defect in defects:
+        if (defect.kind, defect.channel) == ("sign_flipped", "effort"):
+            defect = defect.for_joints([joint for joint in defect.joints if joint not in signed.joints])
+        if defect.joints or not defect.what:
+            found.append(defect)
+    return [*hidden, *found]
 
 
 def _named_apart(log_set: LogSet) -> tuple[LogSet, dict[str, str]]:
@@ -145,17 +163,16 @@ class _Sieve:
             self._keep(without_trials(self.logs, short))
         return bool(short)
 
-    def take(self, defects: Sequence[Defect], signed: LogSet) -> bool:
+    def take(self, defects: Sequence[Defect], signed: SignedLogs) -> bool:
         """Leave out what the gravest kind of defect costs; whether there was any.
 
         Args:
-            defects: of `signed`, the logs with signed efforts.
+            defects: of the logs with signed efforts.
         """
         for kind in dict.fromkeys(d.kind for d in defects if d.fatal and d.kind != "too_short"):
-            # A restored sign comes from the command of its row: it would make an order of any.
-            judged = self.logs if kind == "rows_out_of_order" else signed
-            real = [part for d in defects if d.kind == kind and d.fatal for part in self._proven(d, judged)]
-            if any([self._leave(defect, signed) for defect in real]):
+            judged = (self.logs, signed.joints) if kind == "rows_out_of_order" else (signed.log_set, ())
+            real = [part for d in defects if d.kind == kind and d.fatal for part in self._proven(d, *judged)]
+            if any([self._leave(defect, signed.log_set) for defect in real]):
                 return True
         return False
 
@@ -166,12 +183,12 @@ class _Sieve:
         warnings = (*reasons, *logs.warnings, *channels, *told)
         return Intake(logs, signed, self.window, self.steps, warnings, reasons, advice, tuple(self.left), self.spare)
 
-    def _proven(self, defect: Defect, logs: LogSet) -> list[Defect]:
+    def _proven(self, defect: Defect, logs: LogSet, signless: Sequence[str]) -> list[Defect]:
         """The part of a defect that would change the answer and has not been judged before, joint by joint."""
         real = []
         for part in [defect.for_joints([joint]) for joint in defect.joints] if defect.what else [defect]:
             key = part.kind, part.channel, part.joints, part.trials
-            if key not in self._judged and confirmed(part, logs, self.steps):
+            if key not in self._judged and confirmed(part, logs, self.steps, signless):
                 real.append(part)
             self._judged.add(key)
         if real and defect.what:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hqpipe.gap.defect import Defect
-from hqpipe.gap.signs import restored
+from hqpipe.gap.signs import with_signs
 from hqpipe.logs.differentiate import differentiate
 from hqpipe.logs.trajectory import LogSet, Trajectory
 
@@ -36,7 +36,7 @@ def repairs(defect: Defect, log_set: LogSet) -> list[LogSet]:
     if defect.kind == "held_samples":
         return [_mended(log_set, defect, lambda t, _: _changed(t, (defect.channel,), columns, joined_up))]
     if defect.kind == "unsigned" and defect.channel == "effort" and log_set.control_mode == "position":
-        return [_signed(log_set, columns)]
+        return [with_signs(log_set, defect.joints)]
     return []
 
 
@@ -95,13 +95,3 @@ def _changed(
         found[name] = getattr(t, name).copy()
         found[name][:, columns] = change(found[name][:, columns])
     return _with_derived(replace(t, **found), names, columns)
-
-
-def _signed(log_set: LogSet, columns: list[int]) -> LogSet:
-    parts = [trial.trajectory for trial in log_set.trials]
-    efforts = [t.effort.copy() for t in parts]
-    for j in columns:
-        for effort, values in zip(efforts, restored(parts, j), strict=True):
-            effort[:, j] = values
-    trials = zip(log_set.trials, efforts, strict=True)
-    return replace(log_set, trials=tuple(replace(x, trajectory=replace(x.trajectory, effort=e)) for x, e in trials))

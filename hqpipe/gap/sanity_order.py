@@ -200,15 +200,18 @@ def _shuffled(t: Trajectory, elsewhere: dict[str, np.ndarray], usual: dict[str, 
 def _belongs(t: Trajectory, channels: dict[str, np.ndarray], loose: dict[str, np.ndarray], name: str, j: int) -> bool:
     """Whether a column of independent rows follows the smooth channels of its joint: noisy, or slowly logged, but in order.
 
-    A torque that changes faster than it is logged resembles no sample before it, and follows the motion none the less.
+    A torque that changes faster than it is logged resembles no sample before it, and follows the motion none the less. Ranks
+    are compared, for a few great values of both would meet by chance.
     """
+    from scipy.stats import rankdata
+
     reach = _reach(t)
-    mine = channels[name][1:, j]
+    mine = rankdata(channels[name][1:, j])
     for other in (other for other, flags in loose.items() if other != name and not flags[j]):
         smooth = channels[other][:, j]
         change = np.diff(smooth)
         for signal in (smooth[1:], change, np.abs(change), np.sign(change)):
-            if _likeness(mine, signal, reach) > SIGMAS / np.sqrt(t.samples):
+            if _likeness(mine, rankdata(signal), reach) > SIGMAS / np.sqrt(t.samples):
                 return True
     return False
 
@@ -265,8 +268,7 @@ def _likeness(answer: np.ndarray, given: np.ndarray, reach: int) -> float:
 
 def _unit(values: np.ndarray) -> np.ndarray:
     """(T,) without its mean, of length 1."""
-    centred = values - values.mean()
-    return centred / (np.linalg.norm(centred) + np.finfo(float).tiny)
+    return (values - values.mean()) / (np.linalg.norm(values - values.mean()) + np.finfo(float).tiny)
 
 
 def _disorder(t: Trajectory) -> _Disorder | None:

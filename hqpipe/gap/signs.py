@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -50,16 +50,21 @@ def restore_efforts(log_set: LogSet, without: Sequence[str] = ()) -> SignedLogs:
         return SignedLogs(log_set, log_set)
     proven = {entry.joint for entry in found}
     alike = tuple(joint for joint in never_negative(log_set.trials, "effort") if joint not in proven)
+    return SignedLogs(with_signs(log_set, (*proven, *alike)), log_set, found, alike)
+
+
+def with_signs(log_set: LogSet, joints: Iterable[str]) -> LogSet:
+    """The log set with the efforts of some joints signed, in position mode, whether they had lost their sign or not."""
     trials = [trial.trajectory for trial in log_set.trials]
     efforts = [t.effort.copy() for t in trials]
-    for joint in (*proven, *alike):
-        for effort, values in zip(efforts, restored(trials, log_set.joints.index(joint)), strict=True):
-            effort[:, log_set.joints.index(joint)] = values
+    for j in (log_set.joints.index(joint) for joint in joints):
+        for effort, values in zip(efforts, restored(trials, j), strict=True):
+            effort[:, j] = values
     mended = tuple(
         replace(trial, trajectory=replace(trial.trajectory, effort=effort))
         for trial, effort in zip(log_set.trials, efforts, strict=True)
     )
-    return SignedLogs(replace(log_set, trials=mended), log_set, found, alike)
+    return replace(log_set, trials=mended)
 
 
 def restored(trials: Sequence[Trajectory], j: int) -> list[np.ndarray]:

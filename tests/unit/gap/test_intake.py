@@ -12,6 +12,7 @@ from planted_logs import logs_of
 from hqpipe.gap.defect import KINDS, Defect, of_channel
 from hqpipe.gap.intake import take_in
 from hqpipe.gap.left_out import leave_out
+from hqpipe.gap.signs import restore_efforts
 
 WINDOW_S = 0.1
 SHUFFLED = rows(lambda n: np.random.default_rng(0).permutation(n))
@@ -110,6 +111,31 @@ def test_the_last_held_out_trial_is_not_given_up_for_one_joint(sound):
     few = replace(sound, trials=sound.trials[:5])
     intake = take_in(broken(few, values("effort", np.negative, 2), only=[4]), WINDOW_S)
     assert [item.joints for item in intake.left_out] == [(sound.joints[2],)] and len(intake.log_set.trials) == 5
+
+
+def test_an_effort_without_a_sign_is_shuffled_even_if_a_sign_can_be_given_to_it(sound):
+    def unsigned(t):
+        return values("effort", np.abs)(t)
+
+    def mixed(t):
+        effort = t.effort.copy()
+        effort[:, 1] = SHUFFLED(t).effort[:, 1]
+        return replace(t, effort=effort)
+
+    intake = take_in(broken(broken(sound, unsigned), mixed, only=[0]), WINDOW_S)
+    assert what(intake) == [("rows_out_of_order", None, (), ("t0.parquet",))]
+    assert set(intake.signed.joints) == set(sound.joints)
+
+
+def test_a_restored_sign_is_not_called_flipped(sound, monkeypatch):
+    from hqpipe.gap import intake as module
+
+    def misjudged(log_set, without=()):
+        signed = restore_efforts(log_set, without)
+        return replace(signed, log_set=broken(signed.log_set, values("effort", np.negative, 2), only=[0]))
+
+    monkeypatch.setattr(module, "restore_efforts", misjudged)
+    assert take_in(broken(sound, values("effort", np.abs)), WINDOW_S).left_out == ()
 
 
 def test_nothing_left_ends_with_every_reason(sound):
