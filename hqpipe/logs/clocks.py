@@ -14,6 +14,9 @@ from hqpipe.logs.columns import TIME
 MOST_REPEATED = 0.01  # of the rows; assumption: a driver sends a sample twice now and then, a broken clock stands still
 STEADY = 0.05  # jitter (RMS, share of a sample) that the models do not notice; assumption
 SAME_RATE = 0.02  # assumption: trials may differ by the drift of a clock or the load of a bus
+FARTHEST = (
+    250.0  # ratio of sample times; 5 kHz and 20 Hz, the ends of what joints are logged at; a unit of time is 1000
+)
 _NOMINAL = 1e-3  # assumption: a clock that is off by less was meant to run at the nominal rate
 _JITTER_SIGMAS = 8.0  # assumption: a step beyond this many robust sigmas of the clock is a missing sample
 _STEPS = (1e-9, 1e11)  # s between samples; 10 kHz counted in days is 1e-9, 100 s counted in ns is 1e11
@@ -99,21 +102,28 @@ def gap_limit(steps: np.ndarray) -> float:
     return float(median + max(0.5 * median, _JITTER_SIGMAS * spread))
 
 
-def shared_dt(clocks: Iterable[tuple[float, float]], stated_hz: float | None = None) -> float:
-    """Sample time that trials are brought to, s: the one at which most of the time was recorded.
+def shared_dt(clocks: Iterable[tuple[float, int]], stated_hz: float | None = None) -> float:
+    """Sample time that trials are brought to, s: the one at which most of the samples were recorded.
+
+    Samples and not seconds, so that one trial whose time counts in another unit decides nothing.
 
     Args:
-        clocks: (sample time, length) of each trial, s.
+        clocks: (sample time in s, rows) of each trial.
         stated_hz: nominal rate in logset.yaml; it counts where it agrees with the clocks.
     """
-    groups: list[list[tuple[float, float]]] = []
+    groups: list[list[tuple[float, int]]] = []
     for each in sorted(clocks):
         if groups and each[0] <= groups[-1][0][0] * (1.0 + SAME_RATE):
             groups[-1].append(each)
         else:
             groups.append([each])
-    dt = float(np.median([dt for dt, _ in max(groups, key=lambda group: sum(seconds for _, seconds in group))]))
+    dt = float(np.median([dt for dt, _ in max(groups, key=lambda group: sum(rows for _, rows in group))]))
     return 1.0 / stated_hz if stated_hz and abs(dt * stated_hz - 1.0) <= _NOMINAL else dt
+
+
+def is_near(own: float, dt: float) -> bool:
+    """Whether a trial of one sample time can be brought to another: beyond that it counts in another unit of time."""
+    return 1.0 / FARTHEST <= own / dt <= FARTHEST
 
 
 def jitter(time: np.ndarray) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from hqpipe.logs.clocks import shared_dt
 from hqpipe.logs.columns import Shape, joints_of
 from hqpipe.logs.manifest import Manifest, TrialEntry
 from hqpipe.logs.overlap import fingerprint_file
-from hqpipe.logs.repair.losses import leave_out
+from hqpipe.logs.repair.losses import leave_out, leave_out_far
 from hqpipe.logs.repair.one_file import Source, look_through, repair
 from hqpipe.logs.repair.report import as_recorded, describe
 from hqpipe.logs.sections import Rows, rows_within, sections, shares
@@ -128,9 +128,11 @@ def read_sections(
     """
     places = _read_places(folder, readers, the_plan, strict)
     sources, repairs = leave_out({name: place.source for name, place in places.items()}, command)
-    dt = shared_dt([(part.dt, part.seconds) for part in the_plan.parts], stated_hz)
+    dt = shared_dt([(part.dt, part.count) for part in the_plan.parts], stated_hz)
     if strict:
         check_rates(sources, dt)
+    sources, far = leave_out_far(sources, dt)
+    repairs += far
     repaired = {name: repair(source, dt) for name, source in sources.items()}
     repairs += describe(sources, repaired, dt)
     trials = []

@@ -15,7 +15,7 @@ from hqpipe.logs.columns import TIME, RawTable, check_names
 from hqpipe.logs.drive import merged
 from hqpipe.logs.manifest import Manifest, TrialEntry
 from hqpipe.logs.overlap import Fingerprint, fingerprint
-from hqpipe.logs.repair.losses import leave_out
+from hqpipe.logs.repair.losses import leave_out, leave_out_far
 from hqpipe.logs.repair.one_file import Repaired, Source, look_through, repair
 from hqpipe.logs.repair.report import as_recorded, describe
 from hqpipe.logs.split import infer_split
@@ -69,9 +69,11 @@ def read_whole(
         if file in printed:
             prints[file] = fingerprint(sources[file].table)
     sources, repairs = leave_out(sources, command)
-    dt = shared_dt([(s.clock.dt, s.clock.seconds) for s in sources.values()], stated_hz)
+    dt = shared_dt([(s.clock.dt, s.rows) for s in sources.values()], stated_hz)
     if strict:
         check_rates(sources, dt)
+    sources, far = leave_out_far(sources, dt)
+    repairs += far
     repaired = {file: repair(source, dt) for file, source in sources.items()}
     repairs += describe(sources, repaired, dt)
     stretches = {file: named_stretches(file, sources[file], found) for file, found in repaired.items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hqpipe.errors import LogError
+from hqpipe.logs.clocks import is_near
 from hqpipe.logs.columns import CHANNELS, joint_column, joints_of
 from hqpipe.logs.repair.missing import MOST_MISSING
 from hqpipe.logs.repair.one_file import Source
@@ -59,6 +60,24 @@ def leave_out(sources: Mapping[str, Source], command: str | None) -> tuple[dict[
             left = "had from the position" if _channel(name) == "velocity" else "left out"
             repairs.append(Repair("channel", f"{_says(name, lacking, sources)}: {left}", tuple(lacking), name))
     return kept, repairs
+
+
+def leave_out_far(sources: Mapping[str, Source], dt: float) -> tuple[dict[str, Source], list[Repair]]:
+    """Leave out trials whose rate is so far from that of the others that they must count time in another unit.
+
+    Args:
+        sources: file → as recorded. dt: sample time of the log set, s; one of theirs.
+    """
+    far = [file for file, source in sources.items() if not is_near(source.clock.dt, dt)]
+    if not far:
+        return dict(sources), []
+    step = sources[far[0]].clock.dt
+    text = (
+        f"{_listed(far)} {'was' if len(far) == 1 else 'were'} left out: time steps by {step:.4g} there and by {dt:.4g} in the "
+        "other trials; write it in seconds"
+    )
+    kept = {file: source for file, source in sources.items() if file not in far}
+    return kept, [Repair("trial", text, tuple(far))]
 
 
 def _dead(source: Source) -> list[str]:

@@ -81,7 +81,9 @@ def _rates(sources: Mapping[str, Source], repaired: Mapping[str, Repaired], dt: 
         return None
     rates = sorted({f"{1.0 / sources[file].clock.dt:.4g}" for file in other}, key=float)
     shown = ", ".join(rates[:4]) + (", …" if len(rates) > 4 else "")
-    text = f"{_where(other, sources)} ran at {shown} Hz, most of the time was recorded at {1.0 / dt:.4g} Hz: brought to that"
+    text = (
+        f"{_where(other, sources)} ran at {shown} Hz, most samples were recorded at {1.0 / dt:.4g} Hz: brought to that"
+    )
     return Repair("rates", text, tuple(other))
 
 

@@ -113,7 +113,7 @@ def test_jitter_is_taken_away(logs, columns, size):
     assert "jitters" in warning(log_set, "jitters") and "1000 Hz" in warning(log_set, "jitters")
 
 
-def test_trials_of_two_rates_share_the_one_of_most_of_the_time(logs):
+def test_trials_of_two_rates_share_the_one_of_most_samples(logs):
     slow = make_columns(samples=500, rate=100.0, seed=1)
     put(logs, "b.parquet", kept(make_columns(samples=20_000, rate=1000.0, seed=2), slice(None)))
     put(logs, "c.parquet", slow)
@@ -123,18 +123,28 @@ def test_trials_of_two_rates_share_the_one_of_most_of_the_time(logs):
     assert trial.observed[::10].all() and not trial.observed[5::10].any()
     np.testing.assert_allclose(trial.effort[::10, 0], slow["joint/hip/effort"], atol=1e-6)
     np.testing.assert_array_equal(trial.position_command[10:20, 0], slow["joint/hip/position_command"][1])
-    assert "c.parquet ran at 100 Hz" in warning(log_set, "most of the time")
+    assert "c.parquet ran at 100 Hz" in warning(log_set, "most samples")
 
 
 def test_a_faster_trial_is_averaged_before_it_is_thinned_out(logs):
     put(logs, "a.parquet", make_columns(samples=2000, rate=100.0))
     put(logs, "b.parquet", make_columns(samples=2000, rate=100.0, seed=1))
-    fast = make_columns(samples=5000, rate=1000.0, seed=2)
+    fast = make_columns(samples=3000, rate=1000.0, seed=2)
     put(logs, "c.parquet", fast)
     trial = read_log_set(logs).trials[2].trajectory
     clean = 3000.0 * (fast["joint/hip/position_command"] - fast["joint/hip/position"])
-    assert trial.samples == 500 and trial.observed is None
+    assert trial.samples == 300 and trial.observed is None
     assert np.std(trial.effort[5:-5, 0] - clean[::10][5:-5]) < np.std(fast["joint/hip/effort"] - clean)
+
+
+def test_a_trial_in_another_unit_of_time_is_left_out(logs, columns):
+    put(logs, "b.parquet", make_columns(seed=1))
+    put(logs, "c.parquet", make_columns(seed=2))
+    columns["time"] = columns["time"] * 1e6
+    put(logs, "a.parquet", columns)
+    log_set = read_log_set(logs)
+    assert [t.file for t in log_set.trials] == ["b.parquet", "c.parquet"]
+    assert "time steps by 1000 there and by 0.001 in the other trials" in warning(log_set, "left out")
 
 
 def test_rows_that_repeat_a_time_are_left_out(logs, columns):
