@@ -301,7 +301,10 @@ def _of_one_trial(trials: Trials, mode: str) -> list[Variant]:
     file, joints = list(trials)[1], joints_of(trials)
     columns = trials[file]
     signal = "effort" if mode != "valve" else "valve_command"
-    rotten = lambda *kinds: Planted(kinds, None, file)  # noqa: E731
+
+    def rotten(*kinds: str) -> Planted:
+        return Planted(kinds, None, file)
+
     found = [
         Variant("one trial shuffled", _only(file, _shuffled), rotten("rows_out_of_order")),
         Variant("one trial backwards", _only(file, _reversed), rotten("rows_out_of_order", "sign_flipped")),

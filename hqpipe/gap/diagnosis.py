@@ -179,8 +179,8 @@ def _actuator(
     units = {joint: output_unit(log_set, joint) for joint in joints}
     if earlier is not None and content["verdict"] == "no_gap":
         held = persistence_error(found.heldout)
-        untold = [joint for joint, e, h in zip(joints, before.evidence.error, held, strict=True) if e >= BLIND * h]
-        content, reason = by_levels(content, earlier.levels, levels_of(signed.raw), untold, units[joints[0]])
+        unpredicted = [joint for joint, e, h in zip(joints, before.evidence.error, held, strict=True) if e >= BLIND * h]
+        content, reason = by_levels(content, earlier.levels, levels_of(signed.raw), unpredicted, units[joints[0]])
         if reason:
             return Diagnosis(not_identifiable(log_set, content["warnings"], ADVICE, earlier, intake.left_out))
     table = _table(before, after, found, units)

@@ -12,18 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.logs.clocks import shared_dt
 from hqpipe.logs.columns import Shape, joints_of
 from hqpipe.logs.manifest import Manifest, TrialEntry
 from hqpipe.logs.overlap import fingerprint_file
-from hqpipe.logs.repair.losses import leave_out, leave_out_far
-from hqpipe.logs.repair.one_file import Source, look_through, repair
-from hqpipe.logs.repair.report import as_recorded, describe
+from hqpipe.logs.repair.all_files import repair_files
+from hqpipe.logs.repair.one_file import Source, look_through
 from hqpipe.logs.sections import Rows, rows_within, sections, shares
 from hqpipe.logs.size import check_size
 from hqpipe.logs.split import split_rows
 from hqpipe.logs.trajectory import Excerpt, Trajectory, Trial, recording_of
-from hqpipe.logs.whole_logs import Logs, check_rates, named_stretches, trial_of
+from hqpipe.logs.whole_logs import Logs, named_stretches, trial_of
 
 
 @dataclass(frozen=True)
@@ -127,24 +125,17 @@ def read_sections(
         LogError: as `read_whole`.
     """
     places = _read_places(folder, readers, the_plan, strict)
-    sources, repairs = leave_out({name: place.source for name, place in places.items()}, command)
-    dt = shared_dt([(part.dt, part.count) for part in the_plan.parts], stated_hz)
-    if strict:
-        check_rates(sources, dt)
-    sources, far = leave_out_far(sources, dt)
-    repairs += far
-    repaired = {name: repair(source, dt) for name, source in sources.items()}
-    repairs += describe(sources, repaired, dt)
+    sources = {name: place.source for name, place in places.items()}
+    kept = repair_files(sources, command=command, stated_hz=stated_hz, strict=strict)
     trials = []
-    for name, found in repaired.items():
+    for name, found in kept.repaired.items():
         place = places[name]
         entry = the_plan.parts[place.part].entry
-        for own, t in named_stretches(name, sources[name], found):
+        for own, t in named_stretches(name, kept.sources[name], found):
             excerpt = Excerpt(entry.file, place.start + t.start, place.whole)
             trials.append(trial_of(own, entry, manifest, replace(t, excerpt=excerpt)))
     prints = {file: fingerprint_file(readers, folder / file) for file in printed}
-    before = {name: as_recorded(sources[name], found) for name, found in repaired.items()}
-    return Logs(trials, prints, repairs, before)
+    return Logs(trials, prints, kept.repairs, kept.as_recorded)
 
 
 @dataclass(frozen=True, eq=False)

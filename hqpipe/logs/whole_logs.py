@@ -7,17 +7,15 @@ from dataclasses import dataclass, replace
 from math import ceil, log10
 from pathlib import Path
 
-from hqpipe.errors import LogError
 from hqpipe.logs.assemble import assemble
 from hqpipe.logs.checks import check_clock, check_values
-from hqpipe.logs.clocks import SAME_RATE, clock, shared_dt
+from hqpipe.logs.clocks import clock
 from hqpipe.logs.columns import TIME, RawTable, check_names
 from hqpipe.logs.drive import merged
 from hqpipe.logs.manifest import Manifest, TrialEntry
 from hqpipe.logs.overlap import Fingerprint, fingerprint
-from hqpipe.logs.repair.losses import leave_out, leave_out_far
-from hqpipe.logs.repair.one_file import Repaired, Source, look_through, repair
-from hqpipe.logs.repair.report import as_recorded, describe
+from hqpipe.logs.repair.all_files import repair_files
+from hqpipe.logs.repair.one_file import Repaired, Source, look_through
 from hqpipe.logs.split import infer_split
 from hqpipe.logs.trajectory import AsRecorded, Excerpt, Repair, Trajectory, Trial
 
@@ -68,22 +66,9 @@ def read_whole(
         sources[file] = look_through(table)
         if file in printed:
             prints[file] = fingerprint(sources[file].table)
-    sources, repairs = leave_out(sources, command)
-    dt = shared_dt([(s.clock.dt, s.rows) for s in sources.values()], stated_hz)
-    if strict:
-        check_rates(sources, dt)
-    sources, far = leave_out_far(sources, dt)
-    repairs += far
-    repaired = {file: repair(source, dt) for file, source in sources.items()}
-    repairs += describe(sources, repaired, dt)
-    stretches = {file: named_stretches(file, sources[file], found) for file, found in repaired.items()}
-    if empty := [file for file, found in stretches.items() if not found]:
-        repairs.append(Repair("trial", f"{', '.join(empty)}: no stretch without a long gap; left out", tuple(empty)))
-        if len(empty) == len(stretches):
-            raise _only_gaps(folder / empty[0])
-    stretches = {file: found for file, found in stretches.items() if found}
-    before = {file: as_recorded(sources[file], found) for file, found in repaired.items()}
-    return Logs(_trials(stretches, manifest, all_heldout), prints, repairs, before)
+    found = repair_files(sources, command=command, stated_hz=stated_hz, strict=strict)
+    stretches = {file: named_stretches(file, found.sources[file], parts) for file, parts in found.repaired.items()}
+    return Logs(_trials(stretches, manifest, all_heldout), prints, found.repairs, found.as_recorded)
 
 
 def _trials(
@@ -122,23 +107,6 @@ def check_as_recorded(table: RawTable) -> None:
     check_clock(table.path, clock(table.columns[TIME]))
 
 
-def check_rates(sources: Mapping[str, Source], dt: float) -> None:
-    """Refuse files of different rates.
-
-    Raises:
-        LogError: names the file.
-    """
-    for source in sources.values():
-        if abs(source.clock.dt / dt - 1.0) > SAME_RATE:
-            path = source.table.path
-            raise LogError(
-                f"{path}: runs at {1.0 / source.clock.dt:.6g} Hz, expected {1.0 / dt:.6g} Hz as the other trials",
-                file=path,
-                field=TIME,
-                fix="record all trials at one rate, or make a log set of its own for each rate",
-            )
-
-
 def named_stretches(file: str, source: Source, found: Repaired) -> list[tuple[str, Trajectory]]:
     """Trajectories of the stretches of a file, with where they lie in it."""
     whole = source.clock.seconds
@@ -153,8 +121,3 @@ def named_stretches(file: str, source: Source, found: Repaired) -> list[tuple[st
         )
         for start, t in parts
     ]
-
-
-def _only_gaps(path: Path) -> LogError:
-    what = "no stretch of ten samples without a gap that is too long to be bridged"
-    return LogError(f"{path}: {what}", file=path, field=TIME, fix="record it again, or drop the trial")

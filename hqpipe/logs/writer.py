@@ -13,8 +13,8 @@ import numpy as np
 
 from hqpipe.errors import LogError
 from hqpipe.logs import FORMAT
-from hqpipe.logs.checks import check_clock, check_values
-from hqpipe.logs.clocks import clock
+from hqpipe.logs.checks import check_clock, check_shapes, check_values
+from hqpipe.logs.clocks import clock, repeated_rows
 from hqpipe.logs.columns import TIME, RawTable, check_names, joints_of, order_columns, unit_of
 from hqpipe.logs.drive import Stated
 from hqpipe.logs.manifest import FILE, SPLITS, Manifest, TrialEntry, write_manifest
@@ -155,16 +155,10 @@ class LogSetWriter:
 
 def _check_repairable(table: RawTable) -> None:
     """Refuse what a reader cannot repair: too few rows, columns of unequal length, time that does not increase."""
+    check_shapes(table)
     time = table.columns[TIME]
     check_values(RawTable(table.path, {TIME: time}))
-    for name, values in table.columns.items():
-        if values.shape != time.shape or values.dtype.kind not in "fiub":
-            what = f"{table.path}: column '{name}' has shape {values.shape} of {values.dtype}, expected {time.shape} numbers"
-            raise LogError(what, file=table.path, field=name, fix="give every column one number per row")
-    if not (np.diff(time) > 0).all():
-        row = int(np.argmax(np.diff(time) <= 0)) + 1
-        what = f"{table.path}: column 'time', row {row}: {time[row]:.6f} after {time[row - 1]:.6f}, expected increasing seconds"
-        raise LogError(what, file=table.path, field=TIME, fix="sort the rows and drop duplicates")
+    repeated_rows(table.path, clock(time))
 
 
 def _plain(per_joint: Mapping[str, Mapping[str, float]] | None) -> Stated:

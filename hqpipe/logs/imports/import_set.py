@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -13,6 +13,7 @@ import numpy as np
 from hqpipe.errors import LogError, UsageError
 from hqpipe.logs.checks import check_length
 from hqpipe.logs.columns import TIME, RawTable, check_names, joints_of
+from hqpipe.logs.drive import merged
 from hqpipe.logs.imports.convert import Converted, convert
 from hqpipe.logs.imports.mapping import SKIP, LogMap, TrialRule
 from hqpipe.logs.imports.recording import ImportLogError, Recording
@@ -240,8 +241,8 @@ def _converted(
         name,
         rule,
         converted,
-        _merged(stated["drive"], log_map.drive, rule.drive),
-        _merged(stated["load"], log_map.load, rule.load),
+        merged(merged(stated["drive"], log_map.drive), rule.drive),
+        merged(merged(stated["load"], log_map.load), rule.load),
         (*recording.notes, *converted.notes),
     )
 
@@ -287,15 +288,6 @@ def _rule_of(log_map: LogMap, name: str) -> TrialRule:
     names = (name, name.partition("/")[0])
     matches = (r for r in log_map.trials if any(fnmatchcase(n, p) for p in r.files for n in names))
     return next(matches, TrialRule(()))
-
-
-def _merged(*stated: Mapping[str, Mapping[str, float]]) -> PerJoint:
-    """joint → quantity → value; what is stated later counts."""
-    found: PerJoint = {}
-    for each in stated:
-        for joint, quantities in each.items():
-            found[joint] = found.get(joint, {}) | dict(quantities)
-    return found
 
 
 def reason_of(error: LogError, path: Path) -> str:

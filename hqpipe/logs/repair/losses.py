@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from hqpipe.errors import LogError
 from hqpipe.logs.clocks import is_near
 from hqpipe.logs.columns import CHANNELS, joint_column, joints_of
+from hqpipe.logs.findings import listed
 from hqpipe.logs.repair.missing import MOST_MISSING
 from hqpipe.logs.repair.one_file import Source
 from hqpipe.logs.trajectory import Repair
@@ -53,7 +54,7 @@ def leave_out(sources: Mapping[str, Source], command: str | None) -> tuple[dict[
             if len(lacking) == len(kept):
                 raise _nothing_left((name, lacking), sources)
             kept = {file: source for file, source in kept.items() if file not in lacking}
-            what = f"{_listed(lacking)} {'was' if len(lacking) == 1 else 'were'} left out"
+            what = f"{listed(lacking)} {'was' if len(lacking) == 1 else 'were'} left out"
             repairs.append(Repair("trial", f"{what}: {_says(name, lacking, sources)}; {_RECORD}", tuple(lacking), name))
         else:
             kept = _without_channel(kept, name, lacking)
@@ -73,7 +74,7 @@ def leave_out_far(sources: Mapping[str, Source], dt: float) -> tuple[dict[str, S
         return dict(sources), []
     step = sources[far[0]].clock.dt
     text = (
-        f"{_listed(far)} {'was' if len(far) == 1 else 'were'} left out: time steps by {step:.4g} there and by {dt:.4g} in the "
+        f"{listed(far)} {'was' if len(far) == 1 else 'were'} left out: time steps by {step:.4g} there and by {dt:.4g} in the "
         "other trials; write it in seconds"
     )
     kept = {file: source for file, source in sources.items() if file not in far}
@@ -111,11 +112,7 @@ def _share(name: str, files: list[str], sources: Mapping[str, Source]) -> float:
 
 def _says(name: str, files: list[str], sources: Mapping[str, Source]) -> str:
     share = _share(name, files, sources)
-    return f"{name} lacks {share:.0%} of its samples in {_listed(files)}"
-
-
-def _listed(files: list[str]) -> str:
-    return ", ".join(files[:3]) + (f" and {len(files) - 3} more" if len(files) > 3 else "")
+    return f"{name} lacks {share:.0%} of its samples in {listed(files)}"
 
 
 def _nothing_left(found: tuple[str, list[str]], sources: Mapping[str, Source]) -> LogError:

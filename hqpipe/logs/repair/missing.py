@@ -24,11 +24,6 @@ class Masked:
     table: RawTable
     missing: dict[str, int]
 
-    def dead(self) -> list[str]:
-        """Columns of which more than half of the samples are missing."""
-        rows = len(self.table.columns[TIME])
-        return [name for name, count in self.missing.items() if count > MOST_MISSING * rows]
-
 
 def mask(table: RawTable) -> Masked:
     """Set samples that no sensor reads to NaN.

@@ -171,3 +171,17 @@ def test_differentiation_does_not_reach_across_sections(long_logs):
         first = round(trial.trajectory.start * RATE)
         full = whole[recording_of(trial)].velocity[first : first + trial.trajectory.samples]
         assert np.abs(trial.trajectory.velocity - full).max() < 0.05 * np.abs(full).max()
+
+
+def test_sections_that_hold_nothing_but_gaps_are_refused_in_words(tmp_path):
+    folder = tmp_path / "gaps"
+    for seed, file in enumerate(("a.parquet", "b.parquet")):
+        columns = make_columns(samples=20_000, rate=RATE, seed=seed)
+        columns["joint/hip/position"][::3] = np.nan
+        columns["joint/hip/effort"][1::3] = np.nan
+        columns["joint/hip/position_command"][2::3] = np.nan
+        put(folder, file, columns)
+    for options in ({}, {"most": MOST}):
+        with pytest.raises(LogError, match="no stretch of ten samples without a gap") as info:
+            read_log_set(folder, **options)
+        assert info.value.file and info.value.fix
