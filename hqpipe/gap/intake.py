@@ -30,7 +30,7 @@ from hqpipe.sysid.free_run import window_samples
 from hqpipe.sysid.window_choice import WindowChoice, window_for
 
 LONGER = "record longer trials in which every joint moves, one of them held out"
-MEND = "mend the logs, then diagnose them again"
+MEND = "correct the logs, then diagnose them again"
 SEEN = ("constant", "saturated", "held_samples", "velocity_mismatch")  # facts, also where the models do not mind them
 
 

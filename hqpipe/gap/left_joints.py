@@ -51,5 +51,5 @@ def plain_joints(intake: Intake, joints: Sequence[str], written: bool) -> list[s
         return []
     names = ", ".join(lacking)
     if written:
-        return [f"actuator.json: {names} without effects, fitted to what is sound of their logs, or mended"]
-    return [f"no actuator.json: no sound logs of {names} to fit; mend them, or train with the model of fit-actuator"]
+        return [f"actuator.json: {names} without effects, fitted to what is sound of their logs, or to corrected ones"]
+    return [f"no actuator.json: no sound logs of {names} to fit; correct them, or train with the model of fit-actuator"]

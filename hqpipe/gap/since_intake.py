@@ -9,7 +9,7 @@ from hqpipe.gap.left_out import LeftOut, of_joints
 from hqpipe.gap.since import Earlier
 
 KIND = "not_in_reference"
-FIX = "mend the logs of the reference, or give another one"
+FIX = "correct the logs of the reference, or give another one"
 
 
 def only_known(intake: Intake, earlier: Earlier) -> Intake:

@@ -141,7 +141,7 @@ def test_a_restored_sign_is_not_called_flipped(sound, monkeypatch):
 def test_nothing_left_ends_with_every_reason(sound):
     intake = take_in(broken(sound, SHUFFLED), WINDOW_S)
     assert len(intake.reasons) == 1 and "rows out of order in every trial" in intake.reasons[0]
-    assert intake.advice.startswith("mend the logs")
+    assert intake.advice.startswith("correct the logs")
 
 
 def test_a_trial_in_another_unit_costs_that_trial(sound):
