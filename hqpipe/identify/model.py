@@ -1,0 +1,137 @@
+"""What a layer gives for one joint: numbered samples, parameters, and the error of a prediction with them.
+
+A model holds its base and every effect at once. An effect is left out by its parameters' neutral values, at which the
+prediction is bit for bit that of the model without it. So one compiled prediction serves all sets of effects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of a joint.
+
+    Attributes:
+        name: as in diagnosis.json, e.g. "friction_nm". unit: of the joint, SI.
+        neutral: value at which it does nothing; of a base parameter, where the fit starts.
+        spread: size that a data sheet of such a machine would give, as a deviation from `neutral`: the standard deviation of
+            the prior. Infinite for a base parameter about which nothing is known.
+        low, high: bounds.
+        starts: values from which a fit is tried when it is first freed; none for one step of the size `spread`.
+    """
+
+    name: str
+    unit: str
+    neutral: float
+    spread: float
+    low: float = -np.inf
+    high: float = np.inf
+    starts: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A candidate cause.
+
+    Attributes:
+        name: as in the table of effects. parameters: freed together.
+        named: False for a generic shape, which stands for what no effect of the library describes; what it closes is unknown.
+        signal: of a generic shape, the signal on which the error depends, e.g. "position".
+        excludes: names of effects that mean the same in these logs, of which at most one is in a set.
+    """
+
+    name: str
+    parameters: tuple[Parameter, ...]
+    named: bool = True
+    signal: str = ""
+    excludes: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """The samples on which a joint is judged, masked ones left out; in the order of time within each trial.
+
+    Attributes:
+        files: names of the trials. trial: (N,) index into them. time: (N,) s from the start of the trial.
+        position, velocity: (N,) of the joint. output: (N,) what is predicted, as measured.
+        held: (N,) the prediction of persistence: the output at the start of the window.
+    """
+
+    files: tuple[str, ...]
+    trial: np.ndarray
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    output: np.ndarray
+    held: np.ndarray
+
+
+class JointModel(Protocol):
+    """One joint of one log set in one layer.
+
+    Attributes:
+        joint: name. unit: of the output. dt: s, time from a sample to the next.
+        base: parameters that every machine of this kind has; always free.
+        effects: candidates.
+        fit, heldout: samples of the trials of each split; `heldout` may hold none.
+        noise: (fit, held-out) root mean square that sensor noise alone leaves in the error of a perfect model, unit of the output.
+        notes: what an answer should say of this joint, one sentence each.
+    """
+
+    joint: str
+    unit: str
+    dt: float
+    base: tuple[Parameter, ...]
+    effects: tuple[Effect, ...]
+    fit: Samples
+    heldout: Samples
+    noise: tuple[float, float]
+    notes: tuple[str, ...]
+
+    def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
+        """(N,) prediction less measured output at the samples of `fit` or `heldout`.
+
+        Args:
+            values: (P,) base parameters, then those of all effects in their order; see `all_parameters`.
+        """
+        ...
+
+
+def all_parameters(model: JointModel) -> tuple[Parameter, ...]:
+    """Base parameters, then those of all effects in their order: the order of `values`."""
+    return (*model.base, *(parameter for effect in model.effects for parameter in effect.parameters))
+
+
+def positions(model: JointModel, effects: Sequence[str]) -> np.ndarray:
+    """Indices into `values` of the base parameters and those of the named effects."""
+    found = list(range(len(model.base)))
+    at = len(model.base)
+    for effect in model.effects:
+        if effect.name in effects:
+            found += range(at, at + len(effect.parameters))
+        at += len(effect.parameters)
+    return np.array(found, dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class LayerJoints:
+    """All joints of a log set in one layer.
+
+    Attributes:
+        layer: its name. metric: what the error is, as in diagnosis.json. window_s: s, length of a free run, or of the filter.
+        window_reason: why. models: the joints that can be judged. left: joint → why it cannot be. warnings: what to know.
+    """
+
+    layer: str
+    metric: str
+    window_s: float
+    window_reason: str
+    models: tuple[JointModel, ...]
+    left: dict[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()

@@ -1,0 +1,16 @@
+"""The layers of the gap: for each, which logs it can judge, its base model and the effects that may be its causes.
+
+A layer is a class with
+
+    NAME                                        as in diagnosis.json
+    lacking(log_set) -> list[str]               columns or facts that it needs and the logs do not have; empty where it applies
+    joints(log_set, window_s, without) -> LayerJoints    raises IdentificationError where no joint can be judged
+"""
+
+from __future__ import annotations
+
+LAYERS = {
+    "servo": "hqpipe.layers.servo:Servo",
+    "joint_motion": "hqpipe.layers.joint_motion:JointMotion",
+    "valve": "hqpipe.layers.valve:Valve",
+}
