@@ -1,0 +1,91 @@
+"""What the search found in the joints of a log set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hqpipe.identify.model import JointModel, LayerJoints
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """One joint with one set of effects, fitted to its fit samples.
+
+    Attributes:
+        effects: of the set, generic shapes included. values: (P,) see `hqpipe.identify.model.all_parameters`.
+        error: (N,) at the fit samples. heldout: (M,) at the held-out ones, which no fit has seen.
+    """
+
+    effects: tuple[str, ...]
+    values: np.ndarray
+    error: np.ndarray
+    heldout: np.ndarray
+
+
+@dataclass(frozen=True)
+class Number:
+    """One parameter of a cause.
+
+    Attributes:
+        name, unit: as in diagnosis.json. value: most probable. ci95: interval that holds it with 95 %.
+        reference: its value in an earlier record of the machine; None without one.
+    """
+
+    name: str
+    unit: str
+    value: float
+    ci95: tuple[float, float]
+    reference: float | None = None
+
+
+@dataclass(frozen=True)
+class JointCause:
+    """An effect that one joint has.
+
+    Attributes:
+        probability: of the effect, all sets together. numbers: its parameters. confused_with: effects that take its place in
+            sets that the logs cannot rule out.
+    """
+
+    effect: str
+    probability: float
+    numbers: tuple[Number, ...]
+    confused_with: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class JointFound:
+    """The answer for one joint.
+
+    Attributes:
+        base: without any effect. named: with the causes alone: what is left unexplained is its error. full: with the generic
+            shapes that the logs ask for besides: what could be predicted at all.
+        causes: the largest first. without: cause → the joint with all causes but this one, fitted again.
+        probabilities: effect → probability, of all that were considered, generic shapes included.
+        gains: effect → ln of how much more probable the logs are with it than without it, beside the set that was found.
+        shapes: signal of each generic shape in `full` → share of the squared held-out error of `named` that it closes.
+        independent: number of samples that the fit samples are worth, their correlation accounted for.
+        drifts: numbers that differ between trials by more than chance, as sentences.
+    """
+
+    model: JointModel
+    base: Fitted
+    named: Fitted
+    full: Fitted
+    causes: tuple[JointCause, ...]
+    without: dict[str, Fitted]
+    probabilities: dict[str, float]
+    gains: dict[str, float]
+    shapes: dict[str, float]
+    independent: float
+    drifts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class LayerFound:
+    """The answer for all joints of a layer; `identify(joints, …)` makes it."""
+
+    joints: LayerJoints
+    found: tuple[JointFound, ...]
