@@ -134,12 +134,11 @@ class Fitter:
         noise: float,
         damping: float,
     ) -> np.ndarray:
-        relative = self._relative(values, free)
-        prior = np.where(
-            np.isfinite(self.spread[free]), 2.0 * noise / self.spread[free] ** 2 / (1.0 + relative**2), 0.0
-        )
+        prior = np.zeros(len(free))  # curvature of the prior
+        known = np.isfinite(self.spread[free])
+        prior[known] = 2.0 * noise / self.spread[free][known] ** 2 / (1.0 + self._relative(values, free)[known] ** 2)
         normal = jacobian.T @ jacobian + np.diag(prior)
-        slope = jacobian.T @ error + prior * np.where(prior > 0.0, relative * self.spread[free], 0.0)
+        slope = jacobian.T @ error + prior * (values - self.neutral)[free]
         now = values[free]
         moves = ~(((now <= self.low[free]) & (slope > 0.0)) | ((now >= self.high[free]) & (slope < 0.0)))
         moves &= np.diag(normal) > 0.0

@@ -121,17 +121,20 @@ class Search:
         return 0.5 * counts * difference / better.covariance.noise + self._price(one) - self._price(other)
 
     def rank_beside(self, best: Known) -> None:
-        """Set the gains of all effects that are not in a set: from a fit where there is one, else what the slope promises at best.
+        """Set the gains of all effects that are not in a set: of a fit where there is one, else of what the slope promises.
 
-        A bound does not count: an effect that the slope favours was fitted.
+        A promise is charged as by Schwarz (1978): half the logarithm of the independent samples for each number.
         """
         time = correlation_time(best.solution.error, self.model.fit)
+        independent = len(best.solution.error) / time
         promises = {name: gain for gain, name in self.screened(best, self.addable(best.names))}
-        for name in self.effects:
-            if name not in best.names:
-                larger = self.known.get(best.names | {name})
-                promise = 0.5 * promises.get(name, 0.0) / (best.covariance.noise * time) if name in promises else 0.0
-                self.gains[name] = self.gain(larger, best) if larger else min(promise + self.odds[name], 0.0)
+        for name, effect in self.effects.items():
+            if name in best.names:
+                continue
+            larger = self.known.get(best.names | {name})
+            worth = 0.5 * promises.get(name, 0.0) / (best.covariance.noise * time)
+            charge = 0.5 * len(effect.parameters) * float(np.log(max(independent, 1.0)))
+            self.gains[name] = self.gain(larger, best) if larger else worth - charge + self.odds[name]
 
     def addable(self, names: Names) -> list[str]:
         """Effects that may join a set."""
