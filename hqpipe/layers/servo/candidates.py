@@ -1,0 +1,181 @@
+"""Base parameters and candidate effects of a servo joint: names, units, sizes of a data sheet, bounds.
+
+Left out is what these logs cannot tell from the base; docs/theory/servo.md says which and why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from hqpipe.identify.model import Effect, Parameter
+from hqpipe.layers.servo.scale import Scale
+from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
+
+POSITION_SHAPE, SPEED_SHAPE, COMMAND_SHAPE, SLOW_SHAPE = (
+    "torque_by_position",
+    "torque_by_speed_squared",
+    "torque_by_command_rate",
+    "slow_share_of_torque",
+)
+_DELAY = 0.015  # s; assumption: one or two cycles of a 50–100 Hz servo bus, or a dozen of a fieldbus
+_LONGEST_DELAY = 0.2  # s; assumption: a drive that answers later than this is refused by no one, but no servo
+_FRICTION = 0.1  # of the largest torque; dry friction of geared servo drives is 5–15 % of rated torque (Armstrong 1991)
+_STRIBECK = 0.1  # of the largest speed; Stribeck speeds lie at a few per cent of it (Armstrong 1991)
+_EFFICIENCY = 0.2  # loss of spur and harmonic gears, 10–30 % by their data sheets
+_GAP = np.pi / 180.0  # rad, backlash of spur-gear servos by their data sheets: about a degree
+_GAP_SLIDE = 0.005  # of the travel
+_GIVE = 0.05  # rad of give per rad of drive stiffness; assumption: a gear is 20 times as stiff as its position loop
+_SAG = 0.1  # supply resistance over that of the winding; assumption: leads are sized for less than a tenth of the loss
+_GAIN = 0.1  # tolerance of motor constants by their data sheets
+_BIAS = 0.02  # rad, a spline tooth of a servo horn is 0.25; assumption: a mounting is set to within a tenth of it
+_BIAS_SLIDE = 0.005  # of the travel
+_DRIFT = 0.003  # 1/s; copper gains 0.4 % resistance per kelvin, a small motor heats by about a kelvin a second
+_SHARE = 0.1  # of the largest torque, that a generic shape may come to; assumption: as dry friction
+
+
+@dataclass(frozen=True)
+class Size:
+    """How large things are in the fit trials: 99 % quantile of the drive torque and of the speed, travel, sample time, length
+    of a window, gain and drag with which the fit starts, known inertia."""
+
+    torque: float
+    speed: float
+    travel: float
+    dt: float
+    window_s: float
+    gain: float
+    drag: float
+    inertia: float
+
+
+@dataclass(frozen=True)
+class Start:
+    """Values of the base with which a fit starts; unused where they are known. `least_inertia` is what a step can resolve."""
+
+    inertia: float
+    gain: float
+    drag: float
+    gravity_sin: float
+    gravity_cos: float
+    offset: float
+    least_inertia: float
+
+
+def base_of(scale: Scale, start: Start, torque: float) -> tuple[Parameter, ...]:
+    """Base parameters in the order inertia, gain, drag, gravity, offset, as far as they are free.
+
+    Args:
+        torque: largest drive torque; gravity is not larger, or the drive could not hold the joint.
+    """
+    found = []
+    if not scale.load:
+        found.append(Parameter("inertia", scale.inertia_unit, start.inertia, np.inf, start.least_inertia))
+    if scale.free_gain:
+        per = "V" if scale.duty else scale.angle
+        found.append(Parameter("gain", f"{scale.torque}/{per}", start.gain, np.inf, 1e-3 * start.gain))
+    if scale.free_drag:
+        found.append(Parameter("drag", scale.drag_unit, start.drag, np.inf, 0.0))
+    if not scale.load and scale.kind != PRISMATIC:
+        found.append(Parameter("gravity_sin", scale.torque, start.gravity_sin, torque, -np.inf, np.inf))
+        found.append(Parameter("gravity_cos", scale.torque, start.gravity_cos, torque, -np.inf, np.inf))
+    found.append(Parameter("offset", scale.torque, start.offset, torque))
+    return tuple(found)
+
+
+def effects_of(scale: Scale, size: Size, without: Collection[str]) -> tuple[Effect, ...]:
+    """Candidates that these logs can tell from the base, without those that are left out by name."""
+    found = [*_command(scale, size), *_friction(scale, size), *_transmission(scale, size), *_drive(scale, size)]
+    found += _shapes(scale, size)
+    return tuple(effect for effect in found if effect.name not in without)
+
+
+def _command(scale: Scale, size: Size) -> list[Effect]:
+    if scale.duty:  # the duty is logged behind the position loop: a late command is in it already
+        return []
+    spread = max(_DELAY, size.dt)
+    longest = max(min(_LONGEST_DELAY, 0.5 * size.window_s), 2.0 * spread)
+    delay = Parameter("delay_s", "s", 0.0, spread, 0.0, longest, (spread, min(3.0 * spread, 0.9 * longest)))
+    return [Effect("command_delay", (delay,))]
+
+
+def _friction(scale: Scale, size: Size) -> list[Effect]:
+    dry, speed = _FRICTION * size.torque, _STRIBECK * size.speed
+    rate = unit_of("rad/s", scale.kind)
+    coulomb = Parameter("friction_nm", scale.torque, 0.0, dry, 0.0, size.torque)
+    static = Parameter("static_nm", scale.torque, 0.0, dry, 0.0, size.torque, (0.5 * dry, dry))
+    turn = Parameter("velocity_rad_s", rate, speed, speed, 0.05 * speed, 10.0 * speed)
+    share = Parameter("coefficient", "1", 0.0, _EFFICIENCY, 0.0, 0.95)
+    found = [
+        Effect("coulomb_friction", (coulomb,)),
+        Effect("stribeck_friction", (static, turn)),
+        Effect("load_dependent_friction", (share,)),
+    ]
+    if not scale.free_drag:
+        viscous = Parameter("nm_s_per_rad", scale.drag_unit, 0.0, dry / size.speed, 0.0)
+        found.append(Effect("viscous_friction", (viscous,)))
+    if scale.load:
+        armature = Parameter("kg_m2", scale.inertia_unit, 0.0, 0.5 * size.inertia, 0.0)
+        found.append(Effect("armature", (armature,)))
+    return found
+
+
+def _transmission(scale: Scale, size: Size) -> list[Effect]:
+    slide = scale.kind == PRISMATIC
+    spread = _GAP_SLIDE * size.travel if slide else _GAP
+    gap = Parameter(
+        "gap", scale.angle, 0.0, spread, 0.0, 0.25 * size.travel, (0.5 * spread, 2.0 * spread, 6.0 * spread)
+    )
+    found = [Effect("backlash", (gap,))]
+    if not scale.duty:  # behind a logged duty a spring is a lag of the torque, as is the winding
+        soft = Parameter("compliance", f"{scale.angle}/({scale.torque})", 0.0, _GIVE / size.gain, 0.0, 1.0 / size.gain)
+        found.append(Effect("transmission_compliance", (soft,)))
+    bias = _BIAS_SLIDE * size.travel if slide else _BIAS
+    if scale.load and not slide:
+        found.append(Effect("position_bias", (Parameter("rad", scale.angle, 0.0, bias, -0.5, 0.5),)))
+    return found
+
+
+def _drive(scale: Scale, size: Size) -> list[Effect]:
+    limit = Parameter(
+        "inverse_effort_max",
+        f"1/({scale.torque})",
+        0.0,
+        1.0 / size.torque,
+        0.0,
+        20.0 / size.torque,
+        tuple(1.0 / (share * size.torque) for share in (0.9, 0.7, 0.5)),
+    )
+    found = [Effect("torque_limit", (limit,))]
+    if scale.stall is not None:
+        ohm = scale.winding_ohm
+        unit = "Ω" if ohm else "1"  # over the resistance of the winding, where that is not stated
+        sag = Parameter("ohm", unit, 0.0, _SAG * (ohm or 1.0), 0.0, 10.0 * (ohm or 1.0))
+        found.append(Effect("voltage_sag", (sag,)))
+    if not scale.duty and scale.load and not scale.free_gain:
+        found.append(Effect("gain_error", (Parameter("ratio", "1", 0.0, _GAIN, -0.95, 5.0),)))
+    found.append(Effect("direction_asymmetry", (Parameter("ratio", "1", 0.0, _GAIN, -0.95, 0.95),)))
+    found.append(Effect("gain_drift", (Parameter("rate_per_s", "1/s", 0.0, _DRIFT, -0.2, 0.2),)))
+    return found
+
+
+def _shapes(scale: Scale, size: Size) -> list[Effect]:
+    """Smooth terms that no effect describes."""
+    torque = _SHARE * size.torque
+    wide = size.torque
+    position = tuple(Parameter(f"degree_{i}", scale.torque, 0.0, torque, -wide, wide) for i in (1, 2))
+    square = Parameter("coefficient", scale.torque, 0.0, torque, -wide, wide)
+    share = Parameter("share", "1", 0.0, _SHARE, -0.9, 0.9)
+    signal = "duty" if scale.duty else "position_command"
+    found = [
+        Effect(POSITION_SHAPE, position, named=False, signal="position"),
+        Effect(SPEED_SHAPE, (square,), named=False, signal="velocity"),
+        Effect(SLOW_SHAPE, (share,), named=False, signal=signal),
+    ]
+    if not scale.duty:
+        # Forward only: a command that comes late looks the same with the opposite sign.
+        ahead = Parameter("lead_s", "s", 0.0, _DELAY, 0.0, _LONGEST_DELAY)
+        found.append(Effect(COMMAND_SHAPE, (ahead,), named=False, signal="position_command"))
+    return found

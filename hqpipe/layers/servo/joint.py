@@ -1,0 +1,204 @@
+"""The model of one servo joint: its numbers, its windows, and the error of a free run in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hqpipe.identify.model import Effect, Parameter, Samples
+from hqpipe.layers.servo import kernel
+from hqpipe.layers.servo.candidates import COMMAND_SHAPE, POSITION_SHAPE, SLOW_SHAPE, SPEED_SHAPE
+from hqpipe.layers.servo.scale import Scale
+from hqpipe.layers.servo.tracks import Tracks, Windows, state_noise
+
+_FAR = 10.0  # times the travel, beyond which a run has diverged and its error counts no more
+_COLUMN = {
+    ("", "gravity_sin"): kernel.GRAVITY_SIN,
+    ("", "gravity_cos"): kernel.GRAVITY_COS,
+    ("", "offset"): kernel.OFFSET,
+    ("command_delay", "delay_s"): kernel.DELAY,
+    ("coulomb_friction", "friction_nm"): kernel.COULOMB,
+    ("stribeck_friction", "static_nm"): kernel.STATIC,
+    ("stribeck_friction", "velocity_rad_s"): kernel.STRIBECK,
+    ("viscous_friction", "nm_s_per_rad"): kernel.VISCOUS,
+    ("load_dependent_friction", "coefficient"): kernel.LOAD_FRICTION,
+    ("backlash", "gap"): kernel.GAP,
+    ("transmission_compliance", "compliance"): kernel.COMPLIANCE,
+    ("torque_limit", "inverse_effort_max"): kernel.INVERSE_LIMIT,
+    ("voltage_sag", "ohm"): kernel.SAG,
+    ("position_bias", "rad"): kernel.BIAS,
+    ("direction_asymmetry", "ratio"): kernel.ASYMMETRY,
+    ("gain_drift", "rate_per_s"): kernel.DRIFT,
+    (POSITION_SHAPE, "degree_1"): kernel.SHAPE_1,
+    (POSITION_SHAPE, "degree_2"): kernel.SHAPE_2,
+    (SPEED_SHAPE, "coefficient"): kernel.SQUARE,
+    (SLOW_SHAPE, "share"): kernel.SLOW,
+    (COMMAND_SHAPE, "lead_s"): kernel.COMMAND_RATE,
+}
+_TRIAL = {"inertia": 0, "gain": 1, "drag": 2, "armature": 0, "gain_error": 3}
+"""What changes the numbers of single trials: index into inertia, gain, drag, gain error."""
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """One split: its signals, windows, and the numbers of its trials; `kept` says which of the (M · W) samples are judged."""
+
+    tracks: Tracks
+    windows: Windows
+    rows: np.ndarray
+    kept: np.ndarray
+    samples: Samples
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Length of a window, substeps of a sample; middle and half width of the travel; largest speed; time constant of the slow
+    share, s; noise of the position sensor."""
+
+    samples: int
+    substeps: int
+    middle: float
+    reach: float
+    speed: float
+    slow_s: float
+    sensor_noise: float
+
+
+class ServoJoint:
+    """A `hqpipe.identify.model.JointModel`."""
+
+    def __init__(
+        self,
+        joint: str,
+        scale: Scale,
+        base: tuple[Parameter, ...],
+        effects: tuple[Effect, ...],
+        setting: Setting,
+        splits: tuple[Split, Split],
+        notes: tuple[str, ...],
+    ) -> None:
+        """`splits`: fit and held-out."""
+        self.joint, self.scale, self.base, self.effects = joint, scale, base, effects
+        self.unit = scale.angle
+        self.setting, self.notes = setting, notes
+        self._splits = splits
+        self.fit, self.heldout = (split.samples for split in splits)
+        self.dt = float(np.median(splits[0].tracks.dt))
+        named = [("", parameter) for parameter in base]
+        named += [(effect.name, parameter) for effect in effects for parameter in effect.parameters]
+        self._slots = [_slot(effect, parameter.name) for effect, parameter in named]
+        self._neutral = np.array([parameter.neutral for _, parameter in named])
+        self.noise = tuple(self._noise(split) for split in splits)
+
+    def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
+        """(N,) predicted less measured position; see `hqpipe.identify.model.JointModel`."""
+        split = self._splits[int(heldout)]
+        if len(split.samples.output) == 0:
+            return np.empty(0)
+        return self._predicted(values, split) - split.samples.output
+
+    def reported(self, effect: str, name: str, value: float) -> tuple[str, float, str]:
+        """Name, value and unit under which a number that was fitted is answered.
+
+        A torque limit and a spring are fitted as one over the number that is meant, so that they can be absent.
+        """
+        if (effect, name) == ("torque_limit", "inverse_effort_max"):
+            return "effort_max_nm", 1.0 / value if value > 0.0 else np.inf, self.scale.torque
+        if (effect, name) == ("transmission_compliance", "compliance"):
+            unit = f"{self.scale.torque}/{self.scale.angle}" if self.scale.si else "1"
+            return "stiffness_nm_per_rad", 1.0 / value if value > 0.0 else np.inf, unit
+        found = [p for e in self.effects if e.name == effect for p in e.parameters if p.name == name]
+        found += [p for p in self.base if not effect and p.name == name]
+        return name, value, found[0].unit
+
+    def _predicted(self, values: np.ndarray, split: Split, position: float = 0.0, velocity: float = 0.0) -> np.ndarray:
+        """(N,) position at the judged samples, with initial states off by `position` and `velocity`."""
+        numbers, trials = self._numbers(np.asarray(values, dtype=np.float64), split)
+        setting, tracks, windows = self.setting, split.tracks, split.windows
+        stall = self.scale.stall or 1.0
+        lower = 1.0 if self.scale.load else 2.0
+        constants = np.array([float(not self.scale.duty), stall, setting.middle, setting.reach, lower, setting.slow_s])
+        run = kernel.simulate(
+            numbers,
+            constants,
+            trials,
+            windows.trial,
+            windows.start,
+            windows.first,
+            tracks.time[windows.start],
+            tracks.smooth[windows.start] + position,
+            tracks.velocity[windows.start] + velocity,
+            tracks.smooth,
+            tracks.velocity,
+            tracks.inputs,
+            tracks.rate,
+            setting.samples,
+            setting.substeps,
+        )
+        run = run.ravel()[split.kept]
+        far = _FAR * setting.reach
+        return np.clip(np.nan_to_num(run, nan=setting.middle + far), setting.middle - far, setting.middle + far)
+
+    def _numbers(self, values: np.ndarray, split: Split) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of the kernel: those that all trials share, and those of each trial."""
+        numbers = np.zeros(len(kernel.NAMES))
+        numbers[kernel.STRIBECK] = 1.0
+        inertia, gain, drag, error = 0.0, 1.0, 1.0, 0.0
+        for (shared, column), value in zip(self._slots, values, strict=True):
+            if shared:
+                numbers[column] = value
+            elif column == 0:
+                inertia = value
+            elif column == 1:
+                gain = value
+            elif column == 2:
+                drag = value
+            else:
+                error = value
+        scale, rows = self.scale, split.rows
+        numbers[kernel.SQUARE] /= self.setting.speed**2
+        numbers[kernel.SAG] /= scale.winding_ohm or 1.0
+        trials = np.empty((len(rows), 5))
+        trials[:, kernel.INERTIA] = scale.inertia[rows] + inertia
+        trials[:, kernel.GAIN] = scale.gain[rows] * gain * (1.0 + error)
+        trials[:, kernel.DRAG] = scale.drag[rows] * drag * (1.0 + (error if not scale.free_drag else 0.0))
+        trials[:, kernel.LOAD_GRAVITY] = scale.gravity[rows]
+        trials[:, kernel.STEP] = split.tracks.dt
+        return numbers, trials
+
+    def _noise(self, split: Split) -> float:
+        """Root mean square that the noise of the position sensor leaves: that of the sample, and of the initial state."""
+        if len(split.samples.output) == 0:
+            return 0.0
+        sensor = self.setting.sensor_noise
+        position, velocity = (sensor * share for share in state_noise(self.dt))
+        sound = self._predicted(self._neutral, split)
+        moved = self._predicted(self._neutral, split, position=position) - sound
+        faster = self._predicted(self._neutral, split, velocity=velocity) - sound
+        return float(np.sqrt(sensor**2 + np.mean(moved**2) + np.mean(faster**2)))
+
+
+def _slot(effect: str, name: str) -> tuple[bool, int]:
+    """Whether a parameter is shared by all trials, and its column."""
+    if (effect, name) in _COLUMN:
+        return True, _COLUMN[effect, name]
+    return False, _TRIAL[effect or name]
+
+
+def samples_of(tracks: Tracks, windows: Windows, samples: int) -> tuple[np.ndarray, Samples]:
+    """Which samples of the windows are judged, (M · W) bool, and those samples."""
+    index = (windows.start[:, None] + np.arange(1, samples + 1)).ravel()
+    kept = tracks.usable[index]
+    index = index[kept]
+    held = np.repeat(tracks.position[windows.start], samples)[kept]
+    found = Samples(
+        files=tracks.files,
+        trial=tracks.trial[index],
+        time=tracks.time[index],
+        position=tracks.smooth[index],
+        velocity=tracks.velocity[index],
+        output=tracks.position[index],
+        held=held,
+    )
+    return kept, found
