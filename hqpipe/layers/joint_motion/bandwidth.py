@@ -1,0 +1,100 @@
+"""How fast a joint moves, how noisy its position is, and the cut-off frequency that follows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+SEGMENT = 1024  # samples of a periodogram; assumption: 1 Hz apart at 1 kHz
+WITHIN = 0.3  # of the sample rate, the highest cut-off: beyond it the difference quotient below errs by more than 3 %
+NOISE_SHARE = (
+    0.005  # of the variance of the acceleration that may be noise: errors in a regressor bias its coefficient by it
+)
+ABOVE_FLOOR = 2.0  # spectral density of the motion over that of the noise, up to the cut-off
+MOTION_ENERGY = 0.95  # of the acceleration's variance lies below the bandwidth of the motion; assumption
+OVER_BANDWIDTH = 5.0  # cut-off over the bandwidth of the motion: Gautier (1997) takes at least 5
+DIFFERENCE = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0  # central, sixth order: Fornberg (1988), table 1
+ORDER = 4  # of the Butterworth filter, run forwards and backwards: Gautier (1997)
+
+
+@dataclass(frozen=True)
+class Bandwidth:
+    """Attributes:
+    cutoff: Hz, of the low-pass filter on the position.
+    density: one-sided spectral density of the position's noise, rad²/Hz (m²/Hz).
+    """
+
+    cutoff: float
+    density: float
+
+
+def bandwidth(positions: Sequence[np.ndarray], dt: float) -> Bandwidth:
+    """The cut-off frequency at which the acceleration holds the motion and next to no noise.
+
+    The spectrum is that of the second difference, divided by the gain of the difference: so the large slow motion does not leak
+    into the noise. White noise of the position is the median density in the upper half of the band.
+
+    Args:
+        positions: (T,) of each trial, rad or m. dt: s.
+    """
+    frequency, density = _spectrum(positions, dt)
+    floor = float(np.median(density[frequency >= 0.25 / dt]))
+    omega4 = (2.0 * np.pi * frequency) ** 4
+    motion = np.cumsum(np.maximum(density - floor, 0.0) * omega4)
+    noise = np.cumsum(floor * omega4)
+    usable = frequency <= WITHIN / dt
+    if not motion[usable][-1] > 0.0:
+        return Bandwidth(float(frequency[usable][-1]), floor)
+    below = np.convolve(density, np.ones(3) / 3.0, "same") < ABOVE_FLOOR * floor
+    below &= frequency > frequency[np.argmax(density * omega4 * usable)]
+    crossing = np.argmax(below) if below.any() else len(frequency) - 1
+    inside = usable & (np.arange(len(frequency)) <= crossing)
+    share = noise / np.maximum(motion, np.finfo(float).tiny)
+    half = motion >= 0.5 * motion[inside][-1]
+    good = inside & half & (share <= NOISE_SHARE)
+    chosen = np.flatnonzero(good)[-1] if good.any() else np.flatnonzero(inside & half)[np.argmin(share[inside & half])]
+    moving = frequency[np.searchsorted(motion, MOTION_ENERGY * motion[chosen])]
+    return Bandwidth(float(min(frequency[chosen], OVER_BANDWIDTH * moving)), floor)
+
+
+def _spectrum(positions: Sequence[np.ndarray], dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies above zero, Hz, and the one-sided density of the position over all trials."""
+    from scipy.signal import welch
+
+    size = min(SEGMENT, min(len(q) for q in positions) - 2)
+    total, weight = 0.0, 0
+    for q in positions:
+        frequency, density = welch(np.diff(q, 2), 1.0 / dt, nperseg=size, detrend=False)
+        total, weight = total + len(q) * density, weight + len(q)
+    frequency = frequency[1:]
+    return frequency, np.asarray(total)[1:] / weight / (2.0 * np.sin(np.pi * frequency * dt)) ** 4
+
+
+def low_passed(values: np.ndarray, dt: float, cutoff: float) -> np.ndarray:
+    """(T,) without delay: Butterworth, forwards and backwards."""
+    from scipy.signal import butter, sosfiltfilt
+
+    sos = butter(ORDER, min(cutoff * dt * 2.0, 0.99), output="sos")
+    return sosfiltfilt(sos, values, padlen=min(len(values) - 1, max(30, round(2.0 / (cutoff * dt)))))
+
+
+def derivative(values: np.ndarray, dt: float) -> np.ndarray:
+    """(T,) central difference of sixth order; the three samples at each end by lower orders."""
+    found = np.gradient(values, dt)
+    found[3:-3] = np.convolve(values, DIFFERENCE[::-1], "valid") / dt
+    return found
+
+
+def passed_noise(noise: Bandwidth, dt: float, kernel: np.ndarray, order: int) -> float:
+    """Root mean square of the position's noise in a derivative after both filters, rad/s^order.
+
+    Args:
+        kernel: (L,) weights of the second filter; [1.0] for none. order: 0 position, 1 velocity, 2 acceleration.
+    """
+    frequency = np.linspace(0.0, 0.5 / dt, 513)[1:]
+    response = np.abs(np.exp(-2j * np.pi * np.outer(frequency * dt, np.arange(len(kernel)))) @ kernel)
+    low = 1.0 / (1.0 + (np.tan(np.pi * frequency * dt * 0.999) / np.tan(np.pi * noise.cutoff * dt)) ** (2 * ORDER))
+    gain = (2.0 * np.pi * frequency) ** order * low * response
+    return float(np.sqrt(noise.density * np.sum(gain**2) * (frequency[1] - frequency[0])))

@@ -1,0 +1,130 @@
+"""Parameters of the base and of the effects, with the sizes that a data sheet would give."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hqpipe.identify.model import Effect, Parameter
+from hqpipe.layers.joint_motion.columns import Columns
+from hqpipe.layers.joint_motion.output import Output
+
+FRICTION = (
+    0.2  # of the rms torque: dry and viscous friction of geared joints, a tenth to a fifth (Armstrong-Hélouvry 1994)
+)
+STRIBECK = 0.1  # of the rms torque: static friction exceeds the dry one by about half of it
+STRIBECK_SPEED = 0.1  # of the rms speed; assumption: friction falls over the slowest tenth
+LOAD_FRICTION = 0.1  # of the transmitted torque: gears of 0.9 efficiency
+ELASTIC = 0.2  # of the rms torque over the travel; assumption
+ASYMMETRY = 0.3  # assumption
+SKEW_S = 0.005  # one cycle of a bus at 200 Hz; one sample of a slower log
+MOST_SKEW_S = 0.1  # assumption: later channels are seen by eye
+DRIFT = 0.05  # over a trial: torque constant of a magnet motor, −0.1 to −0.2 %/K (datasheets), over some tens of kelvin
+SCALE = 0.1  # torque constants are stated within 10 %
+SHAPE = 0.2  # of the rms torque, assumption
+
+DIRECT = {  # effect → (parameter, unit, group of its column)
+    "coulomb_friction": ("friction_nm", "N·m", "coulomb"),
+    "viscous_friction": ("nm_s_per_rad", "N·m·s/rad", "viscous"),
+    "spring": ("nm_per_rad", "N·m/rad", "spring"),
+}
+SHAPES = {  # generic shape → (group of its columns, signal)
+    "position_shape": ("position", "position"),
+    "velocity_shape": ("velocity", "velocity"),
+    "acceleration_shape": ("acceleration", "acceleration and position"),
+    "other_joints_motion": ("other motion", "motion of other joints"),
+    "other_joints_posture": ("other posture", "position of other joints"),
+}
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Attributes:
+    torque: root mean square about the mean. speed: root mean square, rad/s. travel: standard deviation, rad.
+    seconds: length of a trial. step: s, of the log.
+    """
+
+    torque: float
+    speed: float
+    travel: float
+    seconds: float
+    step: float
+
+
+def base_parameters(output: Output, start: Mapping[str, float]) -> tuple[Parameter, ...]:
+    """Inertia, constant torque and, for a joint that turns, gravity; with a known load its angle only.
+
+    Args:
+        start: name → value of a first fit.
+    """
+
+    def free(name, unit, low=-np.inf):
+        return Parameter(name, output.unit_of(unit), max(start[name], low), np.inf, low)
+
+    if "gravity_angle_rad" in start:
+        return free("offset_nm", "N·m"), free("gravity_angle_rad", "rad")
+    found = (free("inertia_kg_m2", "kg·m²", 0.0), free("offset_nm", "N·m"))
+    return (*found, free("gravity_sin_nm", "N·m"), free("gravity_cos_nm", "N·m")) if output.turns else found
+
+
+def effects_of(
+    output: Output, columns: Columns, scale: Scale, size: np.ndarray, known_load: bool, keeps: Callable[[str], bool]
+) -> tuple[Effect, ...]:
+    """All candidates that `keeps` lets pass.
+
+    Args:
+        size: (K,) root mean square of the columns.
+    """
+    unit, torque = output.unit_of, scale.torque
+    sizes = {
+        "coulomb_friction": FRICTION * torque,
+        "viscous_friction": FRICTION * torque / scale.speed,
+        "spring": ELASTIC * torque / scale.travel,
+    }
+    lowest, top = columns.speeds[0], columns.speeds[-1]
+    slow = float(np.clip(STRIBECK_SPEED * scale.speed, lowest, top))
+    found = [
+        Effect(
+            name,
+            (Parameter(own, unit(of), 0.0, sizes[name], 0.0 if name != "spring" else -np.inf),),
+        )
+        for name, (own, of, _) in DIRECT.items()
+    ]
+    found += [
+        Effect(
+            "stribeck_friction",
+            (
+                Parameter("static_nm", unit("N·m"), 0.0, STRIBECK * torque, 0.0),
+                Parameter("velocity_rad_s", unit("rad/s"), slow, slow, lowest, top, _within(slow, lowest, top)),
+            ),
+        ),
+        Effect("load_dependent_friction", (Parameter("coefficient", "1", 0.0, LOAD_FRICTION, 0.0, 1.0),)),
+        Effect("direction_asymmetry", (Parameter("ratio", "1", 0.0, ASYMMETRY, -1.0, 1.0),)),
+        Effect("channel_skew", (_skew(scale),)),
+        Effect("gain_drift", (Parameter("rate_per_s", "1/s", 0.0, DRIFT / scale.seconds),)),
+    ]
+    if known_load:
+        found += [
+            Effect("armature", (Parameter("kg_m2", unit("kg·m²"), 0.0, output.inertia, 0.0),)),
+            Effect("torque_scale", (Parameter("ratio", "1", 0.0, SCALE, -0.9, 9.0),)),
+        ]
+    for name, (group, signal) in SHAPES.items():
+        if columns[group]:
+            own = tuple(
+                Parameter(f"coefficient_{i + 1}", output.unit, 0.0, SHAPE * torque / max(size[k], 1e-300))
+                for i, k in enumerate(columns[group])
+            )
+            found.append(Effect(name, own, named=False, signal=signal))
+    return tuple(effect for effect in found if keeps(effect.name))
+
+
+def _within(value: float, low: float, high: float) -> tuple[float, ...]:
+    return tuple(float(v) for v in np.unique(np.clip([0.3 * value, value, 3.0 * value], low, high)))
+
+
+def _skew(scale: Scale) -> Parameter:
+    size = max(SKEW_S, scale.step)
+    most = max(MOST_SKEW_S, 2.0 * scale.step)
+    return Parameter("skew_s", "s", 0.0, size, -most, most)

@@ -1,0 +1,341 @@
+"""From the motion of a machine and the torque of one joint to its model."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hqpipe.layers.joint_motion.bandwidth import Bandwidth, passed_noise
+from hqpipe.layers.joint_motion.candidates import Scale, base_parameters, effects_of
+from hqpipe.layers.joint_motion.columns import NEIGHBOURS, STRIBECK_SPEEDS, Columns, View, columns_of
+from hqpipe.layers.joint_motion.distinct import both_ways, distinguished
+from hqpipe.layers.joint_motion.disturbances import bursts
+from hqpipe.layers.joint_motion.first_fit import NORMAL_MAD, blocks, robust_fit, standard_errors
+from hqpipe.layers.joint_motion.instruments import endogeneity, projected, simulated
+from hqpipe.layers.joint_motion.model import MotionModel
+from hqpipe.layers.joint_motion.motion import Motion, ParallelFilter, motion_of
+from hqpipe.layers.joint_motion.output import AMPERE, Output, output_of
+from hqpipe.layers.joint_motion.records import Part, Record, part_of, usable_samples
+from hqpipe.layers.joint_motion.sign_of_torque import Signs, lost_signs, never_negative
+from hqpipe.logs.joint_kinds import PRISMATIC
+
+if TYPE_CHECKING:
+    from hqpipe.layers.joint_motion.joint_motion import MovingMachine
+
+UNDER_CUTOFF = 0.5  # cut-off of the common filter over that of the position: there the latter passes 99.6 %
+LEAST_SAMPLES = 100  # filtered ones that move; assumption: ten times the parameters of base and friction
+LEAST_MOVING_S = 1.0
+SWEEP = (0.6, 1.7)  # of the cut-off, between which the answer should be stable
+STABLE = 0.1  # change of inertia or friction over the sweep, as a share of the torque it makes, that is worth a note
+BLOCK_S = 0.5  # of correlated residuals; assumption: longer than a reversal
+CLEAR = 5.0  # standard errors of the gravity that fixes a scale: 20 % would be no scale
+LEAST_WINDOW_S = 0.1  # over which persistence is asked, that of the other layers
+
+
+class Unjudged(Exception):
+    """Why a joint cannot be judged."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A joint whose samples are filtered.
+
+    Attributes:
+        j: its column. low_pass: the common filter. mean: of the position. views: per trial.
+        parts: (fit, held-out).
+    """
+
+    j: int
+    band: Bandwidth
+    low_pass: ParallelFilter
+    columns: Columns
+    mean: float
+    records: tuple[Record, ...]
+    parts: tuple[Part, Part]
+
+    def filtered(self, records: Sequence[Record], dt: float) -> tuple[Part, Part]:
+        """Other records with the same filter."""
+        own = (self.columns, self.low_pass, dt, self.mean)
+        return part_of(records, False, *own), part_of(records, True, *own)
+
+    def group(self, *names: str) -> np.ndarray:
+        """Indices of columns."""
+        return np.array([k for name in names for k in self.columns[name]])
+
+
+def judge(machine: MovingMachine, joint: str, window_s: float | None, without: Collection[str]) -> MotionModel:
+    """The model of one joint.
+
+    Raises:
+        Unjudged: it does not move enough.
+    """
+    output = output_of(machine.log_set, joint)
+    joint_data = _prepare(machine, joint, output)
+    notes = list(output.notes)
+    signs = _signs(machine, joint_data, output)
+    if signs:
+        records = tuple(signs.restored(record, joint_data.columns) for record in joint_data.records)
+        joint_data = replace(joint_data, records=records, parts=joint_data.filtered(records, machine.dt))
+        notes.append(
+            "only the size of the torque was logged; its sign is the one with which inertia, gravity and friction explain it "
+            f"best ({100.0 * signs.share:.0f} % of it negative), and samples in which the sign is in doubt are left out"
+        )
+    _check(joint_data, machine.dt)
+    joint_data = _without_bursts(joint_data, machine.dt, notes)
+    output, joint_data = _in_newton_metres(output, joint_data, notes)
+    projection = _instruments(machine, joint_data, notes)
+    _sweep(machine, joint_data, notes)
+    return _model(machine, joint, output, joint_data, projection, bool(signs), notes, window_s, without)
+
+
+def _prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
+    logs = machine.log_set
+    j = logs.joints.index(joint)
+    band = machine.bandwidths[j]
+    if band is None:
+        raise Unjudged("it does not move in the trials of the fit")
+    if not any(np.ptp(values) > 0.0 for values in output.values):
+        raise Unjudged("its torque is constant")
+    near = [k for k in range(j - NEIGHBOURS, j + NEIGHBOURS + 1) if k != j and 0 <= k < len(logs.joints)]
+    near = [k for k in near if machine.bandwidths[k] is not None]
+    turns = [logs.kinds.get(logs.joints[k]) != PRISMATIC for k in near]
+    fit = [k for k, trial in enumerate(logs.trials) if trial.split == "fit"]
+    means = {k: float(np.mean(np.concatenate([machine.motions[t][k].position for t in fit]))) for k in (j, *near)}
+    views = []
+    for motions in machine.motions:
+        others = tuple((motions[k].position - means[k], motions[k], turn) for k, turn in zip(near, turns, strict=True))
+        views.append(View(motions[j].position - means[j], motions[j], others))
+    speeds = np.abs(np.concatenate([machine.motions[t][j].velocity for t in fit]))
+    moving = speeds[~np.concatenate([machine.motions[t][j].rest for t in fit])]
+    if len(moving) * machine.dt < LEAST_MOVING_S:
+        raise Unjudged(f"it moves for {len(moving) * machine.dt:.1f} s only in the trials of the fit")
+    top = float(np.quantile(moving, 0.95))
+    columns = columns_of(output.turns, tuple(turns), np.geomspace(0.02 * top, top, STRIBECK_SPEEDS))
+    margin = round(1.0 / (band.cutoff * machine.dt))
+    records = tuple(
+        Record(
+            trial.file,
+            trial.split == "heldout",
+            trial.trajectory.start,
+            values,
+            usable_samples(values, trial.trajectory.recorded[:, j], margin),
+            view,
+        )
+        for trial, values, view in zip(logs.trials, output.values, views, strict=True)
+    )
+    low_pass = ParallelFilter.of(UNDER_CUTOFF * band.cutoff, machine.dt)
+    none = part_of((), False, columns, low_pass, machine.dt, means[j])
+    found = Prepared(j, band, low_pass, columns, means[j], records, (none, none))
+    return replace(found, parts=found.filtered(records, machine.dt))
+
+
+def _signs(machine: MovingMachine, data: Prepared, output: Output) -> Signs | None:
+    """How to restore the sign of the torque, if it was lost."""
+    if not never_negative(output.values):
+        return None
+    fit = data.parts[0]
+    pull = None
+    if machine.log_set.control_mode == "position":
+        errors = [t.trajectory.position_command - t.trajectory.position for t in machine.log_set.trials]
+        pull = np.array([errors[r][c, data.j] for r, c in zip(fit.record, fit.centre, strict=True)])
+    return lost_signs(fit, data.columns, pull)
+
+
+def _check(data: Prepared, dt: float) -> None:
+    fit = data.parts[0]
+    if len(fit.keep) < LEAST_SAMPLES or len(fit.keep) * data.low_pass.step * dt < LEAST_MOVING_S:
+        seconds = len(fit.keep) * data.low_pass.step * dt
+        raise Unjudged(f"it moves clearly, with a torque that can be used, for {seconds:.1f} s only")
+
+
+def _without_bursts(data: Prepared, dt: float, notes: list[str]) -> Prepared:
+    linear = np.setdiff1d(np.arange(len(data.columns.functions)), data.group("stribeck"))
+    step = data.low_pass.step * dt
+    masks = bursts(*data.parts, linear, step)
+    seconds = sum(int(mask.sum()) for mask in masks) * step
+    if seconds:
+        notes.append(
+            f"{seconds:.1f} s in which the torque departs in bursts from every model are left out: something outside pushed, "
+            "or hit"
+        )
+    return replace(data, parts=tuple(part.without(mask) for part, mask in zip(data.parts, masks, strict=True)))
+
+
+def _first(data: Prepared, *names: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Robust coefficients of groups of columns, their standard errors, and the residual."""
+    fit, picked = data.parts[0], data.group(*names)
+    x, y = fit.columns[np.ix_(fit.keep, picked)], fit.output[fit.keep]
+    found = robust_fit(x, y)
+    residual = y - x @ found
+    covariance = standard_errors(x, residual, blocks(fit.segment[fit.keep], fit.time[fit.keep], BLOCK_S))
+    return found, np.sqrt(np.maximum(np.diag(covariance), 0.0)), residual
+
+
+def _in_newton_metres(output: Output, data: Prepared, notes: list[str]) -> tuple[Output, Prepared]:
+    """A current as torque, where a known load gives its scale."""
+    if output.unit != AMPERE or not output.moment:
+        return output, data
+    found, errors, _ = _first(data, "inertia", "offset", "gravity", "coulomb", "viscous")
+    amplitude = float(np.hypot(*found[2:4]))
+    if amplitude < CLEAR * float(np.hypot(*errors[2:4])):
+        notes.append("the stated load shows too little in the current to give its scale in N·m")
+        return output, data
+    factor = output.moment / amplitude
+    notes[:] = [note for note in notes if note not in output.notes]
+    scaled = output.scaled(factor, f"the gravity of the stated load makes 1 A of current {factor:.4g} N·m")
+    notes += scaled.notes
+    parts = tuple(replace(part, output=factor * part.output) for part in data.parts)
+    records = tuple(replace(record, output=factor * record.output) for record in data.records)
+    return scaled, replace(data, parts=parts, records=records)
+
+
+def _instruments(machine: MovingMachine, data: Prepared, notes: list[str]) -> tuple[Part, Part] | None:
+    """The parts with regressors projected on instruments, where least squares are biased; else None."""
+    logs, dt, fit = machine.log_set, machine.dt, data.parts[0]
+    if logs.control_mode != "position":
+        return None
+    commands = [t.trajectory.position_command[:, data.j] for t in logs.trials]
+    if max(np.ptp(command) for command in commands) == 0.0:
+        return None
+    measured = [t.trajectory.position[:, data.j] for t in logs.trials]
+    used = [t.split == "fit" for t in logs.trials]
+    paths = simulated(commands, measured, used, dt, data.band.cutoff)
+    slow = 1e-6 * max(float(np.max(np.abs(r.view.own.velocity))) for r in data.records)
+    records = []
+    for record, path in zip(data.records, paths, strict=True):
+        own = motion_of(path, dt, data.band.cutoff, slow)
+        records.append(replace(record, view=View(own.position - data.mean, own, record.view.others)))
+    instruments = data.filtered(records, dt)
+    names = ["inertia", "offset", "gravity", "coulomb", "viscous"]
+    picked = data.group(*names)
+    linear = np.setdiff1d(np.arange(len(data.columns.functions)), data.group("stribeck"))
+    z = instruments[0].columns[fit.keep]
+    x, y = fit.columns[fit.keep], fit.output[fit.keep]
+    doubtful = np.searchsorted(picked, data.group("inertia", "coulomb", "viscous"))
+    block = blocks(fit.segment[fit.keep], fit.time[fit.keep], BLOCK_S)
+    test = endogeneity(x[:, picked], z[:, linear], y, doubtful, block)
+    if not test.biased:
+        return None
+    change = (test.instrumental / test.plain - 1.0)[doubtful]
+    said = ", ".join(
+        f"{name} {100.0 * c:+.0f} %" for name, c in zip(("inertia", "coulomb", "viscous"), change, strict=True)
+    )
+    if test.weak:
+        notes.append(
+            "the noise of the position in the closed loop biases the estimates (Durbin–Wu–Hausman test, p "
+            f"{test.p:.1g}), and the command explains too little of the motion to correct them ({said})"
+        )
+        return None
+    notes.append(
+        "the noise of the position in the closed loop biases least squares (Durbin–Wu–Hausman test, p "
+        f"{test.p:.1g}): the regressors are projected on a motion simulated from the command ({said})"
+    )
+    gains = projected(x, z[:, linear])
+    return tuple(
+        replace(part, columns=other.columns[:, linear] @ gains)
+        for part, other in zip(data.parts, instruments, strict=True)
+    )
+
+
+def _sweep(machine: MovingMachine, data: Prepared, notes: list[str]) -> None:
+    """Say so if inertia or friction depend on the cut-off."""
+    names = ("inertia", "offset", "coulomb", "viscous")
+    fit = data.parts[0]
+    sizes = np.sqrt(np.mean(fit.columns[np.ix_(fit.keep, data.group(*names))] ** 2, axis=0))
+    torque = float(np.std(fit.output[fit.keep]))
+    found, lows = [], []
+    for factor in SWEEP:
+        low_pass = ParallelFilter.of(factor * UNDER_CUTOFF * data.band.cutoff, machine.dt)
+        columns = Columns({}, tuple(data.columns.functions[k] for k in data.group(*names)), np.zeros(0))
+        part = part_of(data.records, False, columns, low_pass, machine.dt, data.mean)
+        if len(part.keep) < LEAST_SAMPLES:
+            return
+        found.append(robust_fit(part.columns[part.keep], part.output[part.keep]))
+        lows.append(factor * UNDER_CUTOFF * data.band.cutoff)
+    change = np.abs(found[1] - found[0]) * sizes
+    for k, name in ((0, "inertia"), (2, "dry friction"), (3, "viscous friction")):
+        if change[k] > STABLE * max(abs(found[0][k]) * sizes[k], STABLE * torque):
+            notes.append(
+                f"the estimate of {name} depends on the filter: {found[0][k]:.3g} at {lows[0]:.3g} Hz and {found[1][k]:.3g} at "
+                f"{lows[1]:.3g} Hz, which a delay, compliance or noise would do"
+            )
+
+
+def _noise(data: Prepared, dt: float, part: Part, heldout: bool, coefficients: np.ndarray) -> float:
+    """Root mean square that white noise of torque and position leaves after the filter."""
+    records = [record for record in data.records if record.heldout == heldout]
+    third = np.concatenate([np.diff(r.output, 3)[r.usable[3:]] for r in records] or [np.zeros(0)])
+    white = NORMAL_MAD * float(np.median(np.abs(third))) / np.sqrt(20.0) if len(third) else 0.0
+    weights = data.low_pass.weights
+    torque = white * float(np.sqrt(np.sum(weights**2)))
+    inertia, viscous = coefficients
+    acceleration = inertia * passed_noise(data.band, dt, weights, 2)
+    velocity = viscous * passed_noise(data.band, dt, weights, 1)
+    return float(np.sqrt(torque**2 + acceleration**2 + velocity**2)) if len(part.keep) else 0.0
+
+
+def _model(
+    machine: MovingMachine,
+    joint: str,
+    output: Output,
+    data: Prepared,
+    projection: tuple[Part, Part] | None,
+    unsigned: bool,
+    notes: list[str],
+    window_s: float | None,
+    without: Collection[str],
+) -> MotionModel:
+    fit = data.parts[0]
+    if both_ways(fit, data.columns):
+        notes.append("a constant torque and a friction that differs by direction are the same in these logs")
+    base_columns = data.group("inertia", "offset", "gravity")
+    found, _, _ = _first(data, "inertia", "offset", "gravity", "coulomb", "viscous")
+    inertia, viscous = float(found[0]), float(found[-1])
+    friction = float(found[-2])
+    if inertia < 0.0 and friction < 0.0:
+        raise Unjudged("its torque acts against its motion: one of the two has the wrong sign")
+    first, _, _ = _first(data, "inertia", "offset", "gravity")
+    start = dict(zip(("inertia_kg_m2", "offset_nm", "gravity_sin_nm", "gravity_cos_nm"), first.tolist(), strict=False))
+    known_load = bool(output.moment) and output.unit != AMPERE
+    if known_load:
+        start["gravity_angle_rad"] = float(np.arctan2(start["gravity_cos_nm"], start["gravity_sin_nm"]))
+    kept = fit.columns[fit.keep]
+    torque = max(float(np.std(fit.output[fit.keep])), np.finfo(float).tiny)
+    scale = Scale(
+        torque,
+        float(np.sqrt(np.mean(fit.velocity[fit.keep] ** 2))),
+        max(float(np.std(fit.position[fit.keep])), np.finfo(float).tiny),
+        float(np.median([len(r.output) for r in data.records])) * machine.dt,
+        machine.dt,
+    )
+    size = np.sqrt(np.mean(kept**2, axis=0))
+    effects = effects_of(output, data.columns, scale, size, known_load, lambda name: name not in without)
+    effects, said = distinguished(effects, fit, data.columns, base_columns)
+    step = data.low_pass.step * machine.dt
+    length = window_s or max(LEAST_WINDOW_S, data.low_pass.length * machine.dt)
+    back = max(1, round(length / step))
+    return MotionModel(
+        joint=joint,
+        unit=output.unit,
+        dt=step,
+        base=base_parameters(output, start),
+        effects=effects,
+        fit=data.parts[0].samples(back),
+        heldout=data.parts[1].samples(back),
+        noise=tuple(
+            _noise(data, machine.dt, part, k == 1, np.array([inertia, viscous])) for k, part in enumerate(data.parts)
+        ),
+        notes=tuple(notes + said),
+        unsigned=unsigned,
+        instrumental=projection is not None,
+        parts=projection or data.parts,
+        columns=data.columns,
+        load=(output.moment, output.inertia) if known_load else (0.0, 0.0),
+        back=back,
+    )
+
+
+__all__ = ["Motion", "Prepared", "Unjudged", "judge"]

@@ -1,0 +1,145 @@
+"""Inverse dynamics of one joint: the torque that its logged motion asks for, with any set of effects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hqpipe.identify.model import Effect, Parameter, Samples
+from hqpipe.layers.joint_motion.candidates import DIRECT, SHAPES
+from hqpipe.layers.joint_motion.columns import Columns
+from hqpipe.layers.joint_motion.records import Part
+
+
+@dataclass(frozen=True, eq=False)
+class MotionModel:
+    """A `JointModel`. Torque = inertia·a + offset + gravity(q) + effects, low-passed; see docs/theory/joint-motion.md.
+
+    Attributes:
+        unsigned: whether the log holds the size of the torque only; its sign was restored in `fit` and `heldout`.
+        instrumental: whether the regressors are projected on instruments, because the noise of the loop biases them.
+        parts: (fit, held-out) filtered samples. columns: what their columns are.
+        load: gravity of a known load at a right angle, N·m, and its inertia, kg·m²; 0 where none is known.
+        back: samples from the start of a window of persistence to its end.
+    """
+
+    joint: str
+    unit: str
+    dt: float
+    base: tuple[Parameter, ...]
+    effects: tuple[Effect, ...]
+    fit: Samples
+    heldout: Samples
+    noise: tuple[float, float]
+    notes: tuple[str, ...]
+    unsigned: bool
+    instrumental: bool
+    parts: tuple[Part, Part]
+    columns: Columns
+    load: tuple[float, float]
+    back: int
+
+    @cached_property
+    def _at(self) -> dict[tuple[str, str], int]:
+        """(effect, parameter) → index into the values; no effect for the base."""
+        names = [("", p.name) for p in self.base]
+        names += [(effect.name, p.name) for effect in self.effects for p in effect.parameters]
+        return {name: k for k, name in enumerate(names)}
+
+    @cached_property
+    def _kept(self) -> tuple[np.ndarray, ...]:
+        """Columns of the samples that are judged."""
+        return tuple(part.columns[part.keep] for part in self.parts)
+
+    @cached_property
+    def _table(self):
+        """Logarithm of the Stribeck speed → weights of its table."""
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(np.log(self.columns.speeds), np.eye(len(self.columns.speeds)))
+
+    def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
+        """(N,) predicted less measured torque; see `JointModel`."""
+        measured = self.heldout if heldout else self.fit
+        return self._predicted(np.asarray(values, dtype=float), heldout) - measured.output
+
+    def _predicted(self, values: np.ndarray, heldout: bool) -> np.ndarray:
+        part = self.parts[heldout]
+        skew = self._value(values, "channel_skew", "skew_s")
+        if skew == 0.0:
+            rows, time = self._kept[heldout], part.time[part.keep]
+        else:
+            rows, time = part.columns, part.time
+        torque = self._torque(values, rows)
+        scale = 1.0 + self._value(values, "torque_scale", "ratio")
+        drift = self._value(values, "gain_drift", "rate_per_s")
+        if drift != 0.0 or scale != 1.0:
+            torque = torque * (scale * (1.0 + drift * time))
+        return torque if skew == 0.0 else _shifted(torque, part, skew / self.dt)
+
+    def _torque(self, values: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """(N,) at samples with columns `rows`."""
+        indices, targets = self._linear
+        found = np.zeros(rows.shape[1])
+        found[targets] = values[indices]
+        if self.load[0]:
+            angle = self._value(values, "", "gravity_angle_rad")
+            found[list(self.columns["gravity"])] = self.load[0] * np.cos(angle), self.load[0] * np.sin(angle)
+            found[self.columns.one("inertia")] += self.load[1]
+        transmitted = found.copy()
+        transmitted[[k for name in ("coulomb", "viscous") for k in self.columns[name]]] = 0.0
+        found[self.columns.one("speed")] += self._value(values, "viscous_friction", "nm_s_per_rad") * self._value(
+            values, "direction_asymmetry", "ratio"
+        )
+        static = self._value(values, "stribeck_friction", "static_nm")
+        if static != 0.0:
+            speed = self._value(values, "stribeck_friction", "velocity_rad_s")
+            found[list(self.columns["stribeck"])] = static * self._table(np.log(speed))
+        torque = rows @ found
+        share = self._value(values, "load_dependent_friction", "coefficient")
+        if share != 0.0:
+            torque = torque + share * np.abs(rows @ transmitted) * rows[:, self.columns.one("coulomb")]
+        return torque
+
+    def _value(self, values: np.ndarray, effect: str, parameter: str) -> float:
+        """Of a parameter that may not be there."""
+        at = self._at.get((effect, parameter))
+        return 0.0 if at is None else float(values[at])
+
+    @cached_property
+    def _linear(self) -> tuple[np.ndarray, np.ndarray]:
+        """Indices of the values that are coefficients, and of their columns."""
+        gravity = self.columns["gravity"]
+        places = {
+            ("", "inertia_kg_m2"): self.columns.one("inertia"),
+            ("", "offset_nm"): self.columns.one("offset"),
+            ("armature", "kg_m2"): self.columns.one("inertia"),
+        }
+        if gravity:
+            places |= {("", "gravity_sin_nm"): gravity[0], ("", "gravity_cos_nm"): gravity[1]}
+        for effect, (parameter, _, group) in DIRECT.items():
+            places[effect, parameter] = self.columns.one(group)
+        for effect, (group, _) in SHAPES.items():
+            places |= {(effect, f"coefficient_{i + 1}"): k for i, k in enumerate(self.columns[group])}
+        found = [(at, places[name]) for name, at in self._at.items() if name in places]
+        return np.array([at for at, _ in found], dtype=np.int64), np.array([k for _, k in found], dtype=np.int64)
+
+
+def _shifted(torque: np.ndarray, part: Part, steps: float) -> np.ndarray:
+    """(M,) the torque `steps` samples earlier, by cubic convolution (Keys 1981) within segments."""
+    whole = int(np.floor(steps))
+    x = steps - whole  # the sample lies x beyond `whole` samples ago
+    weights = (
+        -0.5 * x**3 + x**2 - 0.5 * x,
+        1.5 * x**3 - 2.5 * x**2 + 1.0,
+        -1.5 * x**3 + 2.0 * x**2 + 0.5 * x,
+        0.5 * x**3 - 0.5 * x**2,
+    )
+    first = np.searchsorted(part.segment, part.segment[part.keep])
+    last = np.searchsorted(part.segment, part.segment[part.keep], side="right") - 1
+    total = np.zeros(len(part.keep))
+    for k, weight in enumerate(weights):
+        total += weight * torque[np.clip(part.keep - whole + 1 - k, first, last)]
+    return total

@@ -1,0 +1,155 @@
+"""Trials of one joint as filtered and decimated samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hqpipe.identify.model import Samples
+from hqpipe.layers.joint_motion.columns import Columns, View
+from hqpipe.layers.joint_motion.motion import ParallelFilter
+
+MOST_SAMPLES = 20_000  # of a joint and split: what a search over sets of effects handles in seconds
+PIECE = 400  # samples of a stretch where a log is too long to use all of it
+REST_SHARE = (
+    0.2  # of the filter's weight that may lie on samples at rest; assumption: a reversal passes, a dwell does not
+)
+SATURATED_RUN = (
+    5  # samples in a row at the largest torque of the trial; assumption: fewer are chance in a coarse channel
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """One joint of one trial at the rate of the log.
+
+    Attributes:
+        file: its name. heldout: its split. start: s, of the section in the recorded trial.
+        output: (T,) as measured. usable: (T,) whether a sample is evidence. view: its motion.
+    """
+
+    file: str
+    heldout: bool
+    start: float
+    output: np.ndarray
+    usable: np.ndarray
+    view: View
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """All filtered samples of one split; only those in `keep` are judged.
+
+    Attributes:
+        files: of the trials. trial, time, position, velocity, output, segment: (N,). columns: (N, K).
+        record: (N,) index into the records. centre: (N,) sample of the record.
+        rest: (N,) share of the filter's weight on samples at rest. keep: (M,) indices.
+    """
+
+    files: tuple[str, ...]
+    trial: np.ndarray
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    output: np.ndarray
+    segment: np.ndarray
+    record: np.ndarray
+    centre: np.ndarray
+    columns: np.ndarray
+    rest: np.ndarray
+    keep: np.ndarray
+
+    def without(self, dropped: np.ndarray) -> Part:
+        """With the samples of a (M,) mask over `keep` left out."""
+        return replace(self, keep=self.keep[~dropped])
+
+    def samples(self, back: int) -> Samples:
+        """What is judged; `back`: samples from the output to the one that persistence predicts it by."""
+        first = np.searchsorted(self.segment, self.segment)
+        earlier = np.maximum(np.arange(len(self.time)) - back, first)
+        own = (self.trial, self.time, self.position, self.velocity, self.output, self.output[earlier])
+        return Samples(self.files, *(values[self.keep] for values in own))
+
+
+def usable_samples(output: np.ndarray, recorded: np.ndarray, margin: int) -> np.ndarray:
+    """(T,) recorded, finite, not at the limit of the drive or the sensor, and `margin` samples from the ends."""
+    found = recorded & np.isfinite(output)
+    size = np.abs(output)
+    top = size >= np.max(size[found], initial=0.0) * (1.0 - 1e-9)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], top.astype(int), [0]])))
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        if stop - start >= SATURATED_RUN:
+            found[start:stop] = False
+    found[:margin] = found[len(found) - margin :] = False
+    return found
+
+
+def part_of(
+    records: Sequence[Record], heldout: bool, columns: Columns, low_pass: ParallelFilter, dt: float, mean: float
+) -> Part:
+    """Filtered samples of the trials of one split.
+
+    Args:
+        mean: of the position, which `View.x` is less. dt: s, of the records.
+    """
+    chosen = [k for k, record in enumerate(records) if record.heldout == heldout]
+    total = sum(len(records[k].output) // low_pass.step for k in chosen)
+    pieces = [(k, *ends) for k in chosen for ends in _pieces(len(records[k].output), low_pass, total)]
+    files = tuple(dict.fromkeys(records[k].file for k in chosen))
+    found: list[tuple[np.ndarray, ...]] = []
+    for number, (k, start, stop) in enumerate(pieces):
+        record, view = records[k], _cut(records[k].view, start, stop)
+        centres = low_pass.centres(stop - start)
+        rows = np.vstack(
+            [
+                columns.of(view),
+                np.where(record.usable[start:stop], record.output[start:stop], 0.0),
+                ~record.usable[start:stop],
+                view.own.rest,
+            ]
+        )
+        filtered = low_pass.apply(rows)
+        many = np.ones(len(centres), dtype=np.int64)
+        found.append(
+            (
+                files.index(record.file) * many,
+                record.start + (start + centres) * dt,
+                view.x[centres] + mean,
+                view.own.velocity[centres],
+                filtered[-3],
+                number * many,
+                k * many,
+                start + centres,
+                filtered[:-3].T,
+                filtered[-1],
+                filtered[-2],
+            )
+        )
+    if not found:
+        whole, none = np.zeros(0, dtype=np.int64), np.zeros(0)
+        empty = np.zeros((0, len(columns.functions)))
+        return Part(files, whole, none, none, none, none, whole, whole, whole, empty, none, whole)
+    *values, unusable = (np.concatenate(part) for part in zip(*found, strict=True))
+    keep = np.flatnonzero((unusable < 1e-12) & (values[-1] <= REST_SHARE))
+    return Part(files, *values, keep)
+
+
+def _pieces(samples: int, low_pass: ParallelFilter, total: int) -> list[tuple[int, int]]:
+    """Start and stop of the stretches that are used of one trial: all of it, or evenly spaced ones."""
+    size = PIECE * low_pass.step
+    if total <= MOST_SAMPLES or samples <= size:
+        return [(0, samples)] if samples >= low_pass.length else []
+    count = max(1, int(samples * MOST_SAMPLES / total / size))
+    starts = np.linspace(0, samples - size, count).astype(int)
+    return [(int(start), int(start) + size) for start in starts]
+
+
+def _cut(view: View, start: int, stop: int) -> View:
+    def motion(m):
+        names = ("position", "velocity", "acceleration", "rest", "direction")
+        return replace(m, **{name: getattr(m, name)[start:stop] for name in names})
+
+    others = tuple((x[start:stop], motion(m), turns) for x, m, turns in view.others)
+    return View(view.x[start:stop], motion(view.own), others)
