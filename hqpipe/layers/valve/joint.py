@@ -1,0 +1,121 @@
+"""One valve-controlled joint of a log set: its samples, its parameters, and the error of a prediction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hqpipe.identify.model import Effect, Parameter, Samples
+from hqpipe.layers.valve.kernel import DT, LAYOUT, OWN_DEMAND, SCALE, run_blocks, travelled
+from hqpipe.layers.valve.record import Record
+from hqpipe.layers.valve.windows import Windows
+
+INVERSE = {"effort_max_nm": "inverse_effort_max", "pressure_max_pa": "inverse_effort_max"}
+WITHOUT_LIMIT = ("limit", "upper_speed", "lower_speed")  # inert at their upper bound, where no limit is left
+_NEUTRAL = {"limit": np.inf, "upper_speed": np.inf, "lower_speed": np.inf, "recovery_s": 0.1, "damping_ratio": 0.7}
+
+
+@dataclass(frozen=True, eq=False)
+class ValveJoint:
+    """A `hqpipe.identify.model.JointModel`.
+
+    Attributes:
+        joint, unit, dt, base, effects, fit, heldout, noise, notes: see there.
+        travels: whether the position is predicted from the start of each window, not the velocity.
+        settings: column of `kernel.LAYOUT` → number that no fit changes.
+        records, windows: of the fit and the held-out trials.
+    """
+
+    joint: str
+    unit: str
+    dt: float
+    base: tuple[Parameter, ...]
+    effects: tuple[Effect, ...]
+    fit: Samples
+    heldout: Samples
+    noise: tuple[float, float]
+    notes: tuple[str, ...]
+    travels: bool
+    settings: dict[int, float]
+    records: tuple[Record, Record]
+    windows: tuple[Windows, Windows]
+    _columns: tuple[tuple[int, bool, float], ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        parameters = (*self.base, *(p for effect in self.effects for p in effect.parameters))
+        columns = tuple(
+            (LAYOUT.index(INVERSE.get(p.name, p.name)), p.name in INVERSE, _removed_at(p)) for p in parameters
+        )
+        object.__setattr__(self, "_columns", columns)
+
+    def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
+        """(N,) prediction less measured position (or velocity) at the samples of `fit` or `heldout`, unit of the output.
+
+        Args:
+            values: (P,) base parameters, then those of all effects in their order.
+        """
+        record, cut = self.records[heldout], self.windows[heldout]
+        velocity = self.velocity(values, heldout)
+        if not self.travels:
+            return velocity[cut.sample] - record.velocity[cut.sample]
+        error = np.zeros(len(cut.sample))
+        travelled(velocity, record.position, cut.begin, cut.begin_samples, cut.sample, cut.window, record.dt, error)
+        return error
+
+    def velocity(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
+        """(T,) predicted mean velocity from each sample to the next; 0 where nothing was simulated."""
+        record, cut = self.records[heldout], self.windows[heldout]
+        velocity = np.zeros(len(record.command))
+        run_blocks(
+            self.row(values),
+            record.command,
+            record.signals,
+            cut.first,
+            cut.last,
+            cut.start,
+            cut.stop,
+            cut.substeps,
+            velocity,
+        )
+        return velocity
+
+    def row(self, values: np.ndarray) -> np.ndarray:
+        """(len(LAYOUT),) what the kernel reads."""
+        row = np.array([_NEUTRAL.get(name, 0.0) for name in LAYOUT])
+        row[DT] = self.dt
+        for column, number in self.settings.items():
+            row[column] = number
+        for value, (column, inverse, removed) in zip(np.asarray(values, dtype=np.float64), self._columns, strict=True):
+            if inverse:
+                row[column] = 0.0 if value >= removed else 1.0 / value
+            else:
+                row[column] = np.inf if value >= removed else value
+        return row
+
+
+def _removed_at(parameter: Parameter) -> float:
+    """The value from which on a limit is none at all; infinite for what is not a limit."""
+    return parameter.high if parameter.name in WITHOUT_LIMIT or parameter.name in INVERSE else np.inf
+
+
+def settings_of(command: float, own_demand: float) -> dict[int, float]:
+    """What the kernel reads beside parameters: the command's largest distance from rest, what the own speed counts in the
+    flow that the supply gives."""
+    return {SCALE: command, OWN_DEMAND: own_demand}
+
+
+def samples_of(record: Record, cut: Windows, travels: bool, names: Sequence[str] = ()) -> Samples:
+    """The samples that a joint is judged on."""
+    at = cut.sample
+    output = record.position if travels else record.velocity
+    return Samples(
+        files=tuple(names) or record.files,
+        trial=record.trial[at],
+        time=record.time[at],
+        position=record.position[at],
+        velocity=record.velocity[at],
+        output=output[at],
+        held=output[cut.begin[cut.window]],
+    )

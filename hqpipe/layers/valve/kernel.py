@@ -1,0 +1,182 @@
+"""The velocity of a valve-controlled joint from its command: all effects at once, each inert at its neutral value.
+
+spool   first-order lag of the command, delayed by the dead time and held from sample to sample
+opening max(|spool − neutral| within ± limit − half_width, 0)
+flow    opening × direction × flow curve × geometry × load × pressure × drift
+speed   gain × flow + leakage, within the speed limits, behind a second-order response
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+LAYOUT = (
+    "gain", "neutral", "row_offset_s", "half_width", "delay_s", "direction_delay_s", "time_constant_s", "limit",
+    "ratio", "inverse_effort_max", "droop", "recovery_s", "rate_per_s", "upper_speed", "lower_speed", "curve_1",
+    "curve_2", "geometry_1", "geometry_2", "load_sin", "load_cos", "others", "leak", "leak_position", "leak_effort",
+    "period_s", "damping_ratio", "dt", "command_scale", "own_demand",
+)  # fmt: skip
+(
+    GAIN, NEUTRAL, ROW_OFFSET, BAND, DELAY, DELAY_BACK, LAG, LIMIT,
+    RATIO, INVERSE_EFFORT, DROOP, RECOVERY, RATE, UPPER, LOWER, CURVE_1,
+    CURVE_2, GEOMETRY_1, GEOMETRY_2, LOAD_SIN, LOAD_COS, OTHERS, LEAK, LEAK_POSITION, LEAK_EFFORT,
+    PERIOD, DAMPING, DT, SCALE, OWN_DEMAND,
+) = range(len(LAYOUT))  # fmt: skip
+
+CLEARANCE = 0.035
+"""Share of the half width over which the edge of a deadband is rounded: oil passes the clearance of the lands before the
+spool opens (Merritt 1967, ch. 5: leakage at null)."""
+TIME, Z, SIN, COS, EFFORT, OTHER_SPEED, OTHER_OPENING, LOSS = range(8)
+"""Rows of the logged signals: s since the trial began; position over its travel, −1 … 1; sine and cosine of the angle, or the
+same position and its square; effort; summed speed of the other joints; summed opening of their valves, 0 … 1; measured loss
+of supply pressure, 0 … 1."""
+
+
+@njit(cache=True, nogil=True, inline="always")
+def held_mean(command: np.ndarray, first: int, last: int, start: float, length: float) -> float:
+    """Mean of a command held from sample to sample, from `start` for `length` ≤ 1 samples."""
+    whole = int(np.floor(start))
+    here = command[min(max(whole, first), last)]
+    over = start + length - (whole + 1.0)
+    if over <= 0.0:
+        return here
+    following = command[min(max(whole + 1, first), last)]
+    return here + over / length * (following - here)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def beyond(excess: float, corner: float) -> float:
+    """max(excess, 0) with a parabola of half width `corner` round the edge."""
+    if corner == 0.0 or excess >= corner:
+        return max(excess, 0.0)
+    if excess <= -corner:
+        return 0.0
+    return 0.25 * (excess + corner) ** 2 / corner
+
+
+@njit(cache=True, nogil=True, inline="always")
+def opened(p: np.ndarray, spool: float) -> float:
+    """Opening of the valve, command units: within the stroke, beyond the deadband."""
+    error = min(max(spool - p[NEUTRAL], -p[LIMIT]), p[LIMIT])
+    if p[BAND] == 0.0:
+        return error
+    corner = CLEARANCE * p[BAND]
+    return beyond(error - p[BAND], corner) - beyond(-error - p[BAND], corner)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def speed_of(p: np.ndarray, opening: float, s: np.ndarray, k: int, sag: float) -> float:
+    """Velocity in the steady state for an opening at sample `k`; `sag` is the relative loss of supply pressure."""
+    size = abs(opening) / p[SCALE]
+    flow = opening + p[RATIO] * abs(opening)
+    flow *= 1.0 + p[CURVE_1] * size + p[CURVE_2] * size * size
+    flow *= 1.0 + p[GEOMETRY_1] * s[Z, k] + p[GEOMETRY_2] * s[Z, k] * s[Z, k]
+    flow += abs(flow) * (p[LOAD_SIN] * s[SIN, k] + p[LOAD_COS] * s[COS, k])
+    flow *= 1.0 + p[OTHERS] * s[OTHER_OPENING, k]
+    load = p[INVERSE_EFFORT] * s[EFFORT, k]
+    if p[GAIN] * opening < 0.0:
+        load = -load
+    flow *= np.sqrt(max(1.0 - sag - load, 0.0)) * max(1.0 + p[RATE] * s[TIME, k], 0.0)
+    leak = p[LEAK] + p[LEAK_POSITION] * s[Z, k] + p[LEAK_EFFORT] * s[EFFORT, k]
+    return min(max(p[GAIN] * flow + leak, -p[LOWER]), p[UPPER])
+
+
+@njit(cache=True, nogil=True)
+def run_blocks(
+    p: np.ndarray,
+    command: np.ndarray,
+    signals: np.ndarray,
+    first: np.ndarray,
+    last: np.ndarray,
+    start: np.ndarray,
+    stop: np.ndarray,
+    substeps: int,
+    velocity: np.ndarray,
+) -> None:
+    """Fill the mean velocity from each sample to the next, (T,), block by block.
+
+    A block begins in the steady state of its first command and knows the commands before it.
+
+    Args:
+        p: as in `LAYOUT`. command: (T,). signals: (8, T).
+        first, last: (B,) first and last sample of the stretch of each block. start, stop: (B,) its samples start … stop − 1.
+        substeps: per sample.
+    """
+    dt = p[DT]
+    h, length = dt / substeps, 1.0 / substeps
+    early = (p[ROW_OFFSET] + p[DELAY] + p[DELAY_BACK]) / dt
+    late = (p[ROW_OFFSET] + p[DELAY] - p[DELAY_BACK]) / dt
+    share, mean = 1.0, 1.0
+    if p[LAG] > 0.0:
+        share = 1.0 - np.exp(-h / p[LAG])
+        mean = 1.0 - p[LAG] / h * share
+    recovering = 1.0 - np.exp(-h / max(p[RECOVERY], 1e-9))
+    omega = 2.0 * np.pi / max(p[PERIOD], 1e-9)
+    damped = 1.0 / (1.0 + 2.0 * p[DAMPING] * omega * h + (omega * h) ** 2)
+    for b in range(start.shape[0]):
+        spool = held_mean(command, first[b], last[b], start[b] - early, length)
+        sag, moving, rising, begun = 0.0, 0.0, 0.0, False
+        for k in range(start[b], stop[b]):
+            total = 0.0
+            measured = p[DROOP] * signals[LOSS, k]
+            for i in range(substeps):
+                driven = held_mean(command, first[b], last[b], k + i * length - early, length)
+                if p[DELAY_BACK] != 0.0:
+                    other = held_mean(command, first[b], last[b], k + i * length - late, length)
+                    driven = p[NEUTRAL] + max(driven - p[NEUTRAL], 0.0) + min(other - p[NEUTRAL], 0.0)
+                if p[LAG] > 0.0:
+                    seen = spool + mean * (driven - spool)
+                    spool += share * (driven - spool)
+                else:
+                    seen = driven
+                opening = opened(p, seen)
+                if measured != 0.0:
+                    sag = measured
+                v = speed_of(p, opening, signals, k, sag)
+                if p[DROOP] != 0.0:
+                    demand = signals[OTHER_SPEED, k] + p[OWN_DEMAND] * abs(v)
+                    sag += recovering * (p[DROOP] * demand - sag)
+                if p[PERIOD] > 0.0:
+                    if not begun:
+                        moving, begun = v, True
+                    rising = (rising + h * omega * omega * (v - moving)) * damped
+                    moving += h * rising
+                    v = moving
+                total += v
+            velocity[k] = total * length
+
+
+@njit(cache=True, nogil=True)
+def travelled(
+    velocity: np.ndarray,
+    position: np.ndarray,
+    begin: np.ndarray,
+    begin_samples: int,
+    sample: np.ndarray,
+    window: np.ndarray,
+    dt: float,
+    error: np.ndarray,
+) -> None:
+    """Fill the error of the position, free-running from the start of each window, (N,).
+
+    The position at the start is the mean of what the samples before it say: each is carried on by the model.
+
+    Args:
+        velocity, position: (T,). begin: (W,) sample at which each window starts. begin_samples: that its position is taken from.
+        sample: (N,) of the prediction, in the order of time within a window. window: (N,) index into `begin`.
+    """
+    current, at, place = -1, 0, 0.0
+    for n in range(sample.shape[0]):
+        if window[n] != current:
+            current = window[n]
+            at, place = begin[current], 0.0
+            offset, back = position[at], 0.0
+            for m in range(1, begin_samples):
+                back += dt * velocity[at - m]
+                offset += position[at - m] + back
+            place = offset / begin_samples
+        while at < sample[n]:
+            place += dt * velocity[at]
+            at += 1
+        error[n] = place - position[sample[n]]

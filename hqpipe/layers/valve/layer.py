@@ -1,0 +1,179 @@
+"""Joints moved by a valve whose command is logged: from the command to the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from hqpipe.errors import IdentificationError
+from hqpipe.identify.model import JointModel, LayerJoints
+from hqpipe.layers.valve.joint import ValveJoint, samples_of, settings_of
+from hqpipe.layers.valve.masks import at_end_stops, blocked, usual_speeds
+from hqpipe.layers.valve.noise import sensor_noise
+from hqpipe.layers.valve.parameters import base_parameters, effects
+from hqpipe.layers.valve.record import Record, Scales, record_of, scales_of
+from hqpipe.layers.valve.start import first_look, sizes_of
+from hqpipe.layers.valve.windows import windows_of
+from hqpipe.logs.trajectory import LogSet, Trial
+
+LEAST_ROWS = 20  # of a window; assumption: twice the least that a window of any layer has
+LEAST_S = 0.1  # of a window: that of the other control modes
+CLEAR = 30.0  # of the sensor's noise, that a joint travels in a window of usual speed, if its position is predicted; assumption
+LONGEST_S = 2.0  # of a window chosen by these rules; assumption: longer than a valve and its joint take to settle
+FEWEST_WINDOWS = 10  # of the fit trials; assumption: fewer do not tell an effect from chance
+
+
+class Valve:
+    """The actuator layer in control mode valve: command → velocity, judged by the velocity or the position that follows."""
+
+    NAME = "actuator"
+
+    def lacking(self, log_set: LogSet) -> list[str]:
+        """Columns that the logs do not have."""
+        has = all(t.trajectory.valve_command is not None for t in log_set.trials)
+        return [] if has else ["valve_command"]
+
+    def joints(self, log_set: LogSet, window_s: float | None = None, without: Collection[str] = ()) -> LayerJoints:
+        """The joints that a valve command moves.
+
+        Args:
+            log_set: with valve commands. window_s: length of a free run; None for one that suits the logs.
+            without: names of effects to leave out.
+
+        Raises:
+            IdentificationError: no joint can be judged.
+        """
+        if self.lacking(log_set):
+            raise IdentificationError(
+                f"{log_set.path}: no column valve_command, which the layer '{self.NAME}' in mode valve needs",
+                file=log_set.path,
+                field="valve_command",
+                fix="record the command of the valves",
+            )
+        travels = any(t.trajectory.velocity_source == "differentiated" for t in log_set.trials)
+        looks = {name: _look(log_set, j) for j, name in enumerate(log_set.joints)}
+        left = {name: look for name, look in looks.items() if isinstance(look, str)}
+        kept = {name: look for name, look in looks.items() if not isinstance(look, str)}
+        length, reason = _window(log_set, kept, travels, window_s)
+        models = []
+        for name, (scales, record, noise) in kept.items():
+            model = _joint(log_set, name, scales, record, noise, length, travels, without)
+            if isinstance(model, str):
+                left[name] = model
+            else:
+                models.append(model)
+        if not models:
+            reasons = "; ".join(f"{name}: {text}" for name, text in left.items())
+            raise IdentificationError(
+                f"{log_set.path}: no joint can be judged by its valve command ({reasons})",
+                file=log_set.path,
+                field="valve_command",
+                fix="record motions that the valve commands",
+            )
+        metric = "free_run_rmse"
+        return LayerJoints(self.NAME, metric, length, reason, tuple(models), left)
+
+
+def _look(log_set: LogSet, j: int) -> str | tuple[Scales, Record, float]:
+    """Sizes, fit record and position noise of joint `j`, or why it cannot be judged."""
+    scales = scales_of(log_set.fit, j)
+    if scales.command == 0.0:
+        return "its valve command never changes"
+    if scales.half_travel == 0.0 or scales.speed == 0.0:
+        return "it never moves"
+    record = record_of(log_set.fit, j, scales, _slides(log_set, j), _alike(log_set, scales, j))
+    noise = sensor_noise(record.position, record, scales)
+    return scales, record, noise
+
+
+def _slides(log_set: LogSet, j: int) -> bool:
+    return log_set.kinds.get(log_set.joints[j], "revolute") == "prismatic"
+
+
+def _alike(log_set: LogSet, scales: Scales, j: int) -> np.ndarray:
+    """(J,) factors that give the speeds of other joints the size of those of joint `j`: 1 among joints of one kind."""
+    speeds = np.maximum(np.array(scales.speeds), 1e-300)
+    same = np.array([_slides(log_set, k) == _slides(log_set, j) for k in range(len(speeds))])
+    return np.where(same, 1.0, speeds[j] / speeds)
+
+
+def _window(
+    log_set: LogSet, looks: dict[str, tuple[Scales, Record, float]], travels: bool, window_s: float | None
+) -> tuple[float, str]:
+    """Length of a free run, s, and why."""
+    dt = float(np.median([t.trajectory.dt for t in log_set.trials]))
+    if window_s is not None:
+        return max(window_s, 10.0 * dt), "as asked for, and at least ten samples"
+    length = max(LEAST_ROWS * dt, LEAST_S)
+    if travels and looks:
+        clear = max(CLEAR * noise / scales.speed for scales, _, noise in looks.values())
+        length = max(length, min(clear, LONGEST_S))
+    what = "the travel in it is well above the noise of the position" if travels else "it holds the valve's response"
+    return float(length), f"at least {LEAST_ROWS} samples; {what}"
+
+
+def _joint(
+    log_set: LogSet,
+    name: str,
+    scales: Scales,
+    record: Record,
+    noise: float,
+    window_s: float,
+    travels: bool,
+    without: Collection[str],
+) -> str | JointModel:
+    """The model of one joint, or why there is none."""
+    j, slides = log_set.joints.index(name), _slides(log_set, log_set.joints.index(name))
+    held = record_of(log_set.heldout, j, scales, slides, _alike(log_set, scales, j))
+    look = first_look(record, scales)
+    ends = _ends(log_set.trials, j)
+    stops = [at_end_stops(r, scales, np.sign(look.gain), ends) for r in (record, held)]
+    curve = usual_speeds(record, scales, record.observed & ~stops[0], round(look.delay_s / record.dt))
+    stuck = [blocked(r, scales, r.observed & ~s, curve) for r, s in zip((record, held), stops, strict=True)]
+    steps = max(round(window_s / record.dt), 2)
+    cuts = [windows_of(r, scales, s | b, steps, noise) for r, s, b in zip((record, held), stops, stuck, strict=True)]
+    if len(cuts[0].begin) < FEWEST_WINDOWS:
+        return f"only {len(cuts[0].begin)} windows of {window_s:.3g} s in which it is commanded or moves"
+    own_demand = 0.0 if record.supply else 1.0
+    size = sizes_of(record, scales, look, len(log_set.joints), slides)
+    output_noise = noise * np.sqrt(1.0 + 1.0 / cuts[0].begin_samples)
+    if not travels:
+        output_noise = sensor_noise(record.velocity, record, scales)
+    length_unit = "m" if slides else "rad"
+    return ValveJoint(
+        joint=name,
+        unit=length_unit if travels else f"{length_unit}/s",
+        dt=record.dt,
+        base=base_parameters(size),
+        effects=effects(size, without),
+        fit=samples_of(record, cuts[0], travels),
+        heldout=samples_of(held, cuts[1], travels),
+        noise=(float(output_noise), float(output_noise)),
+        notes=_notes(record, held, stops, stuck),
+        travels=travels,
+        settings=settings_of(scales.command, own_demand),
+        records=(record, held),
+        windows=(cuts[0], cuts[1]),
+    )
+
+
+def _ends(trials: Sequence[Trial], j: int) -> tuple[float, float]:
+    positions = [t.trajectory.position[:, j] for t in trials]
+    return min(float(q.min()) for q in positions), max(float(q.max()) for q in positions)
+
+
+def _notes(record: Record, held: Record, stops: list[np.ndarray], stuck: list[np.ndarray]) -> tuple[str, ...]:
+    found, dt = [], record.dt
+    at_stops, standing = sum(int(s.sum()) for s in stops), sum(int(s.sum()) for s in stuck)
+    total = len(record.command) + len(held.command)
+    if at_stops:
+        found.append(
+            f"stood at an end stop for {at_stops * dt:.3g} s ({at_stops / total:.1%}) while its command pushed on: left out"
+        )
+    if standing:
+        found.append(
+            f"stood still for {standing * dt:.3g} s ({standing / total:.1%}) under commands that move it elsewhere, as when"
+            " something blocks it: left out"
+        )
+    return tuple(found)

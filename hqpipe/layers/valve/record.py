@@ -1,0 +1,156 @@
+"""One joint of all trials of a split, stretch after stretch, as the kernel reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hqpipe.layers.valve import kernel
+from hqpipe.logs.trajectory import Trial, recording_of
+
+SUPPLY = "supply/pressure"
+FULL_SUPPLY = 0.95  # quantile of the logged supply pressure that counts as full; above it are its peaks; assumption
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Samples of one joint; N of all stretches together.
+
+    Attributes:
+        dt: s. files: recordings. trial: (N,) index into them. first, last: (S,) first and last sample of each stretch.
+        stretch: (N,) index into these. time: (N,) s since the recording began.
+        command, position, velocity: (N,); `velocity` as logged, or differentiated. observed: (N,).
+        effort: (N,) load, 0 where there is none; `effort_unit` is then "". supply: whether its pressure was logged.
+        signals: (8, N) see `kernel`, all but what needs scales of the fit trials, see `scaled`.
+    """
+
+    dt: float
+    files: tuple[str, ...]
+    trial: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+    stretch: np.ndarray
+    time: np.ndarray
+    command: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    observed: np.ndarray
+    effort: np.ndarray
+    effort_unit: str
+    supply: bool
+    signals: np.ndarray
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Sizes of a joint's signals in the fit trials.
+
+    Attributes:
+        middle, half_travel: of the position. rest: the command at which the joint is left alone. command: largest distance
+            from it. speed: root mean square of the velocity where it moves. speeds: (J,) that of all joints.
+        rests, commands: (J,) rest and largest distance of the commands of all joints. supply: full supply pressure, or 0.
+    """
+
+    middle: float
+    half_travel: float
+    rest: float
+    command: float
+    speed: float
+    speeds: tuple[float, ...]
+    rests: tuple[float, ...]
+    commands: tuple[float, ...]
+    supply: float
+
+
+def scales_of(trials: Sequence[Trial], j: int) -> Scales:
+    """The sizes of joint `j` in the fit trials."""
+    position = np.concatenate([t.trajectory.position[:, j] for t in trials])
+    low, high = float(position.min()), float(position.max())
+    commands = np.concatenate([t.trajectory.valve_command for t in trials])
+    velocities = np.concatenate([t.trajectory.velocity for t in trials])
+    rests = np.median(commands, axis=0)
+    distances = np.abs(commands - rests).max(axis=0)
+    speeds = [_moving_speed(v) for v in velocities.T]
+    supply = [t.trajectory.extra[SUPPLY] for t in trials if SUPPLY in t.trajectory.extra]
+    full = float(np.quantile(np.concatenate(supply), FULL_SUPPLY)) if len(supply) == len(trials) else 0.0
+    return Scales(
+        middle=0.5 * (low + high),
+        half_travel=0.5 * (high - low),
+        rest=float(rests[j]),
+        command=float(distances[j]),
+        speed=speeds[j],
+        speeds=tuple(speeds),
+        rests=tuple(rests.tolist()),
+        commands=tuple(distances.tolist()),
+        supply=full,
+    )
+
+
+def _moving_speed(velocity: np.ndarray) -> float:
+    """Root mean square of the velocity over the samples faster than a tenth of the fastest."""
+    size = np.abs(velocity)
+    moving = size > 0.1 * np.quantile(size, 0.999)
+    return float(np.sqrt(np.mean(velocity[moving] ** 2))) if moving.any() else 0.0
+
+
+def record_of(trials: Sequence[Trial], j: int, scales: Scales, linear: bool, alike: np.ndarray) -> Record:
+    """The samples of joint `j`.
+
+    Args:
+        linear: whether the joint slides. alike: (J,) factors that give the speeds of other joints the size of this one's.
+    """
+    parts = [t.trajectory for t in trials]
+    names = [recording_of(t) for t in trials]
+    files = tuple(dict.fromkeys(names))
+    lengths = np.array([t.samples for t in parts], dtype=np.int64)
+    bounds = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
+
+    def joined(pick) -> np.ndarray:
+        return np.concatenate([np.asarray(pick(t), dtype=np.float64) for t in parts]) if parts else np.zeros(0)
+
+    effort, unit = _load(parts, j, joined, linear)
+    position = joined(lambda t: t.position[:, j])
+    time = joined(lambda t: t.time - t.time[0] + t.start)
+    signals = np.zeros((8, len(position)))
+    z = (position - scales.middle) / scales.half_travel
+    signals[kernel.TIME], signals[kernel.Z], signals[kernel.EFFORT] = time, z, effort
+    signals[kernel.SIN], signals[kernel.COS] = (z, z * z) if linear else (np.sin(position), np.cos(position))
+    others = np.arange(len(scales.speeds)) != j
+    sizes = np.maximum(np.array(scales.commands), 1e-300)
+    supply = scales.supply > 0.0 and all(SUPPLY in t.extra for t in parts)
+    if others.any():
+        signals[kernel.OTHER_OPENING] = joined(
+            lambda t: (np.abs(t.valve_command - scales.rests) / sizes)[:, others].mean(axis=1)
+        )
+    if supply:
+        signals[kernel.LOSS] = joined(lambda t: np.clip(1.0 - t.extra[SUPPLY] / scales.supply, 0.0, 1.0))
+    elif others.any():
+        signals[kernel.OTHER_SPEED] = joined(lambda t: (np.abs(t.velocity) * alike)[:, others].sum(axis=1))
+    return Record(
+        dt=float(np.median([t.dt for t in parts])) if parts else 0.0,
+        files=files,
+        trial=np.repeat([files.index(name) for name in names], lengths).astype(np.int64),
+        first=bounds[:-1],
+        last=bounds[1:] - 1,
+        stretch=np.repeat(np.arange(len(parts)), lengths),
+        time=time,
+        command=joined(lambda t: t.valve_command[:, j]),
+        position=position,
+        velocity=joined(lambda t: t.velocity[:, j]),
+        observed=joined(lambda t: t.recorded[:, j]).astype(bool),
+        effort=effort,
+        effort_unit=unit,
+        supply=supply,
+        signals=signals,
+    )
+
+
+def _load(parts, j: int, joined, linear: bool) -> tuple[np.ndarray, str]:
+    """The load on the joint: its effort, else the difference of the chamber pressures."""
+    if parts and all(t.effort is not None for t in parts):
+        return joined(lambda t: t.effort[:, j]), "N" if linear else "N·m"
+    if parts and all(t.pressure_a is not None and t.pressure_b is not None for t in parts):
+        return joined(lambda t: t.pressure_a[:, j] - t.pressure_b[:, j]), "Pa"
+    return joined(lambda t: np.zeros(t.samples)), ""
