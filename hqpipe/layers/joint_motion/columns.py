@@ -55,16 +55,17 @@ class Columns:
         return np.array([np.broadcast_to(function(view), view.x.shape) for function in self.functions])
 
 
-def columns_of(turns: bool, others: tuple[bool, ...], speeds: np.ndarray) -> Columns:
+def columns_of(turns: bool, bends: bool, others: tuple[bool, ...], speeds: np.ndarray) -> Columns:
     """All columns of a joint.
 
     Args:
-        turns: revolute, so that gravity goes with the sine and cosine of the position. others: likewise of its neighbours.
+        turns: revolute, so that gravity goes with the sine and cosine of the position. bends: whether the cosine counts.
+        others: as `turns`, of its neighbours.
         speeds: (S,) of the Stribeck table, rad/s.
     """
     found: dict[str, list[Column]] = {"inertia": [lambda w: w.own.acceleration], "offset": [lambda w: np.ones(1)]}
     if turns:
-        found["gravity"] = [lambda w: np.sin(w.x), lambda w: np.cos(w.x) - 1.0]
+        found["gravity"] = [lambda w: np.sin(w.x), lambda w: np.cos(w.x) - 1.0][: 2 if bends else 1]
     found |= {
         "coulomb": [lambda w: w.own.direction],
         "viscous": [lambda w: w.own.velocity],

@@ -28,10 +28,15 @@ if TYPE_CHECKING:
 UNDER_CUTOFF = 0.5  # cut-off of the common filter over that of the position: there the latter passes 99.6 %
 LEAST_SAMPLES = 100  # filtered ones that move; assumption: ten times the parameters of base and friction
 LEAST_MOVING_S = 1.0
+DOUBTFUL = (
+    1e-3  # share of noise in a regressor below which it biases nothing: stiff loops raise its effect ten-fold or so
+)
 SWEEP = (0.6, 1.7)  # of the cut-off, between which the answer should be stable
 STABLE = 0.1  # change of inertia or friction over the sweep, as a share of the torque it makes, that is worth a note
 BLOCK_S = 0.5  # of correlated residuals; assumption: longer than a reversal
 CLEAR = 5.0  # standard errors of the gravity that fixes a scale: 20 % would be no scale
+TOP = 0.99  # quantile of a torque that counts as its largest
+BEND = 0.02  # of the rms torque: less curvature is harmless to leave out; the accuracy of torque constants is no better
 LEAST_WINDOW_S = 0.1  # over which persistence is asked, that of the other layers
 
 
@@ -113,7 +118,8 @@ def _prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
     if len(moving) * machine.dt < LEAST_MOVING_S:
         raise Unjudged(f"it moves for {len(moving) * machine.dt:.1f} s only in the trials of the fit")
     top = float(np.quantile(moving, 0.95))
-    columns = columns_of(output.turns, tuple(turns), np.geomspace(0.02 * top, top, STRIBECK_SPEEDS))
+    bends = output.kind is not None or bool(output.moment) or _gravity_bends(machine, output, fit, j)
+    columns = columns_of(output.turns, bends, tuple(turns), np.geomspace(0.02 * top, top, STRIBECK_SPEEDS))
     margin = round(1.0 / (band.cutoff * machine.dt))
     records = tuple(
         Record(
@@ -132,16 +138,27 @@ def _prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
     return replace(found, parts=found.filtered(records, machine.dt))
 
 
+def _gravity_bends(machine: MovingMachine, output: Output, fit: Sequence[int], j: int) -> bool:
+    """Whether the curvature of a gravity that the drive holds would show over the travel of a joint of unknown kind.
+
+    Gravity G·sin(q + φ) bends by −G·sin(q + φ), which is at most the largest torque; over the travel that makes travel²/8 of it.
+    """
+    position = np.concatenate([machine.motions[t][j].position for t in fit])
+    torque = np.concatenate([output.values[t] for t in fit])
+    top = float(np.quantile(np.abs(torque), TOP))
+    return top * np.ptp(position) ** 2 / 8.0 > BEND * float(np.std(torque))
+
+
 def _signs(machine: MovingMachine, data: Prepared, output: Output) -> Signs | None:
     """How to restore the sign of the torque, if it was lost."""
     if not never_negative(output.values):
         return None
-    fit = data.parts[0]
-    pull = None
+    fit = [k for k, record in enumerate(data.records) if not record.heldout]
+    pulls = None
     if machine.log_set.control_mode == "position":
-        errors = [t.trajectory.position_command - t.trajectory.position for t in machine.log_set.trials]
-        pull = np.array([errors[r][c, data.j] for r, c in zip(fit.record, fit.centre, strict=True)])
-    return lost_signs(fit, data.columns, pull)
+        trials = [machine.log_set.trials[k].trajectory for k in fit]
+        pulls = [(t.position_command - t.position)[:, data.j] for t in trials]
+    return lost_signs([data.records[k] for k in fit], data.columns, pulls)
 
 
 def _check(data: Prepared, dt: float) -> None:
@@ -200,6 +217,8 @@ def _instruments(machine: MovingMachine, data: Prepared, notes: list[str]) -> tu
     commands = [t.trajectory.position_command[:, data.j] for t in logs.trials]
     if max(np.ptp(command) for command in commands) == 0.0:
         return None
+    if _noise_share(data, dt) < DOUBTFUL:
+        return None
     measured = [t.trajectory.position[:, data.j] for t in logs.trials]
     used = [t.split == "fit" for t in logs.trials]
     paths = simulated(commands, measured, used, dt, data.band.cutoff)
@@ -225,8 +244,8 @@ def _instruments(machine: MovingMachine, data: Prepared, notes: list[str]) -> tu
     )
     if test.weak:
         notes.append(
-            "the noise of the position in the closed loop biases the estimates (Durbin–Wu–Hausman test, p "
-            f"{test.p:.1g}), and the command explains too little of the motion to correct them ({said})"
+            f"noise of the position may bias the estimates ({100.0 * _noise_share(data, dt):.1g} % of the variance of the "
+            "acceleration), and the command explains too little of the motion to check it with instruments"
         )
         return None
     notes.append(
@@ -238,6 +257,16 @@ def _instruments(machine: MovingMachine, data: Prepared, notes: list[str]) -> tu
         replace(part, columns=other.columns[:, linear] @ gains)
         for part, other in zip(data.parts, instruments, strict=True)
     )
+
+
+def _noise_share(data: Prepared, dt: float) -> float:
+    """Share of the variance of acceleration or velocity, the larger of the two, that the noise of the position makes."""
+    fit = data.parts[0]
+    shares = []
+    for order, name in ((2, "inertia"), (1, "viscous")):
+        size = float(np.mean(fit.columns[fit.keep, data.columns.one(name)] ** 2))
+        shares.append(passed_noise(data.band, dt, data.low_pass.weights, order) ** 2 / max(size, np.finfo(float).tiny))
+    return max(shares)
 
 
 def _sweep(machine: MovingMachine, data: Prepared, notes: list[str]) -> None:
@@ -321,7 +350,7 @@ def _model(
         joint=joint,
         unit=output.unit,
         dt=step,
-        base=base_parameters(output, start),
+        base=base_parameters(output, data.columns, start, float(np.quantile(np.abs(fit.output[fit.keep]), TOP))),
         effects=effects,
         fit=data.parts[0].samples(back),
         heldout=data.parts[1].samples(back),

@@ -117,8 +117,7 @@ class MotionModel:
             ("", "offset_nm"): self.columns.one("offset"),
             ("armature", "kg_m2"): self.columns.one("inertia"),
         }
-        if gravity:
-            places |= {("", "gravity_sin_nm"): gravity[0], ("", "gravity_cos_nm"): gravity[1]}
+        places |= dict(zip((("", "gravity_sin_nm"), ("", "gravity_cos_nm")), gravity, strict=False))
         for effect, (parameter, _, group) in DIRECT.items():
             places[effect, parameter] = self.columns.one(group)
         for effect, (group, _) in SHAPES.items():

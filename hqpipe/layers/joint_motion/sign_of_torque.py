@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hqpipe.layers.joint_motion.columns import Columns, View
-from hqpipe.layers.joint_motion.first_fit import least_squares
-from hqpipe.layers.joint_motion.records import Part, Record
+from hqpipe.layers.joint_motion.first_fit import NORMAL_MAD, least_squares
+from hqpipe.layers.joint_motion.records import Record
 
 NEVER = 1e-9  # of the largest value: as negative as rounding makes a channel
 BETTER = 0.85  # of the squared error that signs may leave; assumption: less of a gain may be what a model lacks
 BOTH = 0.03  # of the torque, by size, that must come out with either sign; assumption
 TURNS = 30
+MOST_ROWS = 30_000  # of the search, evenly spaced
 SHAPES = ("inertia", "offset", "gravity", "coulomb", "viscous")
 
 
@@ -22,7 +23,7 @@ SHAPES = ("inertia", "offset", "gravity", "coulomb", "viscous")
 class Signs:
     """Attributes:
     coefficients: of the columns of `SHAPES`, with which the sign of the torque is predicted.
-    columns: their indices. error: root mean square of the sizes that they leave.
+    columns: their indices. error: standard deviation of the sizes about theirs, by the median.
     share: of the torque, by size, that is negative.
     """
 
@@ -39,8 +40,7 @@ class Signs:
 
     def predicted(self, view: View, columns: Columns) -> np.ndarray:
         """(T,) torque, at the rate of the log."""
-        rows = np.array([np.broadcast_to(columns.functions[k](view), view.x.shape) for k in self.columns])
-        return self.coefficients @ rows
+        return self.coefficients @ _rows(view, columns, self.columns)
 
 
 def never_negative(outputs: Sequence[np.ndarray]) -> bool:
@@ -49,46 +49,56 @@ def never_negative(outputs: Sequence[np.ndarray]) -> bool:
     return top > 0.0 and min(float(np.nanmin(values)) for values in outputs) >= -NEVER * top
 
 
-def lost_signs(part: Part, columns: Columns, pull: np.ndarray | None) -> Signs | None:
+def lost_signs(records: Sequence[Record], columns: Columns, pulls: Sequence[np.ndarray] | None) -> Signs | None:
     """The signs with which base and friction explain a torque that is never negative; None where it has its sign.
 
-    Sign and coefficients are fitted in turns from several first guesses. Two readings that agree while the joint moves, friction
-    and constant load exchanged, differ at rest: there the size of the torque lies between load less friction and load plus
-    friction. The sign of the whole is that with which friction dissipates.
+    At the rate of the log, because the mean of a size is not the size of a mean. Sign and coefficients are fitted in turns from
+    several first guesses. Two readings that agree while the joint moves, friction and constant load exchanged, differ at rest:
+    there the size of the torque lies between load less friction and load plus friction. The sign of the whole is that with
+    which friction dissipates.
 
     Args:
-        part: with the torque as logged. pull: (N,) position error of the drive, or None.
+        records: of the fit, with the torque as logged. pulls: (T,) of each, position error of the drive, or None.
     """
     picked = np.array([k for name in SHAPES for k in columns[name]])
-    x, size = part.columns[:, picked], part.output
-    keep = part.keep
-    rest = np.flatnonzero((part.rest > 0.99) & (size > 0.0))
-    direction = part.columns[:, columns.one("coulomb")]
-    if len(keep) < 10 * len(picked) or not (np.any(direction[keep] > 0.5) and np.any(direction[keep] < -0.5)):
-        return None
-    guesses = [np.ones(len(size)), np.where(direction < 0.0, -1.0, 1.0)]
-    if pull is not None:
+    usable = np.concatenate([r.usable for r in records])
+    usable &= np.arange(len(usable)) % -(-len(usable) // MOST_ROWS) == 0
+    size = np.concatenate([r.output for r in records])[usable]
+    x = np.concatenate([_rows(r.view, columns, picked) for r in records], axis=1).T[usable]
+    still = np.concatenate([r.view.own.rest for r in records])[usable]
+    direction = np.where(np.concatenate([r.view.own.direction for r in records])[usable] < 0.0, -1.0, 1.0)
+    guesses = [np.ones(len(size)), direction]
+    if pulls is not None:
+        pull = np.concatenate(pulls)[usable]
         guesses += [np.where(pull < level, -1.0, 1.0) for level in (0.0, float(np.median(pull)))]
-    still = [k for k, index in enumerate(picked) if index in (columns.one("coulomb"), columns.one("viscous"), 0)]
+    if len(size) < 10 * len(picked) or abs(np.mean(direction[~still])) > 1.0 - BOTH:
+        return None
+    posture = np.array([k for k, index in enumerate(picked) if index in (*columns["offset"], *columns["gravity"])])
     friction = int(np.flatnonzero(picked == columns.one("coulomb"))[0])
     tried = []
     for guess in guesses:
-        found = _in_turns(x[keep], size[keep], guess[keep])
-        load = np.abs(np.delete(x[rest], still, axis=1) @ np.delete(found, still))
-        off = np.abs(size[rest] - load) - abs(found[friction])
-        moving = np.abs(x[keep] @ found) - size[keep]
-        cost = float(np.sum(moving**2) + np.sum(np.maximum(off, 0.0) ** 2)) / (len(keep) + len(rest))
-        tried.append((cost, found))
+        found = _in_turns(x[~still], size[~still], guess[~still])
+        off = np.abs(size[still] - np.abs(x[np.ix_(still, posture)] @ found[posture])) - abs(found[friction])
+        moving = np.abs(x[~still] @ found) - size[~still]
+        tried.append((float(np.sum(moving**2) + np.sum(np.maximum(off, 0.0) ** 2)) / len(size), found))
     plain = tried[0]
     cost, found = min(tried, key=lambda entry: entry[0])
     if cost >= BETTER * plain[0]:
         cost, found = plain
-    found = -found if found[friction] < 0.0 else found
-    torque = x[keep] @ found
-    share = float(size[keep][torque < 0.0].sum() / size[keep].sum())
+    speed = x[~still, -1]
+    power = found[friction] * np.mean(np.abs(speed)) + found[-1] * np.mean(speed**2)
+    found = -found if power < 0.0 else found
+    torque = x[~still] @ found
+    share = float(size[~still][torque < 0.0].sum() / size[~still].sum())
     if share < BOTH:
         return None
-    return Signs(found, picked, float(np.sqrt(cost)), share)
+    error = NORMAL_MAD * float(np.median(np.abs(np.abs(torque) - size[~still])))
+    return Signs(found, picked, error, share)
+
+
+def _rows(view: View, columns: Columns, picked: np.ndarray) -> np.ndarray:
+    """(K, T) columns at the rate of the log."""
+    return np.array([np.broadcast_to(columns.functions[k](view), view.x.shape) for k in picked])
 
 
 def _in_turns(x: np.ndarray, size: np.ndarray, signs: np.ndarray) -> np.ndarray:

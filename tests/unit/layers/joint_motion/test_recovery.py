@@ -1,0 +1,128 @@
+"""A known truth comes out of simulated closed loops, with noise and quantisation."""
+
+import numpy as np
+import pytest
+from layers.joint_motion.closed_loop import fitted, log_set, reference, simulate
+
+from hqpipe.layers.joint_motion import JointMotion
+
+DRY, VISCOUS = "coulomb_friction", "viscous_friction"
+
+
+def model_of(logs, joint=0):
+    return JointMotion().joints(logs).models[joint]
+
+
+def logs_of(kinds=None, seconds=15, **truth):
+    commands = [reference(seconds, seed) for seed in (1, 2)]
+    noisy = {"torque_noise": 0.1, "count": 2e-5} | truth
+    return log_set([(c, *simulate(c, seed=k, **noisy)) for k, c in enumerate(commands)], kinds=kinds)
+
+
+def gravity(q):
+    return 12.0 * np.sin(q + 0.4)
+
+
+def test_inertia_gravity_dry_and_viscous_friction():
+    model = model_of(logs_of(inertia=1.5, load=gravity, dry=lambda v, load: 3.0, viscous=lambda v: 1.2 * v))
+    found, rms, _ = fitted(model, [DRY, VISCOUS])
+    assert found["inertia_kg_m2"] == pytest.approx(1.5, rel=0.02)
+    assert found["friction_nm"] == pytest.approx(3.0, rel=0.02)
+    assert found["nm_s_per_rad"] == pytest.approx(1.2, rel=0.05)
+    assert np.hypot(found["gravity_sin_nm"], found["gravity_cos_nm"]) == pytest.approx(12.0, rel=0.05)
+    assert rms[1] < 0.1 * np.std(model.heldout.output)
+    base = fitted(model, [])[1]
+    assert base[1] > 3.0 * rms[1]
+
+
+def test_spring_of_a_sliding_joint():
+    model = model_of(
+        logs_of({"joint": "prismatic"}, inertia=5.0, load=lambda q: 20.0 * (q - 0.1), dry=lambda v, load: 3.0)
+    )
+    assert model.unit == "N"
+    found, _, _ = fitted(model, ["spring", DRY])
+    assert found["nm_per_rad"] == pytest.approx(20.0, rel=0.03)
+    assert found["inertia_kg_m2"] == pytest.approx(5.0, rel=0.02)
+
+
+def test_friction_that_grows_with_the_load():
+    model = model_of(logs_of(inertia=1.5, load=gravity, dry=lambda v, load: 1.0 + 0.2 * abs(load)))
+    found, rms, _ = fitted(model, [DRY, "load_dependent_friction"])
+    assert found["coefficient"] == pytest.approx(0.2, rel=0.1)
+    assert rms[1] < 0.8 * fitted(model, [DRY, VISCOUS])[1][1]
+
+
+def test_friction_that_falls_with_the_speed():
+    model = model_of(logs_of(inertia=1.5, load=gravity, dry=lambda v, load: 2.0 + 2.0 * np.exp(-((v / 0.15) ** 2))))
+    found, rms, _ = fitted(model, [DRY, "stribeck_friction"])
+    assert found["static_nm"] == pytest.approx(2.0, rel=0.15)
+    assert found["velocity_rad_s"] == pytest.approx(0.15, rel=0.2)
+    assert rms[1] < 0.8 * fitted(model, [DRY, VISCOUS])[1][1]
+
+
+@pytest.mark.parametrize("late", [0.006, -0.0045])
+def test_torque_logged_later_or_earlier_than_the_position(late):
+    commands = [reference(15, seed) for seed in (1, 2)]
+    runs = [simulate(c, inertia=1.5, load=gravity, dry=lambda v, load: 1.0, torque_noise=0.05) for c in commands]
+    t = np.arange(len(commands[0])) / 1000
+    shifted = [(c, q, np.interp(t - late, t, tau)) for c, (q, tau) in zip(commands, runs, strict=True)]
+    found, _, _ = fitted(model_of(log_set(shifted)), [DRY, "channel_skew"])
+    assert found["skew_s"] == pytest.approx(late, rel=0.1)
+
+
+def test_torque_constant_that_drifts():
+    commands = [reference(15, seed) for seed in (1, 2)]
+    runs = [simulate(c, inertia=1.5, load=gravity, dry=lambda v, load: 1.0) for c in commands]
+    t = np.arange(len(commands[0])) / 1000
+    drifting = [(c, q, tau * (1 + 0.01 * t)) for c, (q, tau) in zip(commands, runs, strict=True)]
+    found, _, _ = fitted(model_of(log_set(drifting)), [DRY, "gain_drift"])
+    assert found["rate_per_s"] == pytest.approx(0.01, rel=0.1)
+
+
+def test_viscous_friction_that_differs_by_direction():
+    model = model_of(logs_of(inertia=1.5, dry=lambda v, load: 1.0, viscous=lambda v: (2.6 if v > 0 else 1.4) * v))
+    found, _, _ = fitted(model, [DRY, VISCOUS, "direction_asymmetry"])
+    assert found["ratio"] == pytest.approx(0.3, rel=0.1)
+    assert found["nm_s_per_rad"] == pytest.approx(2.0, rel=0.05)
+
+
+@pytest.mark.parametrize("held", [2.0, 0.0])
+def test_a_torque_without_its_sign(held):
+    commands = [reference(15, seed) for seed in (1, 2)]
+    truth = {"inertia": 0.5, "dry": lambda v, load: 4.0, "load": lambda q: held, "torque_noise": 0.1}
+    runs = [(c, *simulate(c, seed=k, **truth)) for k, c in enumerate(commands)]
+    model = model_of(log_set([(c, q, np.abs(tau)) for c, q, tau in runs]))
+    assert model.unsigned
+    found, _, _ = fitted(model, [DRY])
+    assert found["friction_nm"] == pytest.approx(4.0, rel=0.05)
+    assert found["offset_nm"] == pytest.approx(held, abs=0.15)
+    assert not model_of(log_set(runs)).unsigned
+
+
+def test_a_load_of_one_sign_keeps_it():
+    logs = logs_of(inertia=0.3, load=lambda q: 20.0, dry=lambda v, load: 2.0)
+    assert min(t.trajectory.effort.min() for t in logs.trials) > 0.0
+    model = model_of(logs)
+    assert not model.unsigned
+    assert fitted(model, [DRY])[0]["offset_nm"] == pytest.approx(20.0, rel=0.02)
+
+
+def test_noise_that_passes_the_loop_biases_least_squares_and_instruments_repair_it():
+    # Slow motion of a light joint in a stiff loop: the acceleration is mostly noise, and the torque follows the same noise.
+    commands = [reference(40, seed, size=0.3, fastest=2.5) for seed in (1, 2)]
+    truth = {
+        "inertia": 0.5,
+        "dry": lambda v, load: 0.5,
+        "viscous": lambda v: 0.5 * v,
+        "position_noise": 4e-3,
+        "kd": 20.0,
+    }
+    runs = [(c, *simulate(c, kp=400.0, seed=k, **truth)) for k, c in enumerate(commands)]
+    model = model_of(log_set(runs))
+    found, _, _ = fitted(model, [DRY, VISCOUS])
+    blind = model_of(log_set([(np.zeros_like(c), q, tau) for c, q, tau in runs]))
+    biased, _, _ = fitted(blind, [DRY, VISCOUS])
+    print(found, biased, model.notes)
+    assert model.instrumental and not blind.instrumental
+    off, repaired = (abs(values["inertia_kg_m2"] / 0.5 - 1.0) for values in (biased, found))
+    assert repaired < 0.05 < off
