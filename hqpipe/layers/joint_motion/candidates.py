@@ -96,6 +96,7 @@ def effects_of(
         Effect(
             name,
             (Parameter(own, unit(of), 0.0, sizes[name], 0.0 if name != "spring" else -np.inf),),
+            common=name != "spring",
         )
         for name, (own, of, _) in DIRECT.items()
     ]

@@ -109,13 +109,13 @@ def _friction(scale: Scale, size: Size) -> list[Effect]:
     turn = Parameter("velocity_rad_s", rate, speed, speed, 0.05 * speed, 10.0 * speed)
     share = Parameter("coefficient", "1", 0.0, _EFFICIENCY, 0.0, 0.95)
     found = [
-        Effect("coulomb_friction", (coulomb,)),
+        Effect("coulomb_friction", (coulomb,), common=True),
         Effect("stribeck_friction", (static, turn)),
         Effect("load_dependent_friction", (share,)),
     ]
     if not scale.free_drag:
         viscous = Parameter("nm_s_per_rad", scale.drag_unit, 0.0, dry / size.speed, 0.0)
-        found.append(Effect("viscous_friction", (viscous,)))
+        found.append(Effect("viscous_friction", (viscous,), common=True))
     if scale.load:
         armature = Parameter("kg_m2", scale.inertia_unit, 0.0, 0.5 * size.inertia, 0.0)
         found.append(Effect("armature", (armature,)))
