@@ -9,12 +9,13 @@ from scipy.stats import t as student
 
 from hqpipe.identify.drifts import drifts
 from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
+from hqpipe.identify.left_out import left_out_square
 from hqpipe.identify.sampling import correlation_time
 from hqpipe.identify.search import Known, Names, Search
 
 LEAST_GAIN = 0.05
-"""Share by which the squared error must grow without an effect for it to be a cause: 2.5 % of the error. An effect with less is
-of no use to a simulator. The cost: a real one that small is not named."""
+"""Share by which the squared error on data left out of the fit must grow without an effect for it to be a cause: 2.5 % of the
+error. An effect with less is of no use to a simulator. The cost: a real one that small is not named."""
 LEAST_SHARE = 0.01
 """Share of the squared gap, from the base's error to the noise, that a cause must close: a tenth of the gap. What remains of a
 gap that is nine tenths closed refines its causes. The cost: a real effect that small beside a large one is not named."""
@@ -58,17 +59,24 @@ def answer(search: Search, best: Known) -> JointFound:
 
 
 def _worth_naming(search: Search, named: Known) -> Known:
-    """The set without the effects that close too little of the gap, each of the others exchanged where that is as good."""
+    """The set without the effects that close too little of the gap, each of the others exchanged where that is as good.
+
+    What counts is the error on groups of fit samples, each predicted from the others.
+    """
     floor = len(named.solution.error) * search.model.noise[0] ** 2
-    gap = max(search.base.solution.square - floor, 0.0)
+    gap = max(_left_out(search, search.base) - floor, 0.0)
     while named.names:
-        squares = {name: search.without(named, name).solution.square for name in sorted(named.names)}
+        squares = {name: _left_out(search, search.without(named, name)) for name in sorted(named.names)}
         name = min(squares, key=lambda name: squares[name])
-        closes = squares[name] - named.solution.square
-        if closes >= max(LEAST_GAIN * named.solution.square, LEAST_SHARE * gap):
+        square = _left_out(search, named)
+        if squares[name] - square >= max(LEAST_GAIN * square, LEAST_SHARE * gap):
             break
         named = search.improved(search.without(named, name), shapes=False)
     return named
+
+
+def _left_out(search: Search, known: Known) -> float:
+    return left_out_square(search.fitter, known.solution)
 
 
 def _joined(search: Search, named: Known, shapes: Names) -> Known:
