@@ -147,8 +147,8 @@ def _drive(scale: Scale, size: Size) -> list[Effect]:
         0.0,
         1.0 / size.torque,
         0.0,
-        20.0 / size.torque,
-        tuple(1.0 / (share * size.torque) for share in (0.9, 0.7, 0.5)),
+        100.0 / size.torque,
+        tuple(1.0 / (share * size.torque) for share in (0.9, 0.6, 0.3, 0.1)),
     )
     found = [Effect("torque_limit", (limit,))]
     if scale.stall is not None:

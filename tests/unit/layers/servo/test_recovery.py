@@ -77,8 +77,8 @@ def test_duty_of_an_unknown_motor_gives_shares_of_its_stall_torque():
 
 
 def test_torque_limit_is_reported_as_a_torque():
-    joint = model(Truth(limit=1.2), GAINS, (), 0.8)
+    joint = model(Truth(limit=2.0), GAINS, (), 0.8)
     found = fit(joint, ("torque_limit",))
     name, value, unit = joint.reported("torque_limit", "inverse_effort_max", found["torque_limit.inverse_effort_max"])
     assert (name, unit) == ("effort_max_nm", "N·m")
-    assert value == pytest.approx(1.2, rel=0.03)
+    assert value == pytest.approx(2.0, rel=0.03)
