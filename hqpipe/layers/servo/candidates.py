@@ -39,7 +39,7 @@ _SHARE = 0.1  # of the largest torque, that a generic shape may come to; assumpt
 @dataclass(frozen=True)
 class Size:
     """How large things are in the fit trials: 99 % quantile of the drive torque and of the speed, travel, sample time, length
-    of a window, gain and drag with which the fit starts, known inertia."""
+    of a window, gain with which the fit starts, known inertia."""
 
     torque: float
     speed: float
@@ -47,7 +47,6 @@ class Size:
     dt: float
     window_s: float
     gain: float
-    drag: float
     inertia: float
 
 
@@ -64,12 +63,13 @@ class Start:
     least_inertia: float
 
 
-def base_of(scale: Scale, start: Start, torque: float) -> tuple[Parameter, ...]:
-    """Base parameters in the order inertia, gain, drag, gravity, offset, as far as they are free.
+def base_of(scale: Scale, start: Start, size: Size) -> tuple[Parameter, ...]:
+    """Base parameters in the order inertia, gain, drag, gravity, offset, duty delay, as far as they are free.
 
-    Args:
-        torque: largest drive torque; gravity is not larger, or the drive could not hold the joint.
+    Gravity is not larger than the largest drive torque, or the drive could not hold the joint. A logged duty was set up to a
+    sample before it was read, or holds for one after: when within a sample it counts is free.
     """
+    torque = size.torque
     found = []
     if not scale.load:
         found.append(Parameter("inertia", scale.inertia_unit, start.inertia, np.inf, start.least_inertia))
@@ -82,6 +82,8 @@ def base_of(scale: Scale, start: Start, torque: float) -> tuple[Parameter, ...]:
         found.append(Parameter("gravity_sin", scale.torque, start.gravity_sin, torque, -np.inf, np.inf))
         found.append(Parameter("gravity_cos", scale.torque, start.gravity_cos, torque, -np.inf, np.inf))
     found.append(Parameter("offset", scale.torque, start.offset, torque))
+    if scale.duty:
+        found.append(Parameter("duty_delay_s", "s", 0.5 * size.dt, 0.5 * size.dt, -size.dt, size.dt))
     return tuple(found)
 
 
@@ -145,8 +147,8 @@ def _drive(scale: Scale, size: Size) -> list[Effect]:
         0.0,
         1.0 / size.torque,
         0.0,
-        20.0 / size.torque,
-        tuple(1.0 / (share * size.torque) for share in (0.9, 0.7, 0.5)),
+        100.0 / size.torque,
+        tuple(1.0 / (share * size.torque) for share in (0.9, 0.6, 0.3, 0.1)),
     )
     found = [Effect("torque_limit", (limit,))]
     if scale.stall is not None:

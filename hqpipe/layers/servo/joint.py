@@ -17,6 +17,7 @@ _COLUMN = {
     ("", "gravity_sin"): kernel.GRAVITY_SIN,
     ("", "gravity_cos"): kernel.GRAVITY_COS,
     ("", "offset"): kernel.OFFSET,
+    ("", "duty_delay_s"): kernel.DELAY,
     ("command_delay", "delay_s"): kernel.DELAY,
     ("coulomb_friction", "friction_nm"): kernel.COULOMB,
     ("stribeck_friction", "static_nm"): kernel.STATIC,
@@ -116,9 +117,17 @@ class ServoJoint:
         """(N,) position at the judged samples, with initial states off by `position` and `velocity`."""
         numbers, trials = self._numbers(np.asarray(values, dtype=np.float64), split)
         setting, tracks, windows = self.setting, split.tracks, split.windows
-        stall = self.scale.stall or 1.0
-        lower = 1.0 if self.scale.load else 2.0
-        constants = np.array([float(not self.scale.duty), stall, setting.middle, setting.reach, lower, setting.slow_s])
+        constants = np.array(
+            [
+                float(not self.scale.duty),
+                self.scale.stall or 1.0,
+                setting.middle,
+                setting.reach,
+                setting.speed,
+                1.0 if self.scale.load else 2.0,
+                setting.slow_s,
+            ]
+        )
         run = kernel.simulate(
             numbers,
             constants,
@@ -157,7 +166,6 @@ class ServoJoint:
             else:
                 error = value
         scale, rows = self.scale, split.rows
-        numbers[kernel.SQUARE] /= self.setting.speed**2
         numbers[kernel.SAG] /= scale.winding_ohm or 1.0
         trials = np.empty((len(rows), 5))
         trials[:, kernel.INERTIA] = scale.inertia[rows] + inertia

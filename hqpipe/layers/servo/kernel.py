@@ -57,10 +57,13 @@ NAMES = (
     COMMAND_RATE,
     SLOW,
 ) = range(len(NAMES))
-CONSTANTS = ("loop", "stall", "middle", "reach", "lower_shape", "slow_s")
+CONSTANTS = ("loop", "stall", "middle", "reach", "speed", "lower_shape", "slow_s")
 """Columns of `constants`: 1 where the drive closes a position loop and 0 where its duty is logged; torque at full duty;
-middle and half width of the travel; degree of the lower of the two position shapes; time constant of the slow share, s."""
-_LOOP, _STALL, _MIDDLE, _REACH, _LOWER, _SLOW_S = range(len(CONSTANTS))
+middle and half width of the travel; largest speed; degree of the lower of the two position shapes; time constant of the slow
+share, s."""
+_LOOP, _STALL, _MIDDLE, _REACH, _SPEED, _LOWER, _SLOW_S = range(len(CONSTANTS))
+_FASTEST = 1.2  # times the largest speed of the fit trials; assumption, as for the travel below
+_FARTHEST = 1.2
 INERTIA, GAIN, DRAG, LOAD_GRAVITY, STEP = range(5)
 """Columns of `trials`: inertia; torque per unit of the input; torque per speed that the drive takes; m g l of the known load;
 s, time of a sample."""
@@ -98,13 +101,16 @@ def _resistance(q: float, v: float, load_gravity: float, n: np.ndarray, constant
         torque += n[GRAVITY_SIN] * np.sin(q) + n[GRAVITY_COS] * np.cos(q)
     if n[SHAPE_1] != 0.0 or n[SHAPE_2] != 0.0:
         z = (q - constants[_MIDDLE]) / constants[_REACH]
-        z = min(max(z, -2.0), 2.0)
+        z = min(max(z, -_FARTHEST), _FARTHEST)
         if constants[_LOWER] == 1.0:
             torque += n[SHAPE_1] * z + n[SHAPE_2] * (1.5 * z * z - 0.5)
         else:
             torque += n[SHAPE_1] * (1.5 * z * z - 0.5) + n[SHAPE_2] * (2.5 * z * z * z - 1.5 * z)
     if n[SQUARE] != 0.0:
-        torque += n[SQUARE] * v * abs(v)
+        fast = min(
+            max(v / constants[_SPEED], -_FASTEST), _FASTEST
+        )  # a shape must not run away where nothing was fitted
+        torque += n[SQUARE] * fast * abs(fast)
     return torque
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.model import LayerJoints
-from hqpipe.layers.servo.candidates import Size, base_of, effects_of
+from hqpipe.layers.servo.candidates import Size, Start, base_of, effects_of
 from hqpipe.layers.servo.joint import ServoJoint, Setting, Split, samples_of
 from hqpipe.layers.servo.scale import Scale, duty_of, scale_note, scale_of
 from hqpipe.layers.servo.start import LARGEST, drive_error, start_of
@@ -32,7 +32,7 @@ LONGEST_WINDOW = 2.0  # s; assumption: longer windows leave too few of them
 _LEAST_WINDOWS = 4  # of the fit trials; assumption: fewer initial states are no sample
 _FINE = 25.0  # substeps of a response time; Verlet is then exact to about 1e-3
 _MOST_SUBSTEPS = 8
-_MOST_STEPS = 60_000  # substeps of one call on the fit trials, about 4 ms
+_MOST_STEPS = 50_000  # substeps of one call on the fit trials, about 3 ms
 _HELDOUT = 4  # times that for the held-out trials, which are run once for every answer
 _MOVES = 20.0  # steps of the sensor, or standard deviations of its noise, that the travel must have; assumption
 _SLOW = 2.0  # response times: time constant of the slow share of the torque; assumption
@@ -186,18 +186,7 @@ def _model(item: _Prepared, length: float, without: Collection[str]) -> ServoJoi
             f"the fit trials hold {len(splits[0].windows.start)} windows of {length:.2g} s, expected {_LEAST_WINDOWS}"
         )
     start = start_of(fit, item.rows[0], scale, item.response_s, dt / substeps, item.travel)
-    pull = scale.gain[item.rows[0]][fit.trial] * drive_error(fit, scale) * start.gain
-    gain = start.gain * float(np.median(scale.gain[item.rows[0]]))
-    size = Size(
-        torque=float(np.quantile(np.abs(pull), LARGEST)) or float(np.abs(pull).max()),
-        speed=float(np.quantile(np.abs(fit.velocity), LARGEST)),
-        travel=item.travel,
-        dt=dt,
-        window_s=samples * dt,
-        gain=gain,
-        drag=start.drag * float(np.median(scale.drag[item.rows[0]])),
-        inertia=float(np.median(scale.inertia[item.rows[0]])),
-    )
+    size = _size(item, start, samples * dt)
     setting = Setting(
         samples=samples,
         substeps=substeps,
@@ -207,6 +196,23 @@ def _model(item: _Prepared, length: float, without: Collection[str]) -> ServoJoi
         slow_s=_SLOW * item.response_s,
         sensor_noise=item.sensor_noise,
     )
-    base, effects = base_of(scale, start, size.torque), effects_of(scale, size, without)
+    base, effects = base_of(scale, start, size), effects_of(scale, size, without)
     notes = tuple(note for note in (scale_note(item.joint, scale),) if note)
     return ServoJoint(item.joint, scale, base, effects, setting, (splits[0], splits[1]), notes)
+
+
+def _size(item: _Prepared, start: Start, window_s: float) -> Size:
+    """How large torque, speed and the rest are in the fit trials of a joint."""
+    fit, scale, rows = item.tracks[0], item.scale, item.rows[0]
+    torque = start.gain * scale.gain[rows][fit.trial] * drive_error(fit, scale)
+    if not scale.duty:  # of the position error, the damping takes most while the joint follows its command
+        torque = torque - start.drag * scale.drag[rows][fit.trial] * fit.velocity
+    return Size(
+        torque=float(np.quantile(np.abs(torque), LARGEST)) or float(np.abs(torque).max()),
+        speed=float(np.quantile(np.abs(fit.velocity), LARGEST)),
+        travel=item.travel,
+        dt=float(np.median(fit.dt)),
+        window_s=window_s,
+        gain=start.gain * float(np.median(scale.gain[rows])),
+        inertia=float(np.median(scale.inertia[rows])),
+    )

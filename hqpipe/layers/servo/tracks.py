@@ -131,6 +131,8 @@ def windows_of(tracks: Tracks, samples: int) -> Windows:
     for begin, end in zip(edges[:-1], edges[1:], strict=True):
         if bridged[begin] < 0:
             continue
+        if begin > 0 and tracks.trial[begin - 1] == tracks.trial[begin]:  # after a gap, which is no base for a velocity
+            begin += smoothing(tracks.dt[tracks.trial[begin]]) // 2
         at = np.arange(begin, end - samples, samples)
         at = at[tracks.usable[at]]
         starts.append(at)
@@ -168,15 +170,21 @@ def response_time(tracks: Tracks, follows: np.ndarray | None) -> float:
     cause, effect = (tracks.inputs, tracks.velocity) if follows is None else (follows, tracks.smooth)
     shifts = np.unique(np.geomspace(1.0, max(_SLOWEST / dt, 2.0), _LAGS).round().astype(np.int64))
     trials = [np.flatnonzero(tracks.trial == number) for number in range(len(tracks.files))]
-    match = [sum(_alike(cause[rows], effect[rows], shift) * len(rows) for rows in trials) for shift in shifts]
+    match = [
+        sum(_alike(cause[rows], effect[rows], tracks.usable[rows], shift) * len(rows) for rows in trials)
+        for shift in shifts
+    ]
     return float(np.clip(shifts[int(np.argmax(match))] * dt, 2.0 * dt, _SLOWEST))
 
 
-def _alike(cause: np.ndarray, effect: np.ndarray, shift: int) -> float:
+def _alike(cause: np.ndarray, effect: np.ndarray, usable: np.ndarray, shift: int) -> float:
     """Correlation of two signals, the second `shift` samples late; 0 where too little of them overlaps."""
     if len(cause) <= 2 * shift:
         return 0.0
-    a, b = cause[:-shift], effect[shift:]
+    both = usable[:-shift] & usable[shift:]
+    if both.sum() <= shift:
+        return 0.0
+    a, b = cause[:-shift][both], effect[shift:][both]
     a, b = a - a.mean(), b - b.mean()
     norm = float(np.sqrt((a @ a) * (b @ b)))
     return float(a @ b) / norm if norm > 0.0 else 0.0

@@ -1,0 +1,182 @@
+"""What the servo layer gives: units, candidates, masks, noise, and that what is absent does nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from servo_plant import Truth, fit, log_set
+
+from hqpipe.errors import IdentificationError
+from hqpipe.identify.model import all_parameters
+from hqpipe.layers import LAYERS
+from hqpipe.layers.servo import Servo
+from hqpipe.layers.servo.candidates import POSITION_SHAPE
+from hqpipe.registry import load
+
+GAINS = {"kp": 40.0, "kd": 3.0}
+QUICK = {"seconds": 5.0}
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return log_set(Truth(friction=0.5), **QUICK)
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    return log_set(Truth(inertia=0.08, gravity=1.96133), drive=GAINS, load={"mass_kg": 0.5, "lever_m": 0.4}, **QUICK)
+
+
+def names(model) -> set[str]:
+    return {effect.name for effect in model.effects}
+
+
+def start_values(model) -> np.ndarray:
+    return np.array([p.neutral for p in all_parameters(model)])
+
+
+def stated(logs, **drive: float):
+    """The same logs with other numbers of the drive."""
+    return replace(logs, trials=tuple(replace(trial, drive={"*": drive}) for trial in logs.trials))
+
+
+def test_registered():
+    assert load(LAYERS["servo"]) is Servo
+
+
+def test_neutral_values_are_inert_bit_for_bit(plain, loaded):
+    for logs in (plain, loaded):
+        model = Servo().joints(logs).models[0]
+        bare = Servo().joints(logs, without=names(model)).models[0]
+        assert not bare.effects
+        for heldout in (False, True):
+            assert np.array_equal(model.error(start_values(model), heldout), bare.error(start_values(bare), heldout))
+
+
+def test_a_shape_number_of_an_absent_effect_does_nothing(plain):
+    model = Servo().joints(plain).models[0]
+    values = start_values(model)
+    reference = model.error(values)
+    at = [p.name for p in all_parameters(model)].index("velocity_rad_s")
+    values[at] *= 3.0
+    assert np.array_equal(model.error(values), reference)
+
+
+def test_every_effect_changes_the_prediction(plain, loaded):
+    duty = log_set(Truth(duty=True), size=0.7, **QUICK)
+    for logs in (plain, loaded, duty):
+        model = Servo().joints(logs).models[0]
+        reference = model.error(start_values(model))
+        at = len(model.base)
+        for effect in model.effects:
+            values = start_values(model)
+            for i, p in enumerate(effect.parameters, at):
+                values[i] = p.starts[-1] if p.starts else min(p.neutral + p.spread, p.high)
+            at += len(effect.parameters)
+            assert np.all(np.isfinite(model.error(values)))
+            assert not np.array_equal(model.error(values), reference), effect.name
+
+
+def test_dry_friction_holds_a_joint_still():
+    """More friction than gravity asks for: the joint stays where it is, to the bit."""
+    logs = log_set(Truth(), **QUICK)
+    trials = []
+    for trial in logs.trials:
+        t = trial.trajectory
+        q = np.full_like(t.position, 0.3)
+        q[: t.samples // 4] = t.position[: t.samples // 4]
+        trials.append(replace(trial, trajectory=replace(t, position=q, position_command=q + 0.01)))
+    model = Servo().joints(replace(logs, trials=tuple(trials))).models[0]
+    values = start_values(model)
+    at = [p.name for p in all_parameters(model)]
+    values[: len(model.base)] = 0.0
+    values[at.index("inertia")] = 1e-3
+    values[at.index("friction_nm")] = 0.02
+    standing = model.fit.time > 2.5
+    assert np.max(np.abs(model.error(values)[standing])) < 1e-12
+
+
+def test_units_and_candidates_follow_what_is_known(plain, loaded):
+    unknown = Servo().joints(plain).models[0]
+    assert {p.unit for e in unknown.effects if e.name == "coulomb_friction" for p in e.parameters} == {"rad"}
+    assert not {"viscous_friction", "armature", "gain_error", "position_bias"} & names(unknown)
+    assert "kp" in unknown.notes[0]
+    gains = Servo().joints(stated(plain, **GAINS)).models[0]
+    assert [p.unit for p in gains.base] == ["kg·m²", "N·m", "N·m", "N·m"]
+    assert "viscous_friction" in names(gains) and "armature" not in names(gains)
+    assert gains.notes == ()
+    load = Servo().joints(loaded).models[0]
+    assert [p.name for p in load.base] == ["offset"]
+    assert {"armature", "gain_error", "position_bias", "viscous_friction"} <= names(load)
+
+
+def test_a_sliding_joint_has_no_gravity_by_angle():
+    model = Servo().joints(log_set(Truth(gravity=0.0), kind="prismatic", drive=GAINS, **QUICK)).models[0]
+    assert model.unit == "m"
+    assert [(p.name, p.unit) for p in model.base] == [("inertia", "kg"), ("offset", "N")]
+
+
+def test_firmware_gains_of_trials_keep_their_ratio(plain):
+    """Twice the gain of the firmware in a trial is twice the torque per error there."""
+    trials = [
+        replace(trial, drive={"*": {"firmware_kp": kp}}) for trial, kp in zip(plain.trials, (200, 400), strict=True)
+    ]
+    model = Servo().joints(replace(plain, trials=tuple(trials))).models[0]
+    assert np.array_equal(model.scale.gain, [200 / 300, 400 / 300])
+    assert "kp = 1" in model.notes[0]
+
+
+def test_windows_do_not_cross_gaps(plain):
+    observed = np.ones((plain.trials[0].trajectory.samples, 1), dtype=bool)
+    observed[300:400] = False
+    trials = tuple(replace(t, trajectory=replace(t.trajectory, observed=observed)) for t in plain.trials)
+    model = Servo().joints(replace(plain, trials=trials)).models[0]
+    time = plain.trials[0].trajectory.time
+    assert not np.any((model.fit.time >= time[300]) & (model.fit.time < time[400]))
+    assert np.any(model.fit.time > time[400])
+    whole = Servo().joints(plain).models[0]
+    spoilt = replace(trials[0], trajectory=_spoilt(trials[0].trajectory, slice(310, 390)))
+    other = Servo().joints(replace(plain, trials=(spoilt, trials[1]))).models[0]
+    assert len(other.fit.output) == len(model.fit.output) < len(whole.fit.output)
+
+
+def _spoilt(trajectory, rows):
+    q = trajectory.position.copy()
+    q[rows] += 0.2
+    return replace(trajectory, position=q)
+
+
+def test_the_noise_is_what_it_leaves_in_the_error_of_the_true_model():
+    """An encoder of 0.5 mrad steps leaves that in the samples, and more in the initial velocity."""
+    logs = log_set(Truth(), drive=GAINS, seconds=8.0)
+    step = 5e-4
+    trials = []
+    for trial in logs.trials:
+        q = np.round(trial.trajectory.position / step) * step
+        trials.append(replace(trial, trajectory=replace(trial.trajectory, position=q)))
+    model = Servo().joints(replace(logs, trials=tuple(trials))).models[0]
+    found = fit(model, ())
+    assert model.noise[0] >= step / np.sqrt(12.0)
+    assert found["rms"] == pytest.approx(model.noise[0], rel=0.3)
+
+
+def test_windows_as_long_as_asked_for(plain):
+    found = Servo().joints(plain, window_s=0.2)
+    assert found.window_s == 0.2 and found.window_reason == "as asked for"
+    assert len(found.models[0].fit.output) % 40 == 0
+
+
+def test_left_out_effects(plain):
+    model = Servo().joints(plain, without={"backlash", POSITION_SHAPE}).models[0]
+    assert not {"backlash", POSITION_SHAPE} & names(model)
+
+
+def test_logs_without_a_command(plain):
+    trials = tuple(replace(t, trajectory=replace(t.trajectory, position_command=None)) for t in plain.trials)
+    bare = replace(plain, trials=trials)
+    assert Servo().lacking(plain) == []
+    assert Servo().lacking(bare) == ["joint/<name>/position_command"]
+    with pytest.raises(IdentificationError, match="joint/j/position_command"):
+        Servo().joints(bare)
