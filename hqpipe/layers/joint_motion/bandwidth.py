@@ -7,14 +7,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SEGMENT = 1024  # samples of a periodogram; assumption: 1 Hz apart at 1 kHz
+SEGMENT_S = 4.0  # of a periodogram: frequencies 0.25 Hz apart, for machines that move at 0.5 Hz and above
 WITHIN = 0.3  # of the sample rate, the highest cut-off: beyond it the difference quotient below errs by more than 3 %
 NOISE_SHARE = (
     0.005  # of the variance of the acceleration that may be noise: errors in a regressor bias its coefficient by it
 )
 ABOVE_FLOOR = 2.0  # spectral density of the motion over that of the noise, up to the cut-off
+GAP = 1.5  # between frequencies of the motion that follow each other; assumption: a joint's spectrum has no wider hole
+GAP_BINS = 4  # of the spectrum, at least
 MOTION_ENERGY = 0.95  # of the acceleration's variance lies below the bandwidth of the motion; assumption
-OVER_BANDWIDTH = 5.0  # cut-off over the bandwidth of the motion: Gautier (1997) takes at least 5
+OVER_BANDWIDTH = (
+    20.0  # cut-off over the bandwidth of the motion: Gautier (1997) takes 5 and more; reversals are sharper
+)
 DIFFERENCE = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0  # central, sixth order: Fornberg (1988), table 1
 ORDER = 4  # of the Butterworth filter, run forwards and backwards: Gautier (1997)
 
@@ -47,9 +51,9 @@ def bandwidth(positions: Sequence[np.ndarray], dt: float) -> Bandwidth:
     usable = frequency <= WITHIN / dt
     if not motion[usable][-1] > 0.0:
         return Bandwidth(float(frequency[usable][-1]), floor)
-    below = np.convolve(density, np.ones(3) / 3.0, "same") < ABOVE_FLOOR * floor
-    below &= frequency > frequency[np.argmax(density * omega4 * usable)]
-    crossing = np.argmax(below) if below.any() else len(frequency) - 1
+    above = np.flatnonzero(np.convolve(density, np.ones(3) / 3.0, "same") >= ABOVE_FLOOR * floor)
+    gaps = np.flatnonzero((frequency[above[1:]] > GAP * frequency[above[:-1]]) & (np.diff(above) > GAP_BINS))
+    crossing = above[gaps[0]] if len(gaps) else above[-1] if len(above) else 0
     inside = usable & (np.arange(len(frequency)) <= crossing)
     share = noise / np.maximum(motion, np.finfo(float).tiny)
     half = motion >= 0.5 * motion[inside][-1]
@@ -63,7 +67,7 @@ def _spectrum(positions: Sequence[np.ndarray], dt: float) -> tuple[np.ndarray, n
     """Frequencies above zero, Hz, and the one-sided density of the position over all trials."""
     from scipy.signal import welch
 
-    size = min(SEGMENT, min(len(q) for q in positions) - 2)
+    size = min(max(64, round(SEGMENT_S / dt)), min(len(q) for q in positions) - 2)
     total, weight = 0.0, 0
     for q in positions:
         frequency, density = welch(np.diff(q, 2), 1.0 / dt, nperseg=size, detrend=False)
@@ -98,3 +102,16 @@ def passed_noise(noise: Bandwidth, dt: float, kernel: np.ndarray, order: int) ->
     low = 1.0 / (1.0 + (np.tan(np.pi * frequency * dt * 0.999) / np.tan(np.pi * noise.cutoff * dt)) ** (2 * ORDER))
     gain = (2.0 * np.pi * frequency) ** order * low * response
     return float(np.sqrt(noise.density * np.sum(gain**2) * (frequency[1] - frequency[0])))
+
+
+def noise_density(values: Sequence[np.ndarray], dt: float, low: float, high: float) -> float:
+    """One-sided spectral density of a channel between two frequencies, by the median; unit² / Hz."""
+    from scipy.signal import welch
+
+    total, weight = 0.0, 0
+    size = min(max(64, round(SEGMENT_S / dt)), min(len(v) for v in values))
+    for channel in values:
+        frequency, density = welch(channel, 1.0 / dt, nperseg=size)
+        total, weight = total + len(channel) * density, weight + len(channel)
+    inside = (frequency >= low) & (frequency <= high)
+    return float(np.median(np.asarray(total)[inside])) / weight if inside.any() else 0.0

@@ -13,20 +13,20 @@ OUTLIER = 6.0  # times the median of the windows' residuals; assumption: model e
 MOST = 0.2  # of the windows: if more stand out, the model is wrong and nobody pushed
 
 
-def bursts(fit: Part, others: Part, linear: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+def bursts(fit: Part, others: Part, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Masks over `keep` of both parts: where the residual of a robust fit of all shapes is an outlier for two windows in a row.
 
     Args:
-        linear: indices of the columns to fit. dt: s, between filtered samples.
+        dt: s, between filtered samples.
     """
-    found = robust_fit(fit.columns[np.ix_(fit.keep, linear)], fit.output[fit.keep])
+    found = robust_fit(fit.columns[fit.keep], fit.output[fit.keep])
     span = max(SPAN_S, LEAST_SAMPLES * dt)
     typical, masks = None, []
     for part in (fit, others):
         if not len(part.keep):
             masks.append(np.zeros(0, dtype=bool))
             continue
-        residual = part.output[part.keep] - part.columns[np.ix_(part.keep, linear)] @ found
+        residual = part.output[part.keep] - part.columns[part.keep] @ found
         window = blocks(part.segment[part.keep], part.time[part.keep], span)
         size = np.sqrt(np.bincount(window, residual**2) / np.bincount(window))
         typical = float(np.median(size)) if typical is None else typical

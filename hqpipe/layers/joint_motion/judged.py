@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hqpipe.layers.joint_motion.bandwidth import Bandwidth, passed_noise
+from hqpipe.layers.joint_motion.bandwidth import Bandwidth, noise_density, passed_noise
 from hqpipe.layers.joint_motion.candidates import Scale, base_parameters, effects_of
 from hqpipe.layers.joint_motion.columns import NEIGHBOURS, STRIBECK_SPEEDS, Columns, View, columns_of
 from hqpipe.layers.joint_motion.distinct import both_ways, distinguished
 from hqpipe.layers.joint_motion.disturbances import bursts
-from hqpipe.layers.joint_motion.first_fit import NORMAL_MAD, blocks, robust_fit, standard_errors
+from hqpipe.layers.joint_motion.first_fit import blocks, least_squares, robust_fit, standard_errors
 from hqpipe.layers.joint_motion.instruments import endogeneity, projected, simulated
 from hqpipe.layers.joint_motion.model import MotionModel
 from hqpipe.layers.joint_motion.motion import Motion, ParallelFilter, motion_of
 from hqpipe.layers.joint_motion.output import AMPERE, Output, output_of
-from hqpipe.layers.joint_motion.records import Part, Record, part_of, usable_samples
+from hqpipe.layers.joint_motion.records import Filters, Part, Record, part_of, usable_samples
 from hqpipe.layers.joint_motion.sign_of_torque import Signs, lost_signs, never_negative
 from hqpipe.logs.joint_kinds import PRISMATIC
 
@@ -32,7 +32,8 @@ DOUBTFUL = (
     1e-3  # share of noise in a regressor below which it biases nothing: stiff loops raise its effect ten-fold or so
 )
 SWEEP = (0.6, 1.7)  # of the cut-off, between which the answer should be stable
-STABLE = 0.1  # change of inertia or friction over the sweep, as a share of the torque it makes, that is worth a note
+STABLE = 0.05  # change over the sweep that is worth a note, as a share of the coefficient and of the rms torque
+CHANGED = 3.0  # standard errors
 BLOCK_S = 0.5  # of correlated residuals; assumption: longer than a reversal
 CLEAR = 5.0  # standard errors of the gravity that fixes a scale: 20 % would be no scale
 TOP = 0.99  # quantile of a torque that counts as its largest
@@ -63,7 +64,7 @@ class Prepared:
 
     def filtered(self, records: Sequence[Record], dt: float) -> tuple[Part, Part]:
         """Other records with the same filter."""
-        own = (self.columns, self.low_pass, dt, self.mean)
+        own = (self.columns, Filters(self.band.cutoff, self.low_pass), dt, self.mean)
         return part_of(records, False, *own), part_of(records, True, *own)
 
     def group(self, *names: str) -> np.ndarray:
@@ -133,7 +134,7 @@ def _prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
         for trial, values, view in zip(logs.trials, output.values, views, strict=True)
     )
     low_pass = ParallelFilter.of(UNDER_CUTOFF * band.cutoff, machine.dt)
-    none = part_of((), False, columns, low_pass, machine.dt, means[j])
+    none = part_of((), False, columns, Filters(band.cutoff, low_pass), machine.dt, means[j])
     found = Prepared(j, band, low_pass, columns, means[j], records, (none, none))
     return replace(found, parts=found.filtered(records, machine.dt))
 
@@ -141,7 +142,8 @@ def _prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
 def _gravity_bends(machine: MovingMachine, output: Output, fit: Sequence[int], j: int) -> bool:
     """Whether the curvature of a gravity that the drive holds would show over the travel of a joint of unknown kind.
 
-    Gravity G·sin(q + φ) bends by −G·sin(q + φ), which is at most the largest torque; over the travel that makes travel²/8 of it.
+    Gravity G·sin(q + φ) bends by −G·sin(q + φ), which is at most the largest torque; over the travel that makes travel²/8
+    of it.
     """
     position = np.concatenate([machine.motions[t][j].position for t in fit])
     torque = np.concatenate([output.values[t] for t in fit])
@@ -169,9 +171,8 @@ def _check(data: Prepared, dt: float) -> None:
 
 
 def _without_bursts(data: Prepared, dt: float, notes: list[str]) -> Prepared:
-    linear = np.setdiff1d(np.arange(len(data.columns.functions)), data.group("stribeck"))
     step = data.low_pass.step * dt
-    masks = bursts(*data.parts, linear, step)
+    masks = bursts(*data.parts, step)
     seconds = sum(int(mask.sum()) for mask in masks) * step
     if seconds:
         notes.append(
@@ -275,35 +276,53 @@ def _sweep(machine: MovingMachine, data: Prepared, notes: list[str]) -> None:
     fit = data.parts[0]
     sizes = np.sqrt(np.mean(fit.columns[np.ix_(fit.keep, data.group(*names))] ** 2, axis=0))
     torque = float(np.std(fit.output[fit.keep]))
-    found, lows = [], []
+    found, errors, lows = [], [], []
     for factor in SWEEP:
         low_pass = ParallelFilter.of(factor * UNDER_CUTOFF * data.band.cutoff, machine.dt)
         columns = Columns({}, tuple(data.columns.functions[k] for k in data.group(*names)), np.zeros(0))
-        part = part_of(data.records, False, columns, low_pass, machine.dt, data.mean)
+        part = part_of(data.records, False, columns, Filters(data.band.cutoff, low_pass), machine.dt, data.mean)
         if len(part.keep) < LEAST_SAMPLES:
             return
-        found.append(robust_fit(part.columns[part.keep], part.output[part.keep]))
+        x, y = part.columns[part.keep], part.output[part.keep]
+        found.append(robust_fit(x, y))
+        block = blocks(part.segment[part.keep], part.time[part.keep], BLOCK_S)
+        errors.append(np.sqrt(np.maximum(np.diag(standard_errors(x, y - x @ found[-1], block)), 0.0)))
         lows.append(factor * UNDER_CUTOFF * data.band.cutoff)
-    change = np.abs(found[1] - found[0]) * sizes
-    for k, name in ((0, "inertia"), (2, "dry friction"), (3, "viscous friction")):
-        if change[k] > STABLE * max(abs(found[0][k]) * sizes[k], STABLE * torque):
-            notes.append(
-                f"the estimate of {name} depends on the filter: {found[0][k]:.3g} at {lows[0]:.3g} Hz and {found[1][k]:.3g} at "
-                f"{lows[1]:.3g} Hz, which a delay, compliance or noise would do"
-            )
+    change = np.abs(found[1] - found[0])
+    clear = (
+        (change > CHANGED * np.hypot(*errors))
+        & (change > STABLE * np.abs(found[0]))
+        & (change * sizes > STABLE * torque)
+    )
+    said = [
+        f"{name} {found[0][k]:.3g} and {found[1][k]:.3g}"
+        for k, name in ((0, "inertia"), (2, "dry friction"), (3, "viscous friction"))
+        if clear[k]
+    ]
+    if said:
+        notes.append(
+            f"the fit of base, dry and viscous friction depends on the filter ({lows[0]:.2g} and {lows[1]:.2g} Hz: "
+            f"{', '.join(said)}): something of these motions is not in it"
+        )
 
 
-def _noise(data: Prepared, dt: float, part: Part, heldout: bool, coefficients: np.ndarray) -> float:
-    """Root mean square that white noise of torque and position leaves after the filter."""
+def _noise(data: Prepared, dt: float, part: Part, heldout: bool, coefficients: np.ndarray, residual: float) -> float:
+    """Root mean square that noise of torque and position leaves after the filter.
+
+    The density of the torque's noise is taken from the octave above the motion, where no model predicts anything; but the
+    noise is no more than the residual of all shapes together: a controller's answer to noise is torque that moves the joint.
+    """
     records = [record for record in data.records if record.heldout == heldout]
-    third = np.concatenate([np.diff(r.output, 3)[r.usable[3:]] for r in records] or [np.zeros(0)])
-    white = NORMAL_MAD * float(np.median(np.abs(third))) / np.sqrt(20.0) if len(third) else 0.0
     weights = data.low_pass.weights
-    torque = white * float(np.sqrt(np.sum(weights**2)))
+    if not len(part.keep):
+        return 0.0
+    above = (data.band.cutoff, min(2.0 * data.band.cutoff, 0.45 / dt))
+    density = noise_density([np.where(r.usable, r.output, 0.0) for r in records], dt, *above)
+    torque = float(np.sqrt(density * np.sum(weights**2) * 0.5 / dt))
     inertia, viscous = coefficients
     acceleration = inertia * passed_noise(data.band, dt, weights, 2)
     velocity = viscous * passed_noise(data.band, dt, weights, 1)
-    return float(np.sqrt(torque**2 + acceleration**2 + velocity**2)) if len(part.keep) else 0.0
+    return min(float(np.sqrt(torque**2 + acceleration**2 + velocity**2)), residual)
 
 
 def _model(
@@ -341,6 +360,8 @@ def _model(
         machine.dt,
     )
     size = np.sqrt(np.mean(kept**2, axis=0))
+    measured = fit.output[fit.keep]
+    residual = float(np.sqrt(np.mean((measured - kept @ least_squares(kept, measured)) ** 2)))
     effects = effects_of(output, data.columns, scale, size, known_load, lambda name: name not in without)
     effects, said = distinguished(effects, fit, data.columns, base_columns)
     step = data.low_pass.step * machine.dt
@@ -355,7 +376,8 @@ def _model(
         fit=data.parts[0].samples(back),
         heldout=data.parts[1].samples(back),
         noise=tuple(
-            _noise(data, machine.dt, part, k == 1, np.array([inertia, viscous])) for k, part in enumerate(data.parts)
+            _noise(data, machine.dt, part, k == 1, np.array([inertia, viscous]), residual)
+            for k, part in enumerate(data.parts)
         ),
         notes=tuple(notes + said),
         unsigned=unsigned,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hqpipe.identify.model import Samples
+from hqpipe.layers.joint_motion.bandwidth import low_passed
 from hqpipe.layers.joint_motion.columns import Columns, View
 from hqpipe.layers.joint_motion.motion import ParallelFilter
 
@@ -16,6 +17,7 @@ PIECE = 400  # samples of a stretch where a log is too long to use all of it
 REST_SHARE = (
     0.2  # of the filter's weight that may lie on samples at rest; assumption: a reversal passes, a dwell does not
 )
+REACH = 0.25  # of a period of the cut-off: half of the main lobe of the low-pass
 SATURATED_RUN = (
     5  # samples in a row at the largest torque of the trial; assumption: fewer are chance in a coarse channel
 )
@@ -36,6 +38,16 @@ class Record:
     output: np.ndarray
     usable: np.ndarray
     view: View
+
+
+@dataclass(frozen=True, eq=False)
+class Filters:
+    """Attributes:
+    cutoff: Hz, of the low-pass without delay on position and torque. parallel: on torque and columns after that.
+    """
+
+    cutoff: float
+    parallel: ParallelFilter
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,29 +99,26 @@ def usable_samples(output: np.ndarray, recorded: np.ndarray, margin: int) -> np.
 
 
 def part_of(
-    records: Sequence[Record], heldout: bool, columns: Columns, low_pass: ParallelFilter, dt: float, mean: float
+    records: Sequence[Record], heldout: bool, columns: Columns, filters: Filters, dt: float, mean: float
 ) -> Part:
     """Filtered samples of the trials of one split.
 
     Args:
+        filters: of position and torque, and of torque and columns.
         mean: of the position, which `View.x` is less. dt: s, of the records.
     """
+    low_pass = filters.parallel
     chosen = [k for k, record in enumerate(records) if record.heldout == heldout]
     total = sum(len(records[k].output) // low_pass.step for k in chosen)
     pieces = [(k, *ends) for k in chosen for ends in _pieces(len(records[k].output), low_pass, total)]
     files = tuple(dict.fromkeys(records[k].file for k in chosen))
+    smooth = {k: _smooth(records[k], dt, filters.cutoff) for k in chosen}
     found: list[tuple[np.ndarray, ...]] = []
     for number, (k, start, stop) in enumerate(pieces):
         record, view = records[k], _cut(records[k].view, start, stop)
         centres = low_pass.centres(stop - start)
-        rows = np.vstack(
-            [
-                columns.of(view),
-                np.where(record.usable[start:stop], record.output[start:stop], 0.0),
-                ~record.usable[start:stop],
-                view.own.rest,
-            ]
-        )
+        torque, usable = (values[start:stop] for values in smooth[k])
+        rows = np.vstack([columns.of(view), torque, ~usable, view.own.rest])
         filtered = low_pass.apply(rows)
         many = np.ones(len(centres), dtype=np.int64)
         found.append(
@@ -134,6 +143,17 @@ def part_of(
     *values, unusable = (np.concatenate(part) for part in zip(*found, strict=True))
     keep = np.flatnonzero((unusable < 1e-12) & (values[-1] <= REST_SHARE))
     return Part(files, *values, keep)
+
+
+def _smooth(record: Record, dt: float, cutoff: float) -> tuple[np.ndarray, np.ndarray]:
+    """(T,) torque with the low-pass of the position, and which of it is not touched by what cannot be used."""
+    usable, samples = record.usable, np.arange(len(record.usable))
+    if usable.all() or not usable.any():
+        return low_passed(np.where(usable, record.output, 0.0), dt, cutoff), usable
+    filled = np.interp(samples, samples[usable], record.output[usable])
+    reach = round(REACH / (cutoff * dt))
+    bad = np.convolve(~usable, np.ones(2 * reach + 1), "same") > 0.5
+    return low_passed(filled, dt, cutoff), ~bad
 
 
 def _pieces(samples: int, low_pass: ParallelFilter, total: int) -> list[tuple[int, int]]:
