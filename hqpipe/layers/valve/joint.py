@@ -14,7 +14,7 @@ from hqpipe.layers.valve.windows import Windows
 
 INVERSE = {"effort_max_nm": "inverse_effort_max", "pressure_max_pa": "inverse_effort_max"}
 WITHOUT_LIMIT = ("limit", "upper_speed", "lower_speed")  # inert at their upper bound, where no limit is left
-_NEUTRAL = {"limit": np.inf, "upper_speed": np.inf, "lower_speed": np.inf, "recovery_s": 0.1, "damping_ratio": 0.7}
+_NEUTRAL = {"limit": np.inf, "upper_speed": np.inf, "lower_speed": np.inf, "recovery_s": 0.1, "damping_ratio": 0.4}
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +75,7 @@ class ValveJoint:
             cut.first,
             cut.last,
             cut.start,
+            cut.kept,
             cut.stop,
             cut.substeps,
             velocity,

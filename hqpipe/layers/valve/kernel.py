@@ -27,10 +27,10 @@ LAYOUT = (
 CLEARANCE = 0.035
 """Share of the half width over which the edge of a deadband is rounded: oil passes the clearance of the lands before the
 spool opens (Merritt 1967, ch. 5: leakage at null)."""
-TIME, Z, SIN, COS, EFFORT, OTHER_SPEED, OTHER_OPENING, LOSS = range(8)
+TIME, Z, SIN, COS, EFFORT, OTHER_SPEED, OTHER_OPENING, LOSS, FREE = range(9)
 """Rows of the logged signals: s since the trial began; position over its travel, −1 … 1; sine and cosine of the angle, or the
 same position and its square; effort; summed speed of the other joints; summed opening of their valves, 0 … 1; measured loss
-of supply pressure, 0 … 1."""
+of supply pressure, 0 … 1; 1 where the joint is free to move, 0 where it is held and draws no flow."""
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -90,6 +90,7 @@ def run_blocks(
     first: np.ndarray,
     last: np.ndarray,
     start: np.ndarray,
+    kept: np.ndarray,
     stop: np.ndarray,
     substeps: int,
     velocity: np.ndarray,
@@ -99,8 +100,9 @@ def run_blocks(
     A block begins in the steady state of its first command and knows the commands before it.
 
     Args:
-        p: as in `LAYOUT`. command: (T,). signals: (8, T).
+        p: as in `LAYOUT`. command: (T,). signals: (9, T).
         first, last: (B,) first and last sample of the stretch of each block. start, stop: (B,) its samples start … stop − 1.
+        kept: (B,) sample from which its velocity is kept: before it the block settles.
         substeps: per sample.
     """
     dt = p[DT]
@@ -135,7 +137,7 @@ def run_blocks(
                     sag = measured
                 v = speed_of(p, opening, signals, k, sag)
                 if p[DROOP] != 0.0:
-                    demand = signals[OTHER_SPEED, k] + p[OWN_DEMAND] * abs(v)
+                    demand = signals[OTHER_SPEED, k] + p[OWN_DEMAND] * signals[FREE, k] * abs(v)
                     sag += recovering * (p[DROOP] * demand - sag)
                 if p[PERIOD] > 0.0:
                     if not begun:
@@ -144,7 +146,8 @@ def run_blocks(
                     moving += h * rising
                     v = moving
                 total += v
-            velocity[k] = total * length
+            if k >= kept[b]:
+                velocity[k] = total * length
 
 
 @njit(cache=True, nogil=True)
@@ -163,7 +166,8 @@ def travelled(
     The position at the start is the mean of what the samples before it say: each is carried on by the model.
 
     Args:
-        velocity, position: (T,). begin: (W,) sample at which each window starts. begin_samples: that its position is taken from.
+        velocity, position: (T,). begin: (W,) sample at which each window starts.
+        begin_samples: that its position is taken from.
         sample: (N,) of the prediction, in the order of time within a window. window: (N,) index into `begin`.
     """
     current, at, place = -1, 0, 0.0

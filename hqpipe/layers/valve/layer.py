@@ -9,6 +9,7 @@ import numpy as np
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.model import JointModel, LayerJoints
 from hqpipe.layers.valve.joint import ValveJoint, samples_of, settings_of
+from hqpipe.layers.valve.kernel import FREE
 from hqpipe.layers.valve.masks import at_end_stops, blocked, usual_speeds
 from hqpipe.layers.valve.noise import sensor_noise
 from hqpipe.layers.valve.parameters import base_parameters, effects
@@ -71,8 +72,7 @@ class Valve:
                 field="valve_command",
                 fix="record motions that the valve commands",
             )
-        metric = "free_run_rmse"
-        return LayerJoints(self.NAME, metric, length, reason, tuple(models), left)
+        return LayerJoints(self.NAME, "free_run_rmse", length, reason, tuple(models), left)
 
 
 def _look(log_set: LogSet, j: int) -> str | tuple[Scales, Record, float]:
@@ -128,9 +128,11 @@ def _joint(
     held = record_of(log_set.heldout, j, scales, slides, _alike(log_set, scales, j))
     look = first_look(record, scales)
     ends = _ends(log_set.trials, j)
-    stops = [at_end_stops(r, scales, np.sign(look.gain), ends) for r in (record, held)]
+    stops = [at_end_stops(r, scales, np.sign(look.gain), ends, noise) for r in (record, held)]
     curve = usual_speeds(record, scales, record.observed & ~stops[0], round(look.delay_s / record.dt))
     stuck = [blocked(r, scales, r.observed & ~s, curve) for r, s in zip((record, held), stops, strict=True)]
+    for r, s, b in zip((record, held), stops, stuck, strict=True):
+        r.signals[FREE, s | b] = 0.0
     steps = max(round(window_s / record.dt), 2)
     cuts = [windows_of(r, scales, s | b, steps, noise) for r, s, b in zip((record, held), stops, stuck, strict=True)]
     if len(cuts[0].begin) < FEWEST_WINDOWS:
@@ -168,9 +170,7 @@ def _notes(record: Record, held: Record, stops: list[np.ndarray], stuck: list[np
     at_stops, standing = sum(int(s.sum()) for s in stops), sum(int(s.sum()) for s in stuck)
     total = len(record.command) + len(held.command)
     if at_stops:
-        found.append(
-            f"stood at an end stop for {at_stops * dt:.3g} s ({at_stops / total:.1%}) while its command pushed on: left out"
-        )
+        found.append(f"stood at an end stop for {at_stops * dt:.3g} s ({at_stops / total:.1%}) in all: left out")
     if standing:
         found.append(
             f"stood still for {standing * dt:.3g} s ({standing / total:.1%}) under commands that move it elsewhere, as when"

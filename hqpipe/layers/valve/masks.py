@@ -9,6 +9,7 @@ from hqpipe.layers.valve.record import Record, Scales
 HOLD_S, HOLD_ROWS = 0.1, 5
 """Least length of a rest at an end stop; shorter ones are turning points. assumption: as in hqpipe.logs.survey.end_stop."""
 NEAR = 0.01  # of the travel, within which an end stop lies; assumption: its rubber or oil cushion gives by that much
+CONTACT, CONTACT_NOISE = 0.002, 4.0  # of the travel, and of the sensor's noise, within which a joint touches its stop
 STILL = 0.05  # of the usual speed: the joint stands; assumption: below what a loaded cylinder creeps
 COMMAND_STEPS = 20  # classes of the command for the usual speed; assumption: finer than any corner of a valve's curve
 BLOCKED_S = 0.2  # assumption: shorter stops are the dead time and lag of the valve
@@ -35,22 +36,31 @@ def smooth_speed(record: Record, span: int) -> np.ndarray:
     return speed
 
 
-def at_end_stops(record: Record, scales: Scales, gain_sign: float, ends: tuple[float, float]) -> np.ndarray:
-    """(N,) whether the joint stands at an end of its travel while the command pushes it on.
+def at_end_stops(
+    record: Record, scales: Scales, gain_sign: float, ends: tuple[float, float], noise: float
+) -> np.ndarray:
+    """(N,) whether the joint is at an end of its travel that holds it.
+
+    An end of the travel is a stop where the joint stands near it for a while although its command pushes it on. Then every
+    sample at it counts, however short: there the position says nothing of the valve.
 
     Args:
-        gain_sign: of speed over command. ends: lowest and highest position of all trials.
+        gain_sign: of speed over command. ends: lowest and highest position of all trials. noise: of the position.
     """
     span = max(HOLD_ROWS, round(HOLD_S / record.dt))
     still = np.abs(smooth_speed(record, span)) < STILL * scales.speed
     push = gain_sign * (record.command - scales.rest)
-    near = 2.0 * NEAR * scales.half_travel
+    travel = 2.0 * scales.half_travel
+    contact = max(CONTACT_NOISE * noise, CONTACT * travel)
     found = np.zeros(len(still), dtype=bool)
-    at_top = still & (record.position > ends[1] - near) & (push > 0.0)
-    at_bottom = still & (record.position < ends[0] + near) & (push < 0.0)
-    for flags in (at_top, at_bottom):
-        for start, stop in runs(flags, record.stretch):
-            found[start:stop] |= stop - start >= span
+    for side, end in ((1.0, ends[1]), (-1.0, ends[0])):
+        distance = side * (end - record.position)
+        held = still & (distance < NEAR * travel) & (side * push > 0.0)
+        rests = [(start, stop) for start, stop in runs(held, record.stretch) if stop - start >= span]
+        for start, stop in rests:
+            found[start:stop] = True
+        if rests:
+            found |= distance < contact
     return found
 
 

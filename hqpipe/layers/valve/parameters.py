@@ -50,12 +50,12 @@ def base_parameters(size: Sizes) -> tuple[Parameter, ...]:
     """Gain, neutral point, and the row that the command belongs to.
 
     A log does not say whether a row holds the command sent before or after its measurement: up to one sample of offset is the
-    log's, not the machine's.
+    log's, not the machine's. The bounds lie half a sample beyond, so that neither convention is on a bound.
     """
     return (
         Parameter("gain", f"{size.speed_unit} per command", size.gain, np.inf),
         Parameter("neutral", "command", size.neutral, np.inf),
-        Parameter("row_offset_s", "s", 0.5 * size.dt, 0.3 * size.dt, 0.0, size.dt),
+        Parameter("row_offset_s", "s", 0.5 * size.dt, 0.5 * size.dt, -0.5 * size.dt, 1.5 * size.dt),
     )
 
 
@@ -132,7 +132,7 @@ def _generic(size: Sizes) -> tuple[Effect, ...]:
             "oscillation",
             "velocity",
             Parameter("period_s", "s", 0.0, 0.02, 0.0, 2.0, (max(0.02, 2.0 * size.dt), 0.2)),
-            Parameter("damping_ratio", "1", 0.7, 0.3, 0.05, 3.0),
+            Parameter("damping_ratio", "1", 0.4, 0.3, 0.05, 1.0),
         ),
     ]
     if size.effort > 0.0:

@@ -23,7 +23,7 @@ class Record:
         stretch: (N,) index into these. time: (N,) s since the recording began.
         command, position, velocity: (N,); `velocity` as logged, or differentiated. observed: (N,).
         effort: (N,) load, 0 where there is none; `effort_unit` is then "". supply: whether its pressure was logged.
-        signals: (8, N) see `kernel`, all but what needs scales of the fit trials, see `scaled`.
+        signals: (9, N) see `kernel`.
     """
 
     dt: float
@@ -113,9 +113,10 @@ def record_of(trials: Sequence[Trial], j: int, scales: Scales, linear: bool, ali
     effort, unit = _load(parts, j, joined, linear)
     position = joined(lambda t: t.position[:, j])
     time = joined(lambda t: t.time - t.time[0] + t.start)
-    signals = np.zeros((8, len(position)))
+    signals = np.zeros((9, len(position)))
     z = (position - scales.middle) / scales.half_travel
     signals[kernel.TIME], signals[kernel.Z], signals[kernel.EFFORT] = time, z, effort
+    signals[kernel.FREE] = 1.0
     signals[kernel.SIN], signals[kernel.COS] = (z, z * z) if linear else (np.sin(position), np.cos(position))
     others = np.arange(len(scales.speeds)) != j
     sizes = np.maximum(np.array(scales.commands), 1e-300)

@@ -16,7 +16,7 @@ LEFT_ALONE = 0.02  # of the command's largest distance from rest, within which a
 STANDS = 4.0  # of the sensor's noise, by which a resting joint may seem to move
 BLOCK_WARMS = 3  # a block is so many times as long as its warm-up, of which it is to waste little
 STEP_S = 0.01  # longest substep: the lags that a hydraulic valve has are a few times that
-MOST_STEPS = 200_000  # substeps of one simulation: a few milliseconds
+MOST_STEPS = 80_000  # substeps of one simulation: a few milliseconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class Windows:
     """What is simulated and what is judged.
 
     Attributes:
-        first, last, start, stop: (B,) of the blocks, see `kernel.run_blocks`. substeps: per sample.
+        first, last, start, kept, stop: (B,) of the blocks, see `kernel.run_blocks`. substeps: per sample.
         begin: (W,) sample at which each window starts. sample: (N,) samples judged. window: (N,) index into `begin`.
         begin_samples: before and at the start of a window, from which its position is taken.
     """
@@ -32,6 +32,7 @@ class Windows:
     first: np.ndarray
     last: np.ndarray
     start: np.ndarray
+    kept: np.ndarray
     stop: np.ndarray
     substeps: int
     begin: np.ndarray
@@ -79,6 +80,7 @@ def windows_of(
         first=whole(first),
         last=whole(record.last[stretch]),
         start=whole(np.maximum(np.array(firsts, dtype=np.int64) - warm, first)),
+        kept=whole(np.array(firsts, dtype=np.int64) - begin_samples),
         stop=whole([found[block[-1]][1] for block in blocks]),
         substeps=substeps,
         begin=whole(begin),
