@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hqpipe.gap.blind_case import Judged
+from hqpipe.gap.blind_groups import CHANGE_MEASURES, Measure, baselines, effects, families, planted, row_of
 from hqpipe.gap.blind_limit import KIND as FAINT
 from hqpipe.gap.blind_limit import limits
-from hqpipe.gap.blind_truth import must_be_named, true_shares, true_shrink
+from hqpipe.gap.blind_truth import CHANGE, true_shares, true_shrink
 from hqpipe.gap.share import tally
 
 FORMAT = "hqpipe-blind-score/1"
@@ -34,7 +35,8 @@ def score(judged: Sequence[Judged], oracle: Sequence[Judged] = ()) -> dict[str, 
     """
     faint = [case for case in judged if case.answer.kind == FAINT]
     clear = [case for case in judged if case.answer.kind != FAINT]
-    aims = [_row(clear, *definition) for definition in MEASURES]
+    measures = [*MEASURES, *(CHANGE_MEASURES if any(case.answer.kind == CHANGE for case in clear) else ())]
+    aims = [row_of(clear, measure) for measure in measures]
     rows = [row for case in clear for row in case.parameters()]
     aims += _parameter_aims(rows)
     limit = limits(faint, [case for case in oracle if case.answer.kind == FAINT]) if faint else None
@@ -51,19 +53,11 @@ def score(judged: Sequence[Judged], oracle: Sequence[Judged] = ()) -> dict[str, 
         "confusion": confusion(clear),
         "parameters": rows,
         "shrink": [row for case in clear if (row := _shrink_row(case))],
+        "families": families(clear, measures),
+        "effects": effects(clear),
+        "baselines": baselines(clear, [measure for measure in measures if measure[0] not in _NEED_LOGS]),
         "misses": misses(judged, {case.answer.case: case for case in known}),
     }
-
-
-Selects = Callable[[Judged], bool]
-Right = Callable[[Judged, bool], bool]
-
-
-def _row(judged: Sequence[Judged], measure: str, aim: str, least: float | None, selects: Selects, right: Right):
-    chosen = [case for case in judged if selects(case)]
-    main = tally(right(case, False) for case in chosen)
-    met = None if least is None or main["share"] is None else main["share"] >= least
-    return {"measure": measure, "aim": aim, "met": met, **main, "strict": tally(right(case, True) for case in chosen)}
 
 
 def _is_typical_single(case: Judged) -> bool:
@@ -84,7 +78,9 @@ def _shrink_covered(case: Judged, strict: bool) -> bool:
     return low <= true_shrink(case.gaps) <= high and (not strict or case.exact(strict=True))
 
 
-MEASURES: tuple[tuple[str, str, float | None, Selects, Right], ...] = (
+_PLACE, _SHRINK = "place (joint, quarter) right", "claimed shrink within its interval of the true one"
+_NEED_LOGS = (_PLACE, _SHRINK)  # an answer that looks at no logs claims neither
+MEASURES: tuple[Measure, ...] = (
     (
         "single effect, typical size: it is the top cause",
         "≥ 98 %",
@@ -114,21 +110,20 @@ MEASURES: tuple[tuple[str, str, float | None, Selects, Right], ...] = (
         lambda case, strict: case.admits_ignorance(),
     ),
     (
-        "place (joint, quarter) right",
+        _PLACE,
         "≥ 95 %",
         0.95,
         lambda case: case.place_is_right() is not None,
         lambda case, strict: bool(case.place_is_right(strict)),
     ),
     (
-        "claimed shrink within its interval of the true one",
+        _SHRINK,
         "≥ 95 %",
         0.95,
         _claims_all,
         _shrink_covered,
     ),
 )
-"""Text, aim, least share, which cases, what counts as right (strictly, or with `confused_with`)."""
 
 
 def _parameter_aims(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -151,7 +146,7 @@ def _parameter_aims(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 def _more(judged: Sequence[Judged], faint: Sequence[Judged], known: Sequence[Judged]) -> list[dict[str, Any]]:
     """Measures without an aim; `judged` without the faint cases, `known`: the others with the oracle's diagnosis."""
     nameable = [c for c in judged if c.namable]
-    worth = [(c, e) for c in nameable for e in c.namable if must_be_named(c.gaps, e)]
+    worth = planted(nameable)
     causes = [(case, cause) for case in judged for cause in case.causes]
     definitions = {
         "recall: effects of the library that make a gap and were named": [bool(c.of(e)) for c, e in worth],
@@ -258,6 +253,9 @@ def confusion(judged: Sequence[Judged]) -> dict[str, Any]:
     return {"truth": truths, "named": named, "counts": [[counts[t, n] for n in named] for t in truths]}
 
 
+_ALL = (*MEASURES, *CHANGE_MEASURES)
+
+
 def misses(judged: Sequence[Judged], known: Mapping[str, Judged] | None = None) -> list[dict[str, str]]:
     """Every case that fails one of the measures that have an aim: case, kind, truth, answer, and which.
 
@@ -266,7 +264,7 @@ def misses(judged: Sequence[Judged], known: Mapping[str, Judged] | None = None) 
     """
     found, known = [], known or {}
     for case in judged:
-        failed = [text for text, _, _, selects, right in MEASURES if selects(case) and not right(case, False)]
+        failed = [text for text, _, _, selects, right in _ALL if selects(case) and not right(case, False)]
         if case.answer.kind == "single" and not failed and not case.unnamable and not case.exact():
             failed = ["the set of causes is not exact"]
         if case.answer.kind == FAINT:  # not to name it is no miss

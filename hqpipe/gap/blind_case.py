@@ -35,8 +35,9 @@ class Judged:
 
     Attributes:
         answer: the truth. content: diagnosis.json, or None if the diagnosis failed. error: why it failed.
-        gaps: base gaps of `hqpipe.gap.blind_truth`, N·m. without: effects that the library lacked.
-        left: joint → RMSE that is left with the causes in the model, N·m; empty if the program did not write it.
+        gaps: base gaps of `hqpipe.gap.blind_truth`. without: effects that the library lacked.
+        left: joint → RMSE that is left with the causes in the model; empty if the program did not write it.
+        library: effects that the diagnosis of such logs chooses from, those in `without` too; empty if that is not known.
     """
 
     answer: Answer
@@ -45,6 +46,13 @@ class Judged:
     gaps: Gaps | None = None
     without: tuple[str, ...] = ()
     left: Mapping[str, float] = field(default_factory=dict)
+    library: frozenset[str] = frozenset()
+
+    @cached_property
+    def joints(self) -> frozenset[str]:
+        """Of the logs, as far as the diagnosis or the gaps name them."""
+        said = (self.content or {}).get("logs", {}).get("joints", ())
+        return frozenset(said) or frozenset((self.gaps or {}).get("with", ())) - {"all"}
 
     @cached_property
     def causes(self) -> list[Mapping[str, Any]]:
@@ -149,7 +157,7 @@ class Judged:
                 continue
             for cause in self.of(effect, strict=True):
                 for name, true in effect.parameters.items():
-                    if name in cause["parameters"]:
+                    if name in cause["parameters"] and true != 0.0:  # errors are relative
                         yield self._compare(effect, cause, name, true)
 
     def _compare(self, effect: TrueEffect, cause: Mapping[str, Any], name: str, true: float) -> dict[str, Any]:
@@ -178,7 +186,7 @@ class Judged:
         if self.content is None:
             return f"failed: {self.error}"
         named = [
-            f"{c['effect']} {c['probability']:.2f} in {_joints_text(c['joints'])}"
+            f"{c['effect']} {c['probability']:.2f} in {_joints_text(c['joints'], set(c['joints']) == self.joints)}"
             + (f" [or {', '.join(sorted(alternatives(c)))}]" if alternatives(c) else "")
             for c in self.causes
         ]
@@ -188,8 +196,9 @@ class Judged:
 def _effect_text(effect: TrueEffect) -> str:
     span = f" from {effect.span[0]:.0%} to {effect.span[1]:.0%} of the trial" if effect.span else ""
     size = effect.size if effect.factor is None else f"{effect.factor:.2f} × small"
-    return f"{effect.effect}{f' ({size})' if size else ''} in {_joints_text(effect.joints)}{span}"
+    return f"{effect.effect}{f' ({size})' if size else ''} in {_joints_text(effect.joints, effect.scope == 'machine')}{span}"
 
 
-def _joints_text(joints: Sequence[str]) -> str:
-    return "all joints" if len(joints) == 12 else ", ".join(joints)
+def _joints_text(joints: Sequence[str], everywhere: bool) -> str:
+    """Names of the joints; a machine of one joint has its name told."""
+    return "all joints" if everywhere and len(joints) > 1 else ", ".join(joints)

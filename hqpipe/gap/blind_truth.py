@@ -19,12 +19,14 @@ from hqpipe.sysid.free_run import WINDOW_S, free_run
 FORMAT = "hqpipe-blind/1"
 ANSWERS = "answers.json"
 _KEYS = ("case", "kind", "effects", "truth")
+QUADRUPED = "quadruped"  # machine of the cases that name none
+CHANGE = "change"  # kind of a case with earlier logs: only what changed since is a cause
 SHOWN = 0.3  # assumption: a joint with a third of the effect of the worst one must be named, with less it may be
 LEAST_RISE = 0.05  # assumption: an effect that alone raises no joint's gap by more need not be named
 GAPLESS = {"torque_scale"}  # the model's coefficients take it up: there is no gap, and other channels show it
 
 Gap = Mapping[str, float]
-"""RMSE by joint, N·m, and over "all", each joint's against its scale in the case."""
+"""RMSE by joint in the unit of its output, and over "all", each joint's against its scale in the case."""
 Gaps = Mapping[str, Gap]
 """`Gap` of the case ("with"), of its machine without effects ("all"), without one (`lacking`) and with one (`alone`)."""
 
@@ -62,12 +64,20 @@ class TrueEffect:
 
 @dataclass(frozen=True)
 class Answer:
-    """What is wrong in one case; `truth` holds the folders of its log sets without effects, "all" or by effect."""
+    """What is wrong in one case.
+
+    Attributes:
+        effects: that were planted; of a case of kind `CHANGE` those that are not in its earlier logs.
+        truth: folders of its log sets without effects, "all" or by effect. machine: family of the machine, e.g. "servo".
+        reference: folder of its earlier logs, which the diagnosis is given too; None without.
+    """
 
     case: str
     kind: str
     effects: tuple[TrueEffect, ...]
     truth: Mapping[str, Any]
+    machine: str = QUADRUPED
+    reference: str | None = None
 
     @property
     def names(self) -> frozenset[str]:
@@ -89,7 +99,10 @@ def read_answers(folder: Path) -> list[Answer]:
     for number, entry in enumerate(raw["answers"]):
         if missing := [key for key in _KEYS if key not in entry]:
             raise LogError(f"{path}: answers[{number}] has no '{missing[0]}'; make the cases again")
-    return [_answer(entry) for entry in raw["answers"]]
+        if entry["kind"] == CHANGE and not entry.get("reference"):
+            raise LogError(f"{path}: answers[{number}] is a change without 'reference'; make the cases again")
+    machine = raw.get("machine", QUADRUPED)
+    return [_answer({"machine": machine} | entry) for entry in raw["answers"]]
 
 
 def _answer(entry: Mapping[str, Any]) -> Answer:
@@ -107,7 +120,8 @@ def _answer(entry: Mapping[str, Any]) -> Answer:
         )
         for effect in entry["effects"]
     )
-    return Answer(entry["case"], entry["kind"], effects, entry["truth"])
+    place = entry["machine"], entry.get("reference")
+    return Answer(entry["case"], entry["kind"], effects, entry["truth"], *place)
 
 
 def scales(folder: Path) -> dict[str, float]:
@@ -185,7 +199,8 @@ def _rises(gaps: Gaps | None, effect: TrueEffect) -> dict[str, float]:
     name = alone(effect.effect) if gaps and alone(effect.effect) in gaps else "with"
     if not gaps or "all" not in gaps:
         return {}
-    return {joint: gaps[name][joint] / gaps["all"][joint] - 1.0 for joint in effect.joints}
+    judged = [joint for joint in effect.joints if joint in gaps[name] and joint in gaps["all"]]
+    return {joint: gaps[name][joint] / gaps["all"][joint] - 1.0 for joint in judged}
 
 
 def must_be_named(gaps: Gaps | None, effect: TrueEffect) -> bool:
