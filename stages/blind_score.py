@@ -123,12 +123,14 @@ def _earlier(reference: Path, without: tuple[str, ...]) -> Any:
     return earlier_logs(read_log_set(reference), None, without)
 
 
-def truth_gaps(folder: Path, case: str, sets: dict[str, str], layer: str | None = None) -> dict[str, dict[str, float]]:
+def truth_gaps(
+    folder: Path, case: str, sets: dict[str, str], layers: Sequence[str] = ()
+) -> dict[str, dict[str, float]]:
     """Base gaps of a case ("with") and of its machines without effects, kept in truth/<case>/true_gaps.json.
 
     Args:
         folder: of the cases. case: name. sets: name of a set as in `hqpipe.gap.blind_truth.Gaps` → its log set.
-        layer: whose base model it is; None for the paper's four coefficients.
+        layers: the first that the logs allow gives the base model; none for the paper's four coefficients.
     """
     from hqpipe.gap.blind_layer import layer_gaps
     from hqpipe.gap.blind_truth import base_gap, scales
@@ -137,11 +139,11 @@ def truth_gaps(folder: Path, case: str, sets: dict[str, str], layer: str | None 
     if kept := _read(path):
         return kept
     places = {name: folder / place for name, place in {"with": case, **sets}.items()}
-    if layer is None:
+    if layers:
+        gaps = layer_gaps(places, layers)
+    else:
         scale = scales(folder / case)
         gaps = {name: base_gap(place, scale) for name, place in places.items()}
-    else:
-        gaps = layer_gaps(places, layer)
     _write(path, gaps)
     return gaps
 
@@ -168,9 +170,9 @@ def gap_sets(truth: dict[str, Any]) -> dict[str, str]:
 
 
 def _gaps(folder: Path, answers: Sequence[Any], workers: int, progress: Progress) -> dict[str, Any]:
-    from hqpipe.gap.blind_layer import layer_of
+    from hqpipe.gap.blind_layer import layers_of
 
-    calls = {a.case: (folder, a.case, gap_sets(a.truth), layer_of(a)) for a in answers if a.truth["all"]}
+    calls = {a.case: (folder, a.case, gap_sets(a.truth), layers_of(a)) for a in answers if a.truth["all"]}
     found = in_processes(truth_gaps, calls, workers, lambda done, name: progress(done, len(calls), "true gaps"))
     return dict(zip(calls, found, strict=True))
 
@@ -178,9 +180,9 @@ def _gaps(folder: Path, answers: Sequence[Any], workers: int, progress: Progress
 def _libraries(folder: Path, answers: Sequence[Any], workers: int, progress: Progress) -> dict[str, tuple[str, ...]]:
     """Case → effects that its logs are asked for: those of the actuator's chain, or of the layers that judge its logs."""
     from hqpipe.effects import EFFECTS
-    from hqpipe.gap.blind_layer import layer_of
+    from hqpipe.gap.blind_layer import layers_of
 
-    calls = {a.case: (folder, a.case) for a in answers if layer_of(a) is not None}
+    calls = {a.case: (folder, a.case) for a in answers if layers_of(a)}
     found: Sequence[list[str]] = ()
     if calls:
         found = in_processes(case_library, calls, workers, lambda done, name: progress(done, len(calls), "libraries"))

@@ -2,59 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from hqpipe.errors import IdentificationError, LogError
 from hqpipe.gap.blind_truth import QUADRUPED, Answer, Gap
 from hqpipe.gap.joint_scale import joint_scale, pooled
-from hqpipe.identify.model import JointModel, LayerJoints, Samples, all_parameters, positions
+from hqpipe.identify.least_squares import Fitter
+from hqpipe.identify.model import JointModel, LayerJoints, Samples
+from hqpipe.identify.search import base_solution
 from hqpipe.layers import LAYERS
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.registry import load
 
-OF_MACHINE = {"servo": "servo", "arm": "joint_motion", "cylinder": "valve"}
-"""Machine → layer in which its effects show, by what such logs hold: a command and a position; a torque or current and a
-position; a valve command and a speed."""
-MOST_STEPS = 200  # of a fit; a base model has a handful of parameters, and a fit that needs more wanders along a valley
+OF_MACHINE = {"servo": ("servo",), "arm": ("joint_motion", "servo"), "cylinder": ("valve",)}
+"""Machine → layers in which its effects can show: an arm without a torque or current in its logs has the layer of a servo."""
 
 
-def layer_of(answer: Answer) -> str | None:
-    """Layer in which the gap of a case is measured: that of its machine, else the first one that its effects name.
+def layers_of(answer: Answer) -> tuple[str, ...]:
+    """Layers in which the gap of a case may be measured, of which the first counts that its logs allow.
 
-    None where it is the error of the paper's four coefficients, see `hqpipe.gap.blind_truth.base_gap`.
-
-    Raises:
-        LogError: neither tells the layer.
+    Those that its effects name, then those of its machine. None where it is the error of the paper's four coefficients, see
+    `hqpipe.gap.blind_truth.base_gap`.
     """
     if answer.machine == QUADRUPED:
-        return None
+        return ()
     named = [effect.layer for effect in answer.effects if effect.layer in LAYERS]
-    layer = OF_MACHINE.get(answer.machine) or next(iter(named), None)
-    if layer is None:
-        text = f"{answer.case}: no layer is known for machine '{answer.machine}' (known: {', '.join(OF_MACHINE)})"
-        raise LogError(text, field="machine", fix="make the cases again with this version")
-    return layer
+    return tuple(dict.fromkeys((*named, *OF_MACHINE.get(answer.machine, LAYERS))))
 
 
-def layer_joints(folder: Path, layer: str, window_s: float | None = None) -> LayerJoints:
-    """The joints of a log set in a layer.
+def layer_joints(folder: Path, layers: Sequence[str], window_s: float | None = None) -> LayerJoints:
+    """The joints of a log set in the first of the layers that it allows.
 
     Args:
         window_s: length of a free run, s; None for what suits the logs.
 
     Raises:
-        LogError: the logs lack what the layer needs.
+        LogError: the logs lack what each of the layers needs.
     """
-    log_set, model = read_log_set(folder), load(LAYERS[layer])()
-    if lacking := model.lacking(log_set):
-        text = f"{folder}: layer {layer} lacks {', '.join(lacking)}"
-        raise LogError(text, file=folder, fix="make the cases again with this version")
-    return model.joints(log_set, window_s, ())
+    log_set, lacking = read_log_set(folder), {}
+    for name in layers:
+        layer = load(LAYERS[name])()
+        lacking[name] = layer.lacking(log_set)
+        if not lacking[name]:
+            return layer.joints(log_set, window_s, ())
+    needs = "; ".join(f"layer {name} needs {', '.join(what)}" for name, what in lacking.items())
+    raise LogError(f"{folder}: {needs}", file=folder, fix="make the cases again with this version")
 
 
 def library_of(folder: Path) -> tuple[str, ...]:
@@ -72,11 +67,11 @@ def library_of(folder: Path) -> tuple[str, ...]:
     return tuple(names)
 
 
-def layer_gaps(folders: Mapping[str, Path], layer: str) -> dict[str, Gap]:
-    """Base gap of a case and of its machines without effects, all in the windows and over the scales of the case.
+def layer_gaps(folders: Mapping[str, Path], layers: Sequence[str]) -> dict[str, Gap]:
+    """Base gap of a case and of its machines without effects, all in the layer, the windows and over the scales of the case.
 
     Args:
-        folders: name of a set → log set; that of the case is "with".
+        folders: name of a set → log set; that of the case is "with". layers: of `layers_of`.
 
     Returns:
         Name of the set → joint → held-out RMSE of the base model in the unit of the joint's output, and over "all" joints,
@@ -85,11 +80,11 @@ def layer_gaps(folders: Mapping[str, Path], layer: str) -> dict[str, Gap]:
     Raises:
         LogError: no joint can be judged in all sets.
     """
-    case = layer_joints(folders["with"], layer)
+    case = layer_joints(folders["with"], layers)
     scale = {model.joint: samples_scale(model.fit) for model in case.models}
     errors = {}
     for name, folder in folders.items():
-        joints = case if name == "with" else layer_joints(folder, layer, case.window_s)
+        joints = case if name == "with" else layer_joints(folder, (case.layer,), case.window_s)
         errors[name] = {model.joint: heldout_error(model) for model in joints.models if len(model.heldout.output)}
     judged = [joint for joint in scale if all(joint in found for found in errors.values())]
     if not judged:
@@ -109,35 +104,4 @@ def samples_scale(samples: Samples) -> float:
 
 def heldout_error(model: JointModel) -> float:
     """Mean squared held-out error of the base model, fitted to the fit samples, in the squared unit of the output."""
-    return float(np.mean(model.error(fit_base(model), heldout=True) ** 2))
-
-
-def fit_base(model: JointModel) -> np.ndarray:
-    """(P,) values of `hqpipe.identify.model.all_parameters` with the base parameters fitted and every effect absent.
-
-    Least squares within the bounds, from the neutral values and from each of the `starts` of a parameter; the best counts.
-    """
-    parameters = all_parameters(model)
-    values = np.array([parameter.neutral for parameter in parameters], dtype=np.float64)
-    free = positions(model, ())
-    if not len(free):
-        return values
-    starts = [values[free]]
-    for index in free:
-        for start in parameters[index].starts:
-            starts.append(np.where(free == index, start, values[free]))
-    low, high = (np.array([getattr(parameters[index], name) for index in free]) for name in ("low", "high"))
-    fits = [_fit_from(model, values, free, start, low, high) for start in starts]
-    values[free] = min(fits, key=lambda fit: fit.cost).x
-    return values
-
-
-def _fit_from(
-    model: JointModel, values: np.ndarray, free: np.ndarray, start: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> Any:
-    def error(x: np.ndarray) -> np.ndarray:
-        row = values.copy()
-        row[free] = x
-        return model.error(row)
-
-    return least_squares(error, np.clip(start, low, high), bounds=(low, high), x_scale="jac", max_nfev=MOST_STEPS)
+    return float(np.mean(model.error(base_solution(Fitter(model)).values, heldout=True) ** 2))
