@@ -118,10 +118,13 @@ class Judged:
         if not self.answer.effects or self.content is None:
             return None
         judged = [self._joints_right(e, strict) for e in self.namable if self.of(e, strict)]
-        if any(e.scope != "machine" for e in self.answer.effects if e not in self.namable):
+        if any(not self._everywhere(e) for e in self.answer.effects if e not in self.namable):
             judged.append(self._unknown_right())
         judged += [self._quarter_right(e.span) for e in self.answer.effects if e.span]
         return all(judged) if judged else None
+
+    def _everywhere(self, effect: TrueEffect) -> bool:
+        return effect.scope == "machine" or set(effect.joints) == self.joints
 
     def _joints_right(self, effect: TrueEffect, strict: bool) -> bool:
         said = {joint for cause in self.of(effect, strict) for joint in cause["joints"]}
@@ -179,7 +182,7 @@ class Judged:
 
     def truth_text(self) -> str:
         """e.g. "valve_deadband (typical) in LFK + torque_bias"."""
-        return " + ".join(_effect_text(e) for e in self.answer.effects) or "no effect"
+        return " + ".join(_effect_text(e, self._everywhere(e)) for e in self.answer.effects) or "no effect"
 
     def answer_text(self) -> str:
         """e.g. "unknown: valve_lag 0.97 in LFK [or command_delay]"."""
@@ -193,10 +196,10 @@ class Judged:
         return f"{self.verdict}: {' + '.join(named) if named else 'no cause named'}"
 
 
-def _effect_text(effect: TrueEffect) -> str:
+def _effect_text(effect: TrueEffect, everywhere: bool) -> str:
     span = f" from {effect.span[0]:.0%} to {effect.span[1]:.0%} of the trial" if effect.span else ""
     size = effect.size if effect.factor is None else f"{effect.factor:.2f} × small"
-    return f"{effect.effect}{f' ({size})' if size else ''} in {_joints_text(effect.joints, effect.scope == 'machine')}{span}"
+    return f"{effect.effect}{f' ({size})' if size else ''} in {_joints_text(effect.joints, everywhere)}{span}"
 
 
 def _joints_text(joints: Sequence[str], everywhere: bool) -> str:

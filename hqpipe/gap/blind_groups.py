@@ -35,7 +35,7 @@ CHANGE_MEASURES: tuple[Measure, ...] = (
 )
 """Aims of cases with earlier logs: those of sets of causes and of false alarms."""
 OF_GROUPS = {
-    "exact": "exact set of causes",
+    "exact": "exact set of causes, all cases with effects of the library alone",
     "recall": "effects named",
     "precision": "names that are right",
 }
