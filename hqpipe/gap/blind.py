@@ -64,12 +64,17 @@ def _is_typical_single(case: Judged) -> bool:
     return (
         case.answer.kind == "single"
         and not case.unnamable
-        and all(effect.size in ("typical", None) for effect in case.answer.effects)
+        and all(effect.size in ("typical", None) for effect in case.answer.sought)
     )
 
 
 def _claims_all(case: Judged) -> bool:
-    """The found set is the planted one, so that its claimed shrink is comparable with the true one."""
+    """The found set is the planted one, so that its claimed shrink is comparable with the true one.
+
+    Beside what every such machine has it is not: the machine without the effects has that too.
+    """
+    if case.answer.sought != case.answer.effects:
+        return False
     return bool(case.answer.effects and case.gaps and case.causes and not case.unnamable and case.exact())
 
 
@@ -100,7 +105,7 @@ MEASURES: tuple[Measure, ...] = (
         "≥ 98 %",
         0.98,
         lambda case: case.answer.kind == "none",
-        lambda case, strict: case.content is not None and not case.causes and (not strict or case.verdict == "no_gap"),
+        lambda case, strict: case.alarms_rightly(strict),
     ),
     (
         "effect not in the library: unknown, and no false name",
@@ -145,7 +150,7 @@ def _parameter_aims(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def _more(judged: Sequence[Judged], faint: Sequence[Judged], known: Sequence[Judged]) -> list[dict[str, Any]]:
     """Measures without an aim; `judged` without the faint cases, `known`: the others with the oracle's diagnosis."""
-    nameable = [c for c in judged if c.namable]
+    nameable = [c for c in judged if c.sought]
     worth = planted(nameable)
     causes = [(case, cause) for case in judged for cause in case.causes]
     definitions = {
@@ -163,7 +168,7 @@ def _more(judged: Sequence[Judged], faint: Sequence[Judged], known: Sequence[Jud
     }
     for count in (2, 3, 4):
         definitions[f"exact set, mixtures of {count}"] = [
-            c.exact() for c in nameable if c.answer.kind == MIXTURE and len(c.answer.effects) == count
+            c.exact() for c in nameable if c.answer.kind == MIXTURE and len(c.answer.sought) == count
         ]
     withheld = {c.answer.case: c for c in judged if c.without}
     if withheld:
@@ -233,7 +238,7 @@ def detection(judged: Sequence[Judged]) -> list[dict[str, Any]]:
     for case in judged:
         if case.answer.kind != "single" or case.unnamable:
             continue
-        for effect in case.namable:
+        for effect in case.sought:
             for name in ("any", effect.effect):
                 seen.setdefault((name, effect.size or "typical"), []).append(bool(case.of(effect)))
     order = ("small", "typical", "large")
@@ -245,8 +250,8 @@ def confusion(judged: Sequence[Judged]) -> dict[str, Any]:
     """True effect against the first name, over the cases with one effect or none; "(no name)" if there is none."""
     counts: Counter[tuple[str, str]] = Counter()
     for case in judged:
-        if len(case.answer.effects) <= 1 and case.content is not None:
-            true = next(iter(case.answer.names), NO_EFFECT)
+        if len(case.answer.sought) <= 1 and case.content is not None:
+            true = next((effect.effect for effect in case.answer.sought), NO_EFFECT)
             counts[true, case.causes[0]["effect"] if case.causes else NO_NAME] += 1
     truths = sorted({true for true, _ in counts}, key=lambda name: (name == NO_EFFECT, name))
     named = sorted({name for _, name in counts}, key=lambda name: (name == NO_NAME, name))

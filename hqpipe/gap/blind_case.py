@@ -68,9 +68,14 @@ class Judged:
         return tuple(e for e in self.answer.effects if not e.outside and e.effect not in self.without)
 
     @property
+    def sought(self) -> tuple[TrueEffect, ...]:
+        """Those of them that the case is about."""
+        return tuple(e for e in self.namable if not e.ordinary)
+
+    @property
     def unnamable(self) -> bool:
         """Whether something is wrong that the library did not hold."""
-        return len(self.namable) < len(self.answer.effects)
+        return len(self.sought) < len(self.answer.sought)
 
     def of(self, effect: TrueEffect, strict: bool = False) -> list[Mapping[str, Any]]:
         """The causes that stand for an effect, without those that name another one that is there."""
@@ -78,7 +83,15 @@ class Judged:
         return [c for c in self.causes if c["effect"] not in others and stands_for(c, effect.effect, strict)]
 
     def top_is_right(self, strict: bool = False) -> bool:
-        return bool(self.causes) and any(stands_for(self.causes[0], e.effect, strict) for e in self.namable)
+        ordinary = {e.effect for e in self.namable if e.ordinary} - {e.effect for e in self.sought}
+        first = next((cause for cause in self.causes if cause["effect"] not in ordinary), None)
+        return first is not None and any(stands_for(first, e.effect, strict) for e in self.sought)
+
+    def alarms_rightly(self, strict: bool = False) -> bool:
+        """Whether nothing is named that is not there; strictly, and no gap seen, unless for what every such machine has."""
+        if self.content is None or self.false_names(strict):
+            return False
+        return not strict or bool(self.causes) or self.verdict == "no_gap"
 
     def false_names(self, strict: bool = False) -> list[str]:
         """Causes that stand for nothing that is wrong."""
@@ -93,7 +106,7 @@ class Judged:
 
     def exact(self, strict: bool = False) -> bool:
         """Every effect named that makes a gap, and nothing else."""
-        needed = [effect for effect in self.namable if must_be_named(self.gaps, effect)]
+        needed = [effect for effect in self.sought if must_be_named(self.gaps, effect)]
         return (
             self.content is not None
             and not self.false_names(strict)
@@ -117,8 +130,8 @@ class Judged:
         """
         if not self.answer.effects or self.content is None:
             return None
-        judged = [self._joints_right(e, strict) for e in self.namable if self.of(e, strict)]
-        if any(not self._everywhere(e) for e in self.answer.effects if e not in self.namable):
+        judged = [self._joints_right(e, strict) for e in self.sought if self.of(e, strict)]
+        if any(not self._everywhere(e) for e in self.answer.sought if e not in self.namable):
             judged.append(self._unknown_right())
         judged += [self._quarter_right(e.span) for e in self.answer.effects if e.span]
         return all(judged) if judged else None
@@ -159,8 +172,9 @@ class Judged:
             if effect.span:
                 continue
             for cause in self.of(effect, strict=True):
-                for name, true in effect.parameters.items():
-                    if name in cause["parameters"] and true != 0.0:  # errors are relative
+                for name in (name for name in effect.parameters if name in cause["parameters"]):
+                    true = effect.true_value(name, cause["joints"])
+                    if true != 0.0:  # errors are relative
                         yield self._compare(effect, cause, name, true)
 
     def _compare(self, effect: TrueEffect, cause: Mapping[str, Any], name: str, true: float) -> dict[str, Any]:
@@ -198,7 +212,7 @@ class Judged:
 
 def _effect_text(effect: TrueEffect, everywhere: bool) -> str:
     span = f" from {effect.span[0]:.0%} to {effect.span[1]:.0%} of the trial" if effect.span else ""
-    size = effect.size if effect.factor is None else f"{effect.factor:.2f} × small"
+    size = "ordinary" if effect.ordinary else effect.size if effect.factor is None else f"{effect.factor:.2f} × small"
     return f"{effect.effect}{f' ({size})' if size else ''} in {_joints_text(effect.joints, everywhere)}{span}"
 
 

@@ -22,14 +22,14 @@ CHANGE_MEASURES: tuple[Measure, ...] = (
         "change since earlier logs: exactly what changed is named",
         "≥ 90 %",
         0.90,
-        lambda case: case.answer.kind == CHANGE and bool(case.answer.effects) and not case.unnamable,
+        lambda case: case.answer.kind == CHANGE and bool(case.answer.sought) and not case.unnamable,
         lambda case, strict: case.exact(strict),
     ),
     (
         "no change since earlier logs: no gap",
         "≥ 98 %",
         0.98,
-        lambda case: case.answer.kind == CHANGE and not case.answer.effects,
+        lambda case: case.answer.kind == CHANGE and not case.answer.sought,
         lambda case, strict: case.verdict == "no_gap" and not case.causes,
     ),
 )
@@ -52,7 +52,7 @@ def row_of(judged: Sequence[Judged], measure: Measure) -> dict[str, Any]:
 
 def planted(judged: Sequence[Judged]) -> list[tuple[Judged, TrueEffect]]:
     """Every effect of the library that makes a gap, with its case."""
-    return [(case, effect) for case in judged for effect in case.namable if must_be_named(case.gaps, effect)]
+    return [(case, effect) for case in judged for effect in case.sought if must_be_named(case.gaps, effect)]
 
 
 def probability(case: Judged, effect: TrueEffect) -> float:
@@ -74,7 +74,7 @@ def families(judged: Sequence[Judged], measures: Sequence[Measure]) -> list[dict
 
 def _figures(judged: Sequence[Judged], measures: Sequence[Measure]) -> dict[str, Any]:
     pairs = planted(judged)
-    nameable = [case for case in judged if case.answer.effects and not case.unnamable]
+    nameable = [case for case in judged if case.answer.sought and not case.unnamable]
     named = [
         [cause["effect"] not in case.false_names(strict) for case in judged for cause in case.causes]
         for strict in (0, 1)
@@ -106,14 +106,14 @@ def effects(judged: Sequence[Judged]) -> list[dict[str, Any]]:
     """
     rows = []
     for family, cases in _by(judged, lambda case: case.answer.machine).items():
-        true = {effect.effect for case in cases for effect in case.answer.effects}
+        true = {effect.effect for case in cases for effect in case.answer.sought}
         false = {name for case in cases for name in case.false_names()}
         rows += [{"family": family, **_effect_row(name, cases)} for name in sorted(true | false)]
     return rows
 
 
 def _effect_row(name: str, cases: Sequence[Judged]) -> dict[str, Any]:
-    having = [case for case in cases if name in case.answer.names]
+    having = [case for case in cases if name in {effect.effect for effect in case.answer.sought}]
     pairs = [(case, effect) for case, effect in planted(having) if effect.effect == name]
     hidden = [case for case in having if name not in {effect.effect for effect in case.namable}]
     admitted = [case.admits_ignorance() for case in hidden]

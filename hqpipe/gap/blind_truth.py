@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,8 @@ class TrueEffect:
         effect, layer, scope: as in diagnosis.json. joints: where. outside: not in the library.
         size: "small", "typical", "large" or None. span: start and end as shares of the trial, or None.
         parameters: those with a number in diagnosis.json. factor: size over the small one of a faint effect, else None.
+        per_joint: joint → parameters, where joints differ. ordinary: every such machine has it, beside what the case is about:
+            it may be named and need not be.
     """
 
     effect: str
@@ -60,6 +62,13 @@ class TrueEffect:
     span: tuple[float, float] | None
     parameters: Mapping[str, float]
     factor: float | None = None
+    per_joint: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    ordinary: bool = False
+
+    def true_value(self, parameter: str, joints: Sequence[str]) -> float:
+        """Of the joints that a cause names, their mean."""
+        values = [self.per_joint[joint][parameter] for joint in joints if parameter in self.per_joint.get(joint, {})]
+        return sum(values) / len(values) if values else self.parameters[parameter]
 
 
 @dataclass(frozen=True)
@@ -82,6 +91,11 @@ class Answer:
     @property
     def names(self) -> frozenset[str]:
         return frozenset(effect.effect for effect in self.effects)
+
+    @property
+    def sought(self) -> tuple[TrueEffect, ...]:
+        """The effects that the case is about."""
+        return tuple(effect for effect in self.effects if not effect.ordinary)
 
 
 def read_answers(folder: Path) -> list[Answer]:
@@ -115,13 +129,19 @@ def _answer(entry: Mapping[str, Any]) -> Answer:
             effect["outside"],
             effect["size"],
             tuple(effect["span"]) if effect["span"] else None,
-            {name: value for name, value in effect["parameters"].items() if value is not None},
+            _numbers(effect["parameters"]),
             effect.get("factor"),
+            {joint: _numbers(values) for joint, values in effect.get("per_joint", {}).items()},
+            effect.get("ordinary", False),
         )
         for effect in entry["effects"]
     )
     place = entry["machine"], entry.get("reference")
     return Answer(entry["case"], entry["kind"], effects, entry["truth"], *place)
+
+
+def _numbers(parameters: Mapping[str, float | None]) -> dict[str, float]:
+    return {name: value for name, value in parameters.items() if value is not None}
 
 
 def scales(folder: Path) -> dict[str, float]:

@@ -56,11 +56,11 @@ def ambiguity_set(case: Judged) -> list[frozenset[str]]:
 def utility(case: Judged) -> float:
     """m_utl of a case, the mean over its ambiguity set; 0 for a diagnosis that failed.
 
-    An effect that makes no gap counts neither way: it may be named.
+    An effect that makes no gap, or that every such machine has, counts neither way: it may be named.
     """
     if case.content is None:
         return 0.0
-    needed = {e.effect for e in case.namable if must_be_named(case.gaps, e)}
+    needed = {e.effect for e in case.sought if must_be_named(case.gaps, e)}
     allowed = {e.effect for e in case.namable}
     if case.unnamable:
         needed.add(OUTSIDE)

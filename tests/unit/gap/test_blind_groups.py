@@ -219,6 +219,44 @@ def test_random_says_unknown_as_often_as_there_is_something_unknown():
     assert {case.verdict for case in random_answers([judged("none", [], diagnosis())])} == {"no_gap"}
 
 
+def test_what_every_machine_has_may_be_named_and_need_not_be():
+    usual = effect("coulomb_friction", JOINTS, ordinary=True)
+    backlash = effect("backlash", JOINTS)
+    own, friction, false = cause("backlash", JOINTS), cause("coulomb_friction", JOINTS), cause("gain_error", JOINTS)
+    said = (diagnosis(own), diagnosis(friction, own), diagnosis(friction), diagnosis(false, friction, own))
+    cases = [judged("single", [backlash, usual], content) for content in said]
+    assert [case.exact() for case in cases] == [True, True, False, False]
+    assert [case.top_is_right() for case in cases] == [True, True, False, False]
+    assert [utility(case) for case in cases[:2]] == [1.0, 1.0]
+    sound = [judged("none", [usual], content) for content in (diagnosis(), diagnosis(friction), diagnosis(false))]
+    assert found(score(sound)["aims"], "no false alarm on logs with no effect") == (2, 2, 3)
+    assert not judged("none", [usual], diagnosis(verdict="unknown")).alarms_rightly(strict=True)
+    assert [row["effect"] for row in effects(cases)] == ["backlash", "gain_error"]
+    changed = judged("change", [usual], diagnosis())
+    assert found(score([changed])["aims"], UNCHANGED) == (1, 1, 1)
+
+
+def test_parameters_of_joints_that_differ():
+    per_joint = {"shoulder": {"gap": 0.02}, "elbow": {"gap": 0.03}}
+    planted = effect("backlash", JOINTS, parameters={"gap": 0.025}, per_joint=per_joint)
+    claims = [{"gap": {"value": value, "unit": "rad", "ci95": [0.0, 1.0]}} for value in (0.02, 0.03)]
+    causes = [cause("backlash", (joint,), parameters=claim) for joint, claim in zip(JOINTS, claims, strict=True)]
+    assert [row["error"] for row in judged("single", [planted], diagnosis(*causes)).parameters()] == [0.0, 0.0]
+    (row,) = judged("single", [planted], diagnosis(cause("backlash", JOINTS, parameters=claims[0]))).parameters()
+    assert row["true"] == pytest.approx(0.025)
+
+
+def test_numbers_of_joints_and_ordinary_effects_are_read(tmp_path):
+    entry = {"effect": "backlash", "layer": "servo", "outside": False, "joints": ["elbow"], "scope": "joint"}
+    entry |= {"size": None, "span": None, "parameters": {"gap": 0.02, "other": None}, "ordinary": True}
+    entry |= {"per_joint": {"elbow": {"gap": 0.02, "other": None}}}
+    case = {"case": "case_000", "kind": "none", "effects": [entry], "truth": {"all": None}, "machine": "servo"}
+    (tmp_path / ANSWERS).write_text(json.dumps({"format": FORMAT, "answers": [case]}))
+    (answer,) = read_answers(tmp_path)
+    assert answer.effects[0].per_joint == {"elbow": {"gap": 0.02}}
+    assert answer.sought == () and answer.names == {"backlash"}
+
+
 def test_quadruped_cases_are_a_family_of_their_own():
     case = Judged(Answer("case_000", "single", (effect("backlash"),), {"all": None}), diagnosis(cause("backlash", ALL)))
     result = score([case])
