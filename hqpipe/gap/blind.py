@@ -71,9 +71,9 @@ def _is_typical_single(case: Judged) -> bool:
 def _claims_all(case: Judged) -> bool:
     """The found set is the planted one, so that its claimed shrink is comparable with the true one.
 
-    Beside what every such machine has it is not: the machine without the effects has that too.
+    Beside something ordinary whose own gap is not known it is not: the machine without the effects may have it too.
     """
-    if case.answer.sought != case.answer.effects:
+    if len(case.counted) < len(case.namable):
         return False
     return bool(case.answer.effects and case.gaps and case.causes and not case.unnamable and case.exact())
 
@@ -150,7 +150,7 @@ def _parameter_aims(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def _more(judged: Sequence[Judged], faint: Sequence[Judged], known: Sequence[Judged]) -> list[dict[str, Any]]:
     """Measures without an aim; `judged` without the faint cases, `known`: the others with the oracle's diagnosis."""
-    nameable = [c for c in judged if c.sought]
+    nameable = [c for c in judged if c.counted]
     worth = planted(nameable)
     causes = [(case, cause) for case in judged for cause in case.causes]
     definitions = {

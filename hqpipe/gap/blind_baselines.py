@@ -29,7 +29,7 @@ def random_answers(judged: Sequence[Judged]) -> list[Judged]:
     drawn the answer is `unknown` as often as the cases have something outside the library, else `no_gap`.
     """
     asked = [sorted(case.library - set(case.without)) for case in judged]
-    rate = sum(len(case.sought) for case in judged) / max(sum(map(len, asked)), 1)
+    rate = sum(len(case.counted) for case in judged) / max(sum(map(len, asked)), 1)
     outside = sum(case.unnamable for case in judged) / max(len(judged), 1)
     rng = np.random.default_rng(SEED)
     answers = []

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from hqpipe.gap.blind_truth import Answer, Gaps, TrueEffect, must_be_named, shown
+from hqpipe.gap.blind_truth import Answer, Gaps, TrueEffect, alone, must_be_named, shown
 
 PARAMETER_TOLERANCE = 0.1  # the aim's
 SAME_PLACE = 0.8  # share of the joints: two of twelve may be off, a leg or a kind of joint is exactly right
@@ -73,6 +73,16 @@ class Judged:
         return tuple(e for e in self.namable if not e.ordinary)
 
     @property
+    def counted(self) -> tuple[TrueEffect, ...]:
+        """Those, and what every such machine has as far as its own gap is known; the rest may be named and need not be."""
+        return tuple(e for e in self.namable if not e.ordinary or alone(e.effect) in (self.gaps or {}))
+
+    @property
+    def needed(self) -> tuple[TrueEffect, ...]:
+        """Those of the counted ones that make a gap."""
+        return tuple(e for e in self.counted if must_be_named(self.gaps, e))
+
+    @property
     def unnamable(self) -> bool:
         """Whether something is wrong that the library did not hold."""
         return len(self.sought) < len(self.answer.sought)
@@ -106,11 +116,10 @@ class Judged:
 
     def exact(self, strict: bool = False) -> bool:
         """Every effect named that makes a gap, and nothing else."""
-        needed = [effect for effect in self.sought if must_be_named(self.gaps, effect)]
         return (
             self.content is not None
             and not self.false_names(strict)
-            and all(self.of(effect, strict) for effect in needed)
+            and all(self.of(effect, strict) for effect in self.needed)
         )
 
     def admits_ignorance(self) -> bool:
@@ -130,7 +139,7 @@ class Judged:
         """
         if not self.answer.effects or self.content is None:
             return None
-        judged = [self._joints_right(e, strict) for e in self.sought if self.of(e, strict)]
+        judged = [self._joints_right(e, strict) for e in self.counted if self.of(e, strict)]
         if any(not self._everywhere(e) for e in self.answer.sought if e not in self.namable):
             judged.append(self._unknown_right())
         judged += [self._quarter_right(e.span) for e in self.answer.effects if e.span]

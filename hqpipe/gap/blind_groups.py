@@ -8,7 +8,7 @@ from typing import Any
 
 from hqpipe.gap.blind_baselines import null_answers, random_answers
 from hqpipe.gap.blind_case import Judged
-from hqpipe.gap.blind_truth import CHANGE, TrueEffect, must_be_named
+from hqpipe.gap.blind_truth import CHANGE, TrueEffect
 from hqpipe.gap.blind_utility import utility
 from hqpipe.gap.share import tally
 
@@ -52,7 +52,7 @@ def row_of(judged: Sequence[Judged], measure: Measure) -> dict[str, Any]:
 
 def planted(judged: Sequence[Judged]) -> list[tuple[Judged, TrueEffect]]:
     """Every effect of the library that makes a gap, with its case."""
-    return [(case, effect) for case in judged for effect in case.sought if must_be_named(case.gaps, effect)]
+    return [(case, effect) for case in judged for effect in case.needed]
 
 
 def probability(case: Judged, effect: TrueEffect) -> float:
@@ -106,14 +106,14 @@ def effects(judged: Sequence[Judged]) -> list[dict[str, Any]]:
     """
     rows = []
     for family, cases in _by(judged, lambda case: case.answer.machine).items():
-        true = {effect.effect for case in cases for effect in case.answer.sought}
+        true = {effect.effect for case in cases for effect in _asked(case)}
         false = {name for case in cases for name in case.false_names()}
         rows += [{"family": family, **_effect_row(name, cases)} for name in sorted(true | false)]
     return rows
 
 
 def _effect_row(name: str, cases: Sequence[Judged]) -> dict[str, Any]:
-    having = [case for case in cases if name in {effect.effect for effect in case.answer.sought}]
+    having = [case for case in cases if name in {effect.effect for effect in _asked(case)}]
     pairs = [(case, effect) for case, effect in planted(having) if effect.effect == name]
     hidden = [case for case in having if name not in {effect.effect for effect in case.namable}]
     admitted = [case.admits_ignorance() for case in hidden]
@@ -127,6 +127,11 @@ def _effect_row(name: str, cases: Sequence[Judged]) -> dict[str, Any]:
         "falsely": sum(name in case.false_names() for case in cases),
         "parameters": _parameters(having, name),
     }
+
+
+def _asked(case: Judged) -> list[TrueEffect]:
+    """What an answer is judged by: effects of the library that count, and those that it does not hold."""
+    return [effect for effect in case.answer.effects if effect in case.counted or effect not in case.namable]
 
 
 def _parameters(cases: Sequence[Judged], effect: str | None = None) -> dict[str, Any]:

@@ -49,8 +49,7 @@ class TrueEffect:
         effect, layer, scope: as in diagnosis.json. joints: where. outside: not in the library.
         size: "small", "typical", "large" or None. span: start and end as shares of the trial, or None.
         parameters: those with a number in diagnosis.json. factor: size over the small one of a faint effect, else None.
-        per_joint: joint → parameters, where joints differ. ordinary: every such machine has it, beside what the case is about:
-            it may be named and need not be.
+        per_joint: joint → parameters, where joints differ. ordinary: every such machine has it, beside what the case is about.
     """
 
     effect: str
@@ -116,10 +115,10 @@ def read_answers(folder: Path) -> list[Answer]:
         if entry["kind"] == CHANGE and not entry.get("reference"):
             raise LogError(f"{path}: answers[{number}] is a change without 'reference'; make the cases again")
     machine = raw.get("machine", QUADRUPED)
-    return [_answer({"machine": machine} | entry) for entry in raw["answers"]]
+    return [_answer(entry, entry.get("family", machine)) for entry in raw["answers"]]
 
 
-def _answer(entry: Mapping[str, Any]) -> Answer:
+def _answer(entry: Mapping[str, Any], machine: str) -> Answer:
     effects = tuple(
         TrueEffect(
             effect["effect"],
@@ -136,8 +135,7 @@ def _answer(entry: Mapping[str, Any]) -> Answer:
         )
         for effect in entry["effects"]
     )
-    place = entry["machine"], entry.get("reference")
-    return Answer(entry["case"], entry["kind"], effects, entry["truth"], *place)
+    return Answer(entry["case"], entry["kind"], effects, entry["truth"], machine, entry.get("reference"))
 
 
 def _numbers(parameters: Mapping[str, float | None]) -> dict[str, float]:

@@ -15,7 +15,6 @@ from math import prod
 import numpy as np
 
 from hqpipe.gap.blind_case import Judged
-from hqpipe.gap.blind_truth import must_be_named
 
 OUTSIDE = "(outside the library)"
 MOST_SETS = 20_000  # of more, as many are drawn, which gives the mean to less than 1/100 of its spread
@@ -56,11 +55,11 @@ def ambiguity_set(case: Judged) -> list[frozenset[str]]:
 def utility(case: Judged) -> float:
     """m_utl of a case, the mean over its ambiguity set; 0 for a diagnosis that failed.
 
-    An effect that makes no gap, or that every such machine has, counts neither way: it may be named.
+    An effect that makes no gap counts neither way: it may be named.
     """
     if case.content is None:
         return 0.0
-    needed = {e.effect for e in case.sought if must_be_named(case.gaps, e)}
+    needed = {e.effect for e in case.needed}
     allowed = {e.effect for e in case.namable}
     if case.unnamable:
         needed.add(OUTSIDE)

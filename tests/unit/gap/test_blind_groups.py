@@ -73,7 +73,7 @@ def test_change_needs_its_earlier_logs(tmp_path):
 
 def test_a_case_may_name_another_machine_than_its_folder(tmp_path):
     entry = {"case": "case_000", "kind": "none", "effects": [], "truth": {"all": None}}
-    answers = [entry | {"machine": "servo"}, entry]
+    answers = [entry | {"family": "servo"}, entry]
     (tmp_path / ANSWERS).write_text(json.dumps({"format": FORMAT, "machine": "arm", "answers": answers}))
     assert [answer.machine for answer in read_answers(tmp_path)] == ["servo", "arm"]
     (tmp_path / ANSWERS).write_text(json.dumps({"format": FORMAT, "answers": [entry]}))
@@ -236,6 +236,23 @@ def test_what_every_machine_has_may_be_named_and_need_not_be():
     assert found(score([changed])["aims"], UNCHANGED) == (1, 1, 1)
 
 
+def test_what_every_machine_has_counts_where_its_own_gap_is_known():
+    def gap(size: float) -> dict:
+        return {"all": size} | dict.fromkeys(JOINTS, size)
+
+    both = [effect("backlash", JOINTS), effect("coulomb_friction", JOINTS, ordinary=True)]
+    gaps = {"with": gap(9.0), "all": gap(4.0), "only_backlash": gap(6.0), "without_backlash": gap(8.0)}
+    gaps |= {"only_coulomb_friction": gap(8.0), "without_coulomb_friction": gap(6.0)}
+    own, friction = cause("backlash", JOINTS), cause("coulomb_friction", JOINTS)
+    half, whole = (judged("single", both, d, gaps=gaps) for d in (diagnosis(own), diagnosis(friction, own)))
+    assert (half.exact(), whole.exact()) == (False, True)
+    assert half.top_is_right() and whole.top_is_right()
+    assert {row["effect"]: row["named"]["right"] for row in effects([half])} == {"backlash": 1, "coulomb_friction": 0}
+    assert [row["of"] for row in score([whole])["aims"] if row["measure"].startswith("claimed shrink")] == [1]
+    gaps |= {"only_coulomb_friction": gap(4.1)}
+    assert judged("single", both, diagnosis(own), gaps=gaps).exact()  # too little to make a gap
+
+
 def test_parameters_of_joints_that_differ():
     per_joint = {"shoulder": {"gap": 0.02}, "elbow": {"gap": 0.03}}
     planted = effect("backlash", JOINTS, parameters={"gap": 0.025}, per_joint=per_joint)
@@ -250,7 +267,7 @@ def test_numbers_of_joints_and_ordinary_effects_are_read(tmp_path):
     entry = {"effect": "backlash", "layer": "servo", "outside": False, "joints": ["elbow"], "scope": "joint"}
     entry |= {"size": None, "span": None, "parameters": {"gap": 0.02, "other": None}, "ordinary": True}
     entry |= {"per_joint": {"elbow": {"gap": 0.02, "other": None}}}
-    case = {"case": "case_000", "kind": "none", "effects": [entry], "truth": {"all": None}, "machine": "servo"}
+    case = {"case": "case_000", "kind": "none", "effects": [entry], "truth": {"all": None}, "family": "servo"}
     (tmp_path / ANSWERS).write_text(json.dumps({"format": FORMAT, "answers": [case]}))
     (answer,) = read_answers(tmp_path)
     assert answer.effects[0].per_joint == {"elbow": {"gap": 0.02}}
