@@ -10,7 +10,7 @@ from hqpipe.gap.blind_case import Judged
 from hqpipe.gap.blind_groups import CHANGE_MEASURES, Measure, baselines, effects, families, planted, row_of
 from hqpipe.gap.blind_limit import KIND as FAINT
 from hqpipe.gap.blind_limit import limits
-from hqpipe.gap.blind_truth import CHANGE, true_shares, true_shrink
+from hqpipe.gap.blind_truth import CHANGE, QUADRUPED, true_shares, true_shrink
 from hqpipe.gap.share import tally
 
 FORMAT = "hqpipe-blind-score/1"
@@ -61,9 +61,11 @@ def score(judged: Sequence[Judged], oracle: Sequence[Judged] = ()) -> dict[str, 
 
 
 def _is_typical_single(case: Judged) -> bool:
+    """On other machines than the quadruped, whose sizes were chosen by the gap that they make, only if it makes one."""
     return (
         case.answer.kind == "single"
         and not case.unnamable
+        and (case.answer.machine == QUADRUPED or any(effect in case.needed for effect in case.sought))
         and all(effect.size in ("typical", None) for effect in case.answer.sought)
     )
 
@@ -276,6 +278,8 @@ def misses(judged: Sequence[Judged], known: Mapping[str, Judged] | None = None) 
             failed = ["a false name beside a faint effect"] if case.false_names() else []
         if case.content is None:
             failed = ["the diagnosis failed"]
+        if failed:
+            failed += [f"{name} is not asked for in these logs" for name in sorted(case.not_asked)]
         if failed and case.answer.case in known:
             failed += _hidden(case, known[case.answer.case])
         if failed:

@@ -83,6 +83,11 @@ class Judged:
         return tuple(e for e in self.counted if must_be_named(self.gaps, e))
 
     @property
+    def not_asked(self) -> frozenset[str]:
+        """Names of the needed ones that a diagnosis of such logs does not choose from, as far as that is known."""
+        return frozenset(e.effect for e in self.needed) - self.library if self.library else frozenset()
+
+    @property
     def unnamable(self) -> bool:
         """Whether something is wrong that the library did not hold."""
         return len(self.sought) < len(self.answer.sought)

@@ -63,6 +63,9 @@ def probability(case: Judged, effect: TrueEffect) -> float:
 def families(judged: Sequence[Judged], measures: Sequence[Measure]) -> list[dict[str, Any]]:
     """By family of machines: every measure, sets, names, parameters, mean probability of the true causes, m_utl.
 
+    `hidden` effects of the library make no gap in their case, so that nothing is lost without their names; those `not_asked`
+    make one, and the diagnosis of such logs does not choose from them.
+
     Args:
         judged: without the faint cases. measures: those of the aims.
     """
@@ -87,6 +90,8 @@ def _figures(judged: Sequence[Judged], measures: Sequence[Measure]) -> dict[str,
     rows = [{"measure": OF_GROUPS[key], **tally(main), "strict": tally(strict)} for key, (main, strict) in own.items()]
     return {
         "cases": len(judged),
+        "hidden": sum(len(case.counted) - len(case.needed) for case in judged),
+        "not_asked": sum(len(case.not_asked) for case in judged),
         "measures": [*(row_of(judged, measure) for measure in measures), *rows],
         "probability": _mean(probability(case, effect) for case, effect in pairs),
         "utility": _mean(utility(case) for case in judged),

@@ -74,6 +74,8 @@ def family_rows(families: Sequence[Mapping[str, Any]]) -> tuple[Row, list[Row]]:
     head = ("measure", *(f"{entry['family']} ({entry['cases']} cases)" for entry in families))
     rows = _measure_rows(families, _with_strict)
     numbers = [entry["parameters"] for entry in families]
+    rows.append(("effects that make no gap in their case", *(str(entry["hidden"]) for entry in families)))
+    rows.append(("effects that make one and are not asked for", *(str(entry["not_asked"]) for entry in families)))
     rows.append(("parameters within 10 %", *(share_text(entry["close"]) for entry in numbers)))
     rows.append(("95 % intervals of the parameters cover", *(share_text(entry["covered"]) for entry in numbers)))
     rows.append(("median error of the parameters", *(_size(entry["median_error"]) for entry in numbers)))

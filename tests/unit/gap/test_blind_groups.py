@@ -219,6 +219,20 @@ def test_random_says_unknown_as_often_as_there_is_something_unknown():
     assert {case.verdict for case in random_answers([judged("none", [], diagnosis())])} == {"no_gap"}
 
 
+def test_effects_that_cannot_be_seen_and_those_that_are_not_asked_for():
+    same = {"all": 4.0} | dict.fromkeys(JOINTS, 4.0)
+    more = {"all": 8.0} | dict.fromkeys(JOINTS, 8.0)
+    hidden = judged("single", [effect("backlash", JOINTS)], diagnosis(), gaps={"with": same, "all": same})
+    missing = judged("single", [effect("voltage_sag", JOINTS)], diagnosis(), gaps={"with": more, "all": same})
+    result = score([hidden, missing])
+    assert found(result["aims"], "single effect, typical size: it is the top cause") == (0, 0, 1)
+    assert (result["families"][0]["hidden"], result["families"][0]["not_asked"]) == (1, 1)
+    (miss,) = result["misses"]
+    assert "voltage_sag is not asked for in these logs" in miss["missed"]
+    quadruped = Judged(hidden.answer.__class__("case_000", "single", (effect("backlash"),), {}), diagnosis())
+    assert found(score([quadruped])["aims"], "single effect, typical size: it is the top cause") == (0, 0, 1)
+
+
 def test_what_every_machine_has_may_be_named_and_need_not_be():
     usual = effect("coulomb_friction", JOINTS, ordinary=True)
     backlash = effect("backlash", JOINTS)

@@ -22,6 +22,8 @@ def measure(name: str, right: int, of: int, strict: int) -> dict:
 def score() -> dict:
     figures = {
         "cases": 8,
+        "hidden": 3,
+        "not_asked": 2,
         "measures": [measure("exact set", 6, 8, 5), measure("never tried", 0, 0, 0)],
         "probability": 0.815,
         "utility": 0.9375,
@@ -47,6 +49,10 @@ def test_families_say_what_counts_strictly(score):
     assert said["exact set"] == "75.0 % (6 of 8) [5]"
     assert "never tried" not in said
     assert (said["m_utl"], said["mean probability of the true causes"]) == ("0.938", "0.81")
+    assert (said["effects that make no gap in their case"], said["effects that make one and are not asked for"]) == (
+        "3",
+        "2",
+    )
     assert said["median error of the parameters"] == "4.2 %"
 
 
