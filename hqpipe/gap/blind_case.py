@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from hqpipe.gap.blind_truth import Answer, Gaps, TrueEffect, alone, must_be_named, shown
+from hqpipe.gap.blind_truth import CHANGE, Answer, Gaps, TrueEffect, alone, must_be_named, shown
 
 PARAMETER_TOLERANCE = 0.1  # the aim's
 SAME_PLACE = 0.8  # share of the joints: two of twelve may be off, a leg or a kind of joint is exactly right
@@ -193,7 +193,11 @@ class Judged:
 
     def _compare(self, effect: TrueEffect, cause: Mapping[str, Any], name: str, true: float) -> dict[str, Any]:
         claim = cause["parameters"][name]
-        error = (claim["value"] - true) / abs(true)
+        then = (
+            (claim.get("reference") or 0.0) if self.answer.kind == CHANGE else 0.0
+        )  # a change's truth is what was added
+        value, (low, high) = claim["value"] - then, (end - then for end in claim["ci95"])
+        error = (value - true) / abs(true)
         return {
             "case": self.answer.case,
             "effect": effect.effect,
@@ -201,11 +205,11 @@ class Judged:
             "joints": list(cause["joints"]),
             "parameter": name,
             "true": true,
-            "value": claim["value"],
-            "ci95": list(claim["ci95"]),
+            "value": value,
+            "ci95": [low, high],
             "error": error,
             "close": abs(error) <= PARAMETER_TOLERANCE,
-            "covered": claim["ci95"][0] <= true <= claim["ci95"][1],
+            "covered": low <= true <= high,
         }
 
     def truth_text(self) -> str:

@@ -75,7 +75,7 @@ class Answer:
     """What is wrong in one case.
 
     Attributes:
-        effects: that were planted; of a case of kind `CHANGE` those that are not in its earlier logs.
+        effects: that were planted; of a case of kind `CHANGE` what was added since its earlier logs, in numbers too.
         truth: folders of its log sets without effects, "all" or by effect. machine: family of the machine, e.g. "servo".
         reference: folder of its earlier logs, which the diagnosis is given too; None without.
     """

@@ -277,6 +277,17 @@ def test_parameters_of_joints_that_differ():
     assert row["true"] == pytest.approx(0.025)
 
 
+def test_parameters_of_a_change_are_what_was_added():
+    planted = effect("coulomb_friction", JOINTS, parameters={"friction_nm": 0.5})
+    claim = {"value": 1.25, "unit": "N·m", "ci95": [1.0, 1.5], "reference": 0.75}
+    content = diagnosis(cause("coulomb_friction", JOINTS, parameters={"friction_nm": claim}))
+    (row,) = judged("change", [planted], content).parameters()
+    assert (row["value"], row["ci95"], row["error"], row["covered"]) == (0.5, [0.25, 0.75], 0.0, True)
+    claim["reference"] = None  # the effect was absent
+    assert next(judged("change", [planted], content).parameters())["error"] == pytest.approx(1.5)
+    assert next(judged("single", [planted], content).parameters())["value"] == 1.25
+
+
 def test_numbers_of_joints_and_ordinary_effects_are_read(tmp_path):
     entry = {"effect": "backlash", "layer": "servo", "outside": False, "joints": ["elbow"], "scope": "joint"}
     entry |= {"size": None, "span": None, "parameters": {"gap": 0.02, "other": None}, "ordinary": True}
