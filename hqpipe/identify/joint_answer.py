@@ -65,6 +65,8 @@ def _worth_naming(search: Search, named: Known) -> Known:
     """
     floor = len(named.solution.error) * search.model.noise[0] ** 2
     gap = max(_left_out(search, search.base) - floor, 0.0)
+    if _left_out(search, named) >= float(np.sum((search.model.fit.held - search.model.fit.output) ** 2)):
+        return search.base  # what predicts no better than holding the output explains nothing
     while named.names:
         squares = {name: _left_out(search, search.without(named, name)) for name in sorted(named.names)}
         name = min(squares, key=lambda name: squares[name])
