@@ -66,6 +66,7 @@ def score(folder: Path, without: tuple[str, ...], workers: int, as_json: bool) -
 
     Exit 4 when an aim is missed.
     """
+    from hqpipe.report.blind_groups import group_tables
     from hqpipe.report.blind_table import score_tables
     from hqpipe.stages.blind_score import missed_aims, score_folder
     from hqpipe.stages.terminal import show
@@ -74,7 +75,7 @@ def score(folder: Path, without: tuple[str, ...], workers: int, as_json: bool) -
         result = score_folder(folder, without, workers, progress)
     if as_json:
         answer(**result)
-    show(*score_tables(result))
+    show(*group_tables(result), *score_tables(result))
     if missed := missed_aims(result):
         fix = "the page of the score names the cases behind each"
         raise GateError(f"{len(missed)} aims are missed: {'; '.join(missed)}", file=folder, fix=fix)

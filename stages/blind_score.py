@@ -13,7 +13,7 @@ from hqpipe.system.failures import system_failure
 from hqpipe.system.processes import in_processes
 
 DIAGNOSIS, ORACLE, FAILED, CONTENT = "diagnosis", "oracle", "failed.json", "diagnosis.json"
-GAPS = "true_gaps.json"
+GAPS, LIBRARY = "true_gaps.json", "library.json"
 SCORE, PAGE = "score.json", "score.html"
 Progress = Callable[[float, float, str], None]
 
@@ -30,26 +30,28 @@ def score_folder(folder: Path, without: Sequence[str], workers: int, progress: P
     """
     from hqpipe.gap.blind import ORACLE_KINDS, score
     from hqpipe.gap.blind_limit import KIND as FAINT
-    from hqpipe.gap.blind_truth import read_answers
+    from hqpipe.gap.blind_truth import CHANGE, read_answers
     from hqpipe.report.blind_page import write_page
 
     answers = read_answers(folder)
     if without:
         _check_names(without, answers)
         answers = [answer for answer in answers if answer.names & set(without) and answer.kind != FAINT]
-    if incomplete := [a.case for a in answers if not (folder / a.case).is_dir()]:
-        text = f"{folder}: {len(incomplete)} cases are not made, the first is {incomplete[0]}"
-        fix = "run the same hqpipe blind make again, it goes on from there"
-        raise UsageError(text, file=folder / incomplete[0], fix=fix)
+    _check_made(folder, answers)
     results = folder / "_".join([DIAGNOSIS, *(["without", *sorted(without)] if without else [])])
-    diagnose_all([(folder / a.case, results / a.case, tuple(without)) for a in answers], workers, progress)
-    known = {a.case: all_but(a.names) for a in answers if a.kind in ORACLE_KINDS}
-    asked = [(folder / case, folder / ORACLE / case, others) for case, others in known.items()]
+    diagnose_all([_job(folder, a, results, tuple(without)) for a in answers], workers, progress)
+    libraries = _libraries(folder, answers, workers, progress)
+    known = {a.case: all_but(a.names, libraries[a.case]) for a in answers if a.kind in ORACLE_KINDS}
+    asked = [_job(folder, a, folder / ORACLE, known[a.case]) for a in answers if a.case in known]
     diagnose_all(asked, workers, progress, "diagnosed by the oracle")
-    gaps = _gaps(folder, answers, workers, progress)
+    gaps = _gaps(folder, [a for a in answers if a.kind != CHANGE], workers, progress)
+
+    def judged(answer: Any, place: Path, left_out: tuple[str, ...]) -> Any:
+        return _judged(answer, place, gaps.get(answer.case), left_out, libraries[answer.case])
+
     result = score(
-        [_judged(answer, results, gaps.get(answer.case), tuple(without)) for answer in answers],
-        [_judged(a, folder / ORACLE, gaps.get(a.case), known[a.case]) for a in answers if a.case in known],
+        [judged(answer, results, tuple(without)) for answer in answers],
+        [judged(answer, folder / ORACLE, known[answer.case]) for answer in answers if answer.case in known],
     )
     result |= {"without": sorted(without), "folder": folder.name}
     suffix = "".join(f"_without_{name}" for name in sorted(without))
@@ -58,15 +60,27 @@ def score_folder(folder: Path, without: Sequence[str], workers: int, progress: P
     return result
 
 
-def diagnose_all(
-    jobs: Sequence[tuple[Path, Path, tuple[str, ...]]], workers: int, progress: Progress, text: str = "diagnosed"
-) -> None:
+def _check_made(folder: Path, answers: Sequence[Any]) -> None:
+    needed = [place for a in answers for place in (a.case, a.reference) if place is not None]
+    if incomplete := [place for place in needed if not (folder / place).is_dir()]:
+        text = f"{folder}: {len(incomplete)} cases are not made, the first is {incomplete[0]}"
+        fix = "run the same hqpipe blind make again, it goes on from there"
+        raise UsageError(text, file=folder / incomplete[0], fix=fix)
+
+
+def _job(folder: Path, answer: Any, results: Path, without: tuple[str, ...]) -> tuple[Any, ...]:
+    """Arguments of `diagnose_case`."""
+    earlier = () if answer.reference is None else (folder / answer.reference,)
+    return (folder / answer.case, results / answer.case, without, *earlier)
+
+
+def diagnose_all(jobs: Sequence[tuple[Any, ...]], workers: int, progress: Progress, text: str = "diagnosed") -> None:
     """Diagnose every case that has no diagnosis yet; an error is kept as failed.json and tried again.
 
     Args:
         jobs: arguments of `diagnose_case`. workers: processes. text: what is reported after each.
     """
-    for results in {output.parent for _, output, _ in jobs}:
+    for results in {job[1].parent for job in jobs}:
         durable.remove_leftovers(results)
     missing = [job for job in jobs if _read(job[1] / CONTENT) is None]
     started = len(jobs) - len(missing)
@@ -74,21 +88,26 @@ def diagnose_all(
     in_processes(diagnose_case, calls, workers, lambda done, name: progress(started + done, len(jobs), text))
 
 
-def all_but(effects: Collection[str]) -> tuple[str, ...]:
-    """The library without all effects but these: what an oracle that knows them does not ask for."""
+def all_but(effects: Collection[str], library: Collection[str] = ()) -> tuple[str, ...]:
+    """The library without all effects but these: what an oracle that knows them does not ask for.
+
+    Args:
+        effects: to keep. library: names that such logs are asked for besides those of the actuator's chain.
+    """
     from hqpipe.effects import EFFECTS
 
-    return tuple(name for name in EFFECTS if name not in effects)
+    return tuple(name for name in dict.fromkeys((*EFFECTS, *library)) if name not in effects)
 
 
-def diagnose_case(case: Path, output: Path, without: tuple[str, ...]) -> None:
-    """One diagnosis, from the case's own folder alone."""
+def diagnose_case(case: Path, output: Path, without: tuple[str, ...], reference: Path | None = None) -> None:
+    """One diagnosis, from the case's own folder alone; with earlier logs of the machine, of what changed since."""
     from hqpipe.gap.diagnosis import diagnose, write_diagnosis
     from hqpipe.logs.log_set import read_log_set
 
     half = durable.new_folder(output)
     try:
-        write_diagnosis(diagnose(read_log_set(case), without=without), half)
+        earlier = None if reference is None else _earlier(reference, without)
+        write_diagnosis(diagnose(read_log_set(case), without=without, earlier=earlier), half)
     except Exception as error:  # one case that cannot be diagnosed is a miss of the score, not its end
         if system_failure(error):
             raise
@@ -96,21 +115,47 @@ def diagnose_case(case: Path, output: Path, without: tuple[str, ...]) -> None:
     durable.move_into_place(half, output)
 
 
-def truth_gaps(folder: Path, case: str, sets: dict[str, str]) -> dict[str, dict[str, float]]:
+def _earlier(reference: Path, without: tuple[str, ...]) -> Any:
+    """The earlier record of a machine, as `hqpipe diagnose --reference` takes it from logs."""
+    from hqpipe.gap.since_logs import earlier_logs
+    from hqpipe.logs.log_set import read_log_set
+
+    return earlier_logs(read_log_set(reference), None, without)
+
+
+def truth_gaps(
+    folder: Path, case: str, sets: dict[str, str], layers: Sequence[str] = ()
+) -> dict[str, dict[str, float]]:
     """Base gaps of a case ("with") and of its machines without effects, kept in truth/<case>/true_gaps.json.
 
     Args:
         folder: of the cases. case: name. sets: name of a set as in `hqpipe.gap.blind_truth.Gaps` → its log set.
+        layers: the first that the logs allow gives the base model; none for the paper's four coefficients.
     """
+    from hqpipe.gap.blind_layer import layer_gaps
     from hqpipe.gap.blind_truth import base_gap, scales
 
     path = folder / "truth" / case / GAPS
     if kept := _read(path):
         return kept
-    scale = scales(folder / case)
-    gaps = {name: base_gap(folder / place, scale) for name, place in {"with": case, **sets}.items()}
+    places = {name: folder / place for name, place in {"with": case, **sets}.items()}
+    if layers:
+        gaps = layer_gaps(places, layers)
+    else:
+        scale = scales(folder / case)
+        gaps = {name: base_gap(place, scale) for name, place in places.items()}
     _write(path, gaps)
     return gaps
+
+
+def case_library(folder: Path, case: str) -> list[str]:
+    """Effects that the layers ask for in the logs of a case, kept in truth/<case>/library.json."""
+    from hqpipe.gap.blind_layer import library_of
+
+    path = folder / "truth" / case / LIBRARY
+    if (kept := _read(path)) is None:
+        _write(path, kept := list(library_of(folder / case)))
+    return kept
 
 
 def gap_sets(truth: dict[str, Any]) -> dict[str, str]:
@@ -125,20 +170,35 @@ def gap_sets(truth: dict[str, Any]) -> dict[str, str]:
 
 
 def _gaps(folder: Path, answers: Sequence[Any], workers: int, progress: Progress) -> dict[str, Any]:
-    calls = {a.case: (folder, a.case, gap_sets(a.truth)) for a in answers if a.truth["all"]}
+    from hqpipe.gap.blind_layer import layers_of
+
+    calls = {a.case: (folder, a.case, gap_sets(a.truth), layers_of(a)) for a in answers if a.truth["all"]}
     found = in_processes(truth_gaps, calls, workers, lambda done, name: progress(done, len(calls), "true gaps"))
     return dict(zip(calls, found, strict=True))
 
 
-def _judged(answer: Any, results: Path, gaps: Any, without: tuple[str, ...]) -> Any:
+def _libraries(folder: Path, answers: Sequence[Any], workers: int, progress: Progress) -> dict[str, tuple[str, ...]]:
+    """Case → effects that its logs are asked for: those of the actuator's chain, or of the layers that judge its logs."""
+    from hqpipe.effects import EFFECTS
+    from hqpipe.gap.blind_layer import layers_of
+
+    calls = {a.case: (folder, a.case) for a in answers if layers_of(a)}
+    found: Sequence[list[str]] = ()
+    if calls:
+        found = in_processes(case_library, calls, workers, lambda done, name: progress(done, len(calls), "libraries"))
+    layered = dict(zip(calls, found, strict=True))
+    return {a.case: tuple(layered.get(a.case, EFFECTS)) for a in answers}
+
+
+def _judged(answer: Any, results: Path, gaps: Any, without: tuple[str, ...], library: Collection[str]) -> Any:
     from hqpipe.gap.blind_case import Judged
     from hqpipe.gap.diagnosis import errors_left
 
     place = results / answer.case
     content = _read(place / CONTENT)
     if content is None:
-        return Judged(answer, None, _read(place / FAILED)["error"], gaps, without)
-    return Judged(answer, content, "", gaps, without, errors_left(place))
+        return Judged(answer, None, _read(place / FAILED)["error"], gaps, without, library=frozenset(library))
+    return Judged(answer, content, "", gaps, without, errors_left(place), frozenset(library))
 
 
 def _check_names(without: Sequence[str], answers: Sequence[Any]) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from hqpipe.gap.blind_truth import Answer, Gaps, TrueEffect, must_be_named, shown
+from hqpipe.gap.blind_truth import CHANGE, Answer, Gaps, TrueEffect, alone, must_be_named, shown
 
 PARAMETER_TOLERANCE = 0.1  # the aim's
 SAME_PLACE = 0.8  # share of the joints: two of twelve may be off, a leg or a kind of joint is exactly right
@@ -35,8 +35,9 @@ class Judged:
 
     Attributes:
         answer: the truth. content: diagnosis.json, or None if the diagnosis failed. error: why it failed.
-        gaps: base gaps of `hqpipe.gap.blind_truth`, N·m. without: effects that the library lacked.
-        left: joint → RMSE that is left with the causes in the model, N·m; empty if the program did not write it.
+        gaps: base gaps of `hqpipe.gap.blind_truth`. without: effects that the library lacked.
+        left: joint → RMSE that is left with the causes in the model; empty if the program did not write it.
+        library: effects that the diagnosis of such logs chooses from, those in `without` too; empty if that is not known.
     """
 
     answer: Answer
@@ -45,6 +46,13 @@ class Judged:
     gaps: Gaps | None = None
     without: tuple[str, ...] = ()
     left: Mapping[str, float] = field(default_factory=dict)
+    library: frozenset[str] = frozenset()
+
+    @cached_property
+    def joints(self) -> frozenset[str]:
+        """Of the logs, as far as the diagnosis or the gaps name them."""
+        said = (self.content or {}).get("logs", {}).get("joints", ())
+        return frozenset(said) or frozenset((self.gaps or {}).get("with", ())) - {"all"}
 
     @cached_property
     def causes(self) -> list[Mapping[str, Any]]:
@@ -60,9 +68,29 @@ class Judged:
         return tuple(e for e in self.answer.effects if not e.outside and e.effect not in self.without)
 
     @property
+    def sought(self) -> tuple[TrueEffect, ...]:
+        """Those of them that the case is about."""
+        return tuple(e for e in self.namable if not e.ordinary)
+
+    @property
+    def counted(self) -> tuple[TrueEffect, ...]:
+        """Those, and what every such machine has as far as its own gap is known; the rest may be named and need not be."""
+        return tuple(e for e in self.namable if not e.ordinary or alone(e.effect) in (self.gaps or {}))
+
+    @property
+    def needed(self) -> tuple[TrueEffect, ...]:
+        """Those of the counted ones that make a gap."""
+        return tuple(e for e in self.counted if must_be_named(self.gaps, e))
+
+    @property
+    def not_asked(self) -> frozenset[str]:
+        """Names of the needed ones that a diagnosis of such logs does not choose from, as far as that is known."""
+        return frozenset(e.effect for e in self.needed) - self.library if self.library else frozenset()
+
+    @property
     def unnamable(self) -> bool:
         """Whether something is wrong that the library did not hold."""
-        return len(self.namable) < len(self.answer.effects)
+        return len(self.sought) < len(self.answer.sought)
 
     def of(self, effect: TrueEffect, strict: bool = False) -> list[Mapping[str, Any]]:
         """The causes that stand for an effect, without those that name another one that is there."""
@@ -70,7 +98,15 @@ class Judged:
         return [c for c in self.causes if c["effect"] not in others and stands_for(c, effect.effect, strict)]
 
     def top_is_right(self, strict: bool = False) -> bool:
-        return bool(self.causes) and any(stands_for(self.causes[0], e.effect, strict) for e in self.namable)
+        ordinary = {e.effect for e in self.namable if e.ordinary} - {e.effect for e in self.sought}
+        first = next((cause for cause in self.causes if cause["effect"] not in ordinary), None)
+        return first is not None and any(stands_for(first, e.effect, strict) for e in self.sought)
+
+    def alarms_rightly(self, strict: bool = False) -> bool:
+        """Whether nothing is named that is not there; strictly, and no gap seen, unless for what every such machine has."""
+        if self.content is None or self.false_names(strict):
+            return False
+        return not strict or bool(self.causes) or self.verdict == "no_gap"
 
     def false_names(self, strict: bool = False) -> list[str]:
         """Causes that stand for nothing that is wrong."""
@@ -85,11 +121,10 @@ class Judged:
 
     def exact(self, strict: bool = False) -> bool:
         """Every effect named that makes a gap, and nothing else."""
-        needed = [effect for effect in self.namable if must_be_named(self.gaps, effect)]
         return (
             self.content is not None
             and not self.false_names(strict)
-            and all(self.of(effect, strict) for effect in needed)
+            and all(self.of(effect, strict) for effect in self.needed)
         )
 
     def admits_ignorance(self) -> bool:
@@ -109,11 +144,14 @@ class Judged:
         """
         if not self.answer.effects or self.content is None:
             return None
-        judged = [self._joints_right(e, strict) for e in self.namable if self.of(e, strict)]
-        if any(e.scope != "machine" for e in self.answer.effects if e not in self.namable):
+        judged = [self._joints_right(e, strict) for e in self.counted if self.of(e, strict)]
+        if any(not self._everywhere(e) for e in self.answer.sought if e not in self.namable):
             judged.append(self._unknown_right())
         judged += [self._quarter_right(e.span) for e in self.answer.effects if e.span]
         return all(judged) if judged else None
+
+    def _everywhere(self, effect: TrueEffect) -> bool:
+        return effect.scope == "machine" or set(effect.joints) == self.joints
 
     def _joints_right(self, effect: TrueEffect, strict: bool) -> bool:
         said = {joint for cause in self.of(effect, strict) for joint in cause["joints"]}
@@ -148,13 +186,18 @@ class Judged:
             if effect.span:
                 continue
             for cause in self.of(effect, strict=True):
-                for name, true in effect.parameters.items():
-                    if name in cause["parameters"]:
+                for name in (name for name in effect.parameters if name in cause["parameters"]):
+                    true = effect.true_value(name, cause["joints"])
+                    if true != 0.0:  # errors are relative
                         yield self._compare(effect, cause, name, true)
 
     def _compare(self, effect: TrueEffect, cause: Mapping[str, Any], name: str, true: float) -> dict[str, Any]:
         claim = cause["parameters"][name]
-        error = (claim["value"] - true) / abs(true)
+        then = (
+            (claim.get("reference") or 0.0) if self.answer.kind == CHANGE else 0.0
+        )  # a change's truth is what was added
+        value, (low, high) = claim["value"] - then, (end - then for end in claim["ci95"])
+        error = (value - true) / abs(true)
         return {
             "case": self.answer.case,
             "effect": effect.effect,
@@ -162,34 +205,35 @@ class Judged:
             "joints": list(cause["joints"]),
             "parameter": name,
             "true": true,
-            "value": claim["value"],
-            "ci95": list(claim["ci95"]),
+            "value": value,
+            "ci95": [low, high],
             "error": error,
             "close": abs(error) <= PARAMETER_TOLERANCE,
-            "covered": claim["ci95"][0] <= true <= claim["ci95"][1],
+            "covered": low <= true <= high,
         }
 
     def truth_text(self) -> str:
         """e.g. "valve_deadband (typical) in LFK + torque_bias"."""
-        return " + ".join(_effect_text(e) for e in self.answer.effects) or "no effect"
+        return " + ".join(_effect_text(e, self._everywhere(e)) for e in self.answer.effects) or "no effect"
 
     def answer_text(self) -> str:
         """e.g. "unknown: valve_lag 0.97 in LFK [or command_delay]"."""
         if self.content is None:
             return f"failed: {self.error}"
         named = [
-            f"{c['effect']} {c['probability']:.2f} in {_joints_text(c['joints'])}"
+            f"{c['effect']} {c['probability']:.2f} in {_joints_text(c['joints'], set(c['joints']) == self.joints)}"
             + (f" [or {', '.join(sorted(alternatives(c)))}]" if alternatives(c) else "")
             for c in self.causes
         ]
         return f"{self.verdict}: {' + '.join(named) if named else 'no cause named'}"
 
 
-def _effect_text(effect: TrueEffect) -> str:
+def _effect_text(effect: TrueEffect, everywhere: bool) -> str:
     span = f" from {effect.span[0]:.0%} to {effect.span[1]:.0%} of the trial" if effect.span else ""
-    size = effect.size if effect.factor is None else f"{effect.factor:.2f} × small"
-    return f"{effect.effect}{f' ({size})' if size else ''} in {_joints_text(effect.joints)}{span}"
+    size = "ordinary" if effect.ordinary else effect.size if effect.factor is None else f"{effect.factor:.2f} × small"
+    return f"{effect.effect}{f' ({size})' if size else ''} in {_joints_text(effect.joints, everywhere)}{span}"
 
 
-def _joints_text(joints: Sequence[str]) -> str:
-    return "all joints" if len(joints) == 12 else ", ".join(joints)
+def _joints_text(joints: Sequence[str], everywhere: bool) -> str:
+    """Names of the joints; a machine of one joint has its name told."""
+    return "all joints" if everywhere and len(joints) > 1 else ", ".join(joints)

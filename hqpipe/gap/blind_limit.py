@@ -66,11 +66,11 @@ def fit_ratio(sizes: np.ndarray, named: np.ndarray, other: np.ndarray) -> float 
 
 
 def _named(judged: Sequence[Judged], strict: bool = False) -> np.ndarray:
-    return np.array([any(case.of(effect, strict) for effect in case.namable) for case in judged], dtype=bool)
+    return np.array([any(case.of(effect, strict) for effect in case.sought) for case in judged], dtype=bool)
 
 
 def _factors(judged: Sequence[Judged]) -> np.ndarray:
-    return np.array([case.answer.effects[0].factor for case in judged], dtype=float)
+    return np.array([case.answer.sought[0].factor for case in judged], dtype=float)
 
 
 def _extras(judged: Sequence[Judged]) -> np.ndarray:
@@ -142,7 +142,7 @@ def _row(axis: dict[str, Any], strict: float | None) -> dict[str, Any]:
 
 def _by_effect(judged: Sequence[Judged], named: np.ndarray, known: np.ndarray) -> list[dict[str, Any]]:
     """How often each effect was named by either, and the limits where there are cases enough."""
-    names, factors = np.array([case.answer.effects[0].effect for case in judged]), _factors(judged)
+    names, factors = np.array([case.answer.sought[0].effect for case in judged]), _factors(judged)
     rows = []
     for effect in sorted(set(names.tolist())):
         inside = names == effect

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,14 @@ from hqpipe.sysid.free_run import WINDOW_S, free_run
 FORMAT = "hqpipe-blind/1"
 ANSWERS = "answers.json"
 _KEYS = ("case", "kind", "effects", "truth")
+QUADRUPED = "quadruped"  # machine of the cases that name none
+CHANGE = "change"  # kind of a case with earlier logs: only what changed since is a cause
 SHOWN = 0.3  # assumption: a joint with a third of the effect of the worst one must be named, with less it may be
 LEAST_RISE = 0.05  # assumption: an effect that alone raises no joint's gap by more need not be named
 GAPLESS = {"torque_scale"}  # the model's coefficients take it up: there is no gap, and other channels show it
 
 Gap = Mapping[str, float]
-"""RMSE by joint, N·m, and over "all", each joint's against its scale in the case."""
+"""RMSE by joint in the unit of its output, and over "all", each joint's against its scale in the case."""
 Gaps = Mapping[str, Gap]
 """`Gap` of the case ("with"), of its machine without effects ("all"), without one (`lacking`) and with one (`alone`)."""
 
@@ -47,6 +49,7 @@ class TrueEffect:
         effect, layer, scope: as in diagnosis.json. joints: where. outside: not in the library.
         size: "small", "typical", "large" or None. span: start and end as shares of the trial, or None.
         parameters: those with a number in diagnosis.json. factor: size over the small one of a faint effect, else None.
+        per_joint: joint → parameters, where joints differ. ordinary: every such machine has it, beside what the case is about.
     """
 
     effect: str
@@ -58,20 +61,40 @@ class TrueEffect:
     span: tuple[float, float] | None
     parameters: Mapping[str, float]
     factor: float | None = None
+    per_joint: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    ordinary: bool = False
+
+    def true_value(self, parameter: str, joints: Sequence[str]) -> float:
+        """Of the joints that a cause names, their mean."""
+        values = [self.per_joint[joint][parameter] for joint in joints if parameter in self.per_joint.get(joint, {})]
+        return sum(values) / len(values) if values else self.parameters[parameter]
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What is wrong in one case; `truth` holds the folders of its log sets without effects, "all" or by effect."""
+    """What is wrong in one case.
+
+    Attributes:
+        effects: that were planted; of a case of kind `CHANGE` what was added since its earlier logs, in numbers too.
+        truth: folders of its log sets without effects, "all" or by effect. machine: family of the machine, e.g. "servo".
+        reference: folder of its earlier logs, which the diagnosis is given too; None without.
+    """
 
     case: str
     kind: str
     effects: tuple[TrueEffect, ...]
     truth: Mapping[str, Any]
+    machine: str = QUADRUPED
+    reference: str | None = None
 
     @property
     def names(self) -> frozenset[str]:
         return frozenset(effect.effect for effect in self.effects)
+
+    @property
+    def sought(self) -> tuple[TrueEffect, ...]:
+        """The effects that the case is about."""
+        return tuple(effect for effect in self.effects if not effect.ordinary)
 
 
 def read_answers(folder: Path) -> list[Answer]:
@@ -89,10 +112,13 @@ def read_answers(folder: Path) -> list[Answer]:
     for number, entry in enumerate(raw["answers"]):
         if missing := [key for key in _KEYS if key not in entry]:
             raise LogError(f"{path}: answers[{number}] has no '{missing[0]}'; make the cases again")
-    return [_answer(entry) for entry in raw["answers"]]
+        if entry["kind"] == CHANGE and not entry.get("reference"):
+            raise LogError(f"{path}: answers[{number}] is a change without 'reference'; make the cases again")
+    machine = raw.get("machine", QUADRUPED)
+    return [_answer(entry, entry.get("family", machine)) for entry in raw["answers"]]
 
 
-def _answer(entry: Mapping[str, Any]) -> Answer:
+def _answer(entry: Mapping[str, Any], machine: str) -> Answer:
     effects = tuple(
         TrueEffect(
             effect["effect"],
@@ -102,12 +128,18 @@ def _answer(entry: Mapping[str, Any]) -> Answer:
             effect["outside"],
             effect["size"],
             tuple(effect["span"]) if effect["span"] else None,
-            {name: value for name, value in effect["parameters"].items() if value is not None},
+            _numbers(effect["parameters"]),
             effect.get("factor"),
+            {joint: _numbers(values) for joint, values in effect.get("per_joint", {}).items()},
+            effect.get("ordinary", False),
         )
         for effect in entry["effects"]
     )
-    return Answer(entry["case"], entry["kind"], effects, entry["truth"])
+    return Answer(entry["case"], entry["kind"], effects, entry["truth"], machine, entry.get("reference"))
+
+
+def _numbers(parameters: Mapping[str, float | None]) -> dict[str, float]:
+    return {name: value for name, value in parameters.items() if value is not None}
 
 
 def scales(folder: Path) -> dict[str, float]:
@@ -185,7 +217,8 @@ def _rises(gaps: Gaps | None, effect: TrueEffect) -> dict[str, float]:
     name = alone(effect.effect) if gaps and alone(effect.effect) in gaps else "with"
     if not gaps or "all" not in gaps:
         return {}
-    return {joint: gaps[name][joint] / gaps["all"][joint] - 1.0 for joint in effect.joints}
+    judged = [joint for joint in effect.joints if joint in gaps[name] and joint in gaps["all"]]
+    return {joint: gaps[name][joint] / gaps["all"][joint] - 1.0 for joint in judged}
 
 
 def must_be_named(gaps: Gaps | None, effect: TrueEffect) -> bool:

@@ -7,6 +7,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from hqpipe.report.blind_groups import group_sections
 from hqpipe.report.blind_limit import limit_section
 from hqpipe.report.blind_parts import inline_svg, plain_table
 from hqpipe.report.blind_table import interval_text, reached_text, share_text, title_text
@@ -61,6 +62,7 @@ def page(score: Mapping[str, Any]) -> str:
             ((row["measure"], share_text(row), interval_text(row)) for row in score["more"] if row["of"]),
             numbers=(1, 2),
         ),
+        group_sections(score),
         "<h2>Probabilities and detection</h2>",
         _figures(score),
         limit_section(score.get("limit")),
