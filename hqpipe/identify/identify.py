@@ -1,13 +1,21 @@
-"""The search over the joints of a layer."""
+"""The search over the joints of a layer, and what joints of one machine say of each other."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
-from hqpipe.identify.found import LayerFound
-from hqpipe.identify.model import LayerJoints
+import numpy as np
+
+from hqpipe.identify.change import changes_between
+from hqpipe.identify.found import JointFound, LayerFound
+from hqpipe.identify.joint_answer import answer
+from hqpipe.identify.model import JointModel, LayerJoints
+from hqpipe.identify.search import Known, Search
 
 Progress = Callable[[float, float, str], None]
+_EXPECTED = 1.0  # effects of a joint beforehand; assumption: logs are diagnosed because something is wrong
+_WEIGHT = 3.0  # joints that the expectation counts as, beside the other joints of the machine; assumption
 
 
 def identify(
@@ -15,8 +23,66 @@ def identify(
 ) -> LayerFound:
     """Find the effects of every joint.
 
+    Each joint is searched by itself. Then an effect that other joints have is more probable in this one, and one that they lack
+    less (a beta-binomial prior), and what the joints say is weighed again.
+
     Args:
-        joints: of one layer. workers: joints at a time; the answer does not depend on it. progress: called with (done, total, text).
+        joints: of one layer. workers: joints at a time; the answer does not depend on it.
+        progress: called with (done, total, text).
         reference: the same joints in an earlier record of the machine; then causes are what changed since.
     """
-    raise NotImplementedError
+    if reference is not None:
+        return changes_between(reference, joints, lambda models: _searched(models, workers, progress))
+    return LayerFound(joints, _searched(joints.models, workers, progress))
+
+
+def _searched(models: Sequence[JointModel], workers: int, progress: Progress | None) -> tuple[JointFound, ...]:
+    done = 0
+
+    def first(model: JointModel) -> tuple[Search, Known]:
+        nonlocal done
+        search = Search(model, prior_odds(model, {}, 0))
+        found = search.run()
+        done += 1
+        if progress is not None:
+            progress(done, len(models), model.joint)
+        return search, found
+
+    with ThreadPoolExecutor(max(workers, 1)) as pool:
+        searched = list(pool.map(first, models))
+        if len(models) > 1:
+            present = [known.names for _, known in searched]
+            others = [present[:j] + present[j + 1 :] for j in range(len(models))]
+            searched = list(
+                pool.map(lambda pair: _weighed_again(*pair[0], pair[1]), zip(searched, others, strict=True))
+            )
+        return tuple(pool.map(lambda pair: answer(*pair), searched))
+
+
+def prior_odds(model: JointModel, others: Mapping[str, int], joints: int) -> dict[str, float]:
+    """ln of the prior odds of each effect.
+
+    Args:
+        others: effect → how many of the other joints have it. joints: how many other joints there are.
+    """
+    expected = min(_EXPECTED / max(len(model.effects), 1), 0.5)
+    found = {}
+    for effect in model.effects:
+        share = (_WEIGHT * expected + others.get(effect.name, 0)) / (_WEIGHT + joints)
+        found[effect.name] = float(np.log(share / (1.0 - share)))
+    return found
+
+
+def _weighed_again(search: Search, known: Known, others: Sequence[frozenset[str]]) -> tuple[Search, Known]:
+    """The search with what the other joints have in its prior."""
+    count: dict[str, int] = {}
+    for names in others:
+        for name in names:
+            count[name] = count.get(name, 0) + 1
+    search.odds = prior_odds(search.model, count, len(others))
+    for name in sorted(count, key=lambda name: -count[name]):
+        if name in search.effects and name in search.addable(known.names) and search.odds[name] > 0.0:
+            larger = search.grown_by(known, name)
+            if search.gain(larger, known) > 0.0:
+                known = larger
+    return search, search.improved(known)

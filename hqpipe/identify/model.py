@@ -80,7 +80,7 @@ class JointModel(Protocol):
         base: parameters that every machine of this kind has; always free.
         effects: candidates.
         fit, heldout: samples of the trials of each split; `heldout` may hold none.
-        noise: (fit, held-out) root mean square that sensor noise alone leaves in the error of a perfect model, unit of the output.
+        noise: (fit, held-out) root mean square that sensor noise alone leaves in the error of a perfect model.
         notes: what an answer should say of this joint, one sentence each.
     """
 

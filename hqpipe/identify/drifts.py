@@ -1,0 +1,57 @@
+"""Numbers that differ from trial to trial: a sign that an effect is missing which depends on what differs between the trials.
+
+A constant of the machine is the same at every gain and load. For each parameter the best deviation of each trial is taken from
+the slope of its errors, all other parameters as fitted, and the scatter of these is held against what their errors explain.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import chi2
+
+from hqpipe.identify.model import all_parameters
+from hqpipe.identify.sampling import correlation_time
+from hqpipe.identify.search import Known, Search
+
+_CHANCE = 1e-4  # probability of such a scatter by chance; assumption: some ten numbers a joint are looked at
+_NOTABLE = 0.2  # of the number itself, between trials; assumption: less changes no answer
+_LEAST_TRIALS = 3
+
+
+def drifts(search: Search, best: Known) -> tuple[str, ...]:
+    """A sentence for each number of the joint that is not the same in all fit trials.
+
+    Args:
+        best: the set that describes the joint.
+    """
+    model, solution = search.model, best.solution
+    samples = model.fit
+    here = [k for k in range(len(samples.files)) if np.any(samples.trial == k)]
+    if len(here) < _LEAST_TRIALS:
+        return ()
+    time = correlation_time(solution.error, samples)
+    parameters = all_parameters(model)
+    found = []
+    for place, index in enumerate(solution.free):
+        slope = solution.jacobian[:, place]
+        moves, weights = [], []
+        for k in here:
+            mine = samples.trial == k
+            information = float(slope[mine] @ slope[mine])
+            if information > 0.0:
+                moves.append(-float(slope[mine] @ solution.error[mine]) / information)
+                weights.append(information / (best.covariance.noise * time))
+        value = abs(float(solution.values[index]))
+        moved, weight = np.array(moves), np.array(weights)
+        if len(moved) < _LEAST_TRIALS or value == 0.0:
+            continue
+        scatter = float(weight @ (moved - weight @ moved / weight.sum()) ** 2)
+        spread = float(np.sqrt(max(np.average((moved - np.average(moved, weights=weight)) ** 2, weights=weight), 0.0)))
+        if chi2.sf(scatter, len(moved) - 1) < _CHANCE and spread > _NOTABLE * value:
+            low, high = (solution.values[index] + pick(moved) for pick in (np.min, np.max))
+            parameter = parameters[index]
+            found.append(
+                f"{model.joint}: {parameter.name} differs from trial to trial, from {low:.3g} to {high:.3g} {parameter.unit}: "
+                "an effect that depends on what differs between them is missing"
+            )
+    return tuple(found)

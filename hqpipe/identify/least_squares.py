@@ -1,0 +1,153 @@
+"""Least squares with bounds and weak priors on the free parameters of one joint.
+
+Levenberg–Marquardt (Marquardt 1963) with the sensitivities taken as differences. A fit is a function of the model, the free
+parameters and the start alone; it ends when a step no longer helps, with the same tolerance for every set of effects.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hqpipe.identify.model import JointModel, all_parameters
+
+_STEP = 3e-3  # of the spread: long enough that a stick-slip event which moves by a substep does not decide the slope
+_TOLERANCE = 1e-6  # of the cost; assumption: far below what any decision here turns on
+_ITERATIONS = 40  # assumption: a fit that needs more does not converge
+_LEAST_DAMPING, _DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
+_SEEN = 1e-7  # of the size of the error, that a difference must reach to be told from rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A fit.
+
+    Attributes:
+        free: (F,) indices of the free parameters. values: (P,) all of them. error: (N,). jacobian: (N, F) of the error.
+        square: sum of the squared errors.
+    """
+
+    free: np.ndarray
+    values: np.ndarray
+    error: np.ndarray
+    jacobian: np.ndarray
+    square: float
+
+
+class Fitter:
+    """Fits one model again and again; keeps its parameters' bounds and priors as arrays.
+
+    Attributes:
+        neutral, spread, low, high: (P,) of all parameters.
+    """
+
+    def __init__(self, model: JointModel) -> None:
+        self.model = model
+        parameters = all_parameters(model)
+        self.neutral = np.array([p.neutral for p in parameters], dtype=np.float64)
+        self.spread = np.array([p.spread for p in parameters], dtype=np.float64)
+        self.low = np.array([p.low for p in parameters], dtype=np.float64)
+        self.high = np.array([p.high for p in parameters], dtype=np.float64)
+        self._effects = np.arange(len(parameters)) >= len(model.base)
+
+    def error(self, values: np.ndarray) -> np.ndarray:
+        """(N,) at the fit samples; infinite where the prediction overflows."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = self.model.error(values)
+        return found if np.isfinite(found).all() else np.full(len(found), np.inf)
+
+    def fit(self, free: np.ndarray, start: np.ndarray, noise: float) -> Solution:
+        """Fit the free parameters.
+
+        Args:
+            free: (F,) indices. start: (P,). noise: variance of the errors, which weighs the priors.
+        """
+        values = np.clip(start, self.low, self.high)
+        error = self.error(values)
+        cost, damping = self._cost(values, error, free, noise), _DAMPING
+        jacobian = np.zeros((len(error), len(free)))
+        if not np.isfinite(cost):
+            return Solution(free, values, error, jacobian, np.inf)
+        for _ in range(_ITERATIONS):
+            jacobian = self.jacobian(values, error, free)
+            before = cost
+            while damping <= _MOST_DAMPING:
+                trial = self._stepped(values, error, jacobian, free, noise, damping)
+                trial_error = self.error(trial)
+                trial_cost = self._cost(trial, trial_error, free, noise)
+                if trial_cost < cost:
+                    values, error, cost = trial, trial_error, trial_cost
+                    damping = max(damping / 10.0, _LEAST_DAMPING)
+                    break
+                damping *= 10.0
+            if before - cost <= _TOLERANCE * before:
+                break
+        return Solution(free, values, error, jacobian, float(error @ error))
+
+    def jacobian(self, values: np.ndarray, error: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """(N, F) of the error by one-sided differences, away from a bound."""
+        columns = np.empty((len(error), len(free)))
+        size = float(np.sqrt(error @ error)) or 1.0
+        for k, index in enumerate(free):
+            step = self._step(values, int(index))
+            for _ in range(4):
+                moved = values.copy()
+                moved[index] += step
+                difference = self.error(moved) - error
+                if not np.isfinite(difference).all():
+                    difference = np.zeros(len(error))
+                    break
+                if difference @ difference > (_SEEN * size) ** 2:
+                    break
+                step = self._within(values, int(index), 10.0 * step)
+            columns[:, k] = difference / step
+        return columns
+
+    def _step(self, values: np.ndarray, index: int) -> float:
+        size = self.spread[index] if np.isfinite(self.spread[index]) else max(abs(values[index]), 1e-3)
+        return self._within(values, index, _STEP * size)
+
+    def _within(self, values: np.ndarray, index: int, step: float) -> float:
+        """The step, turned round where it would leave the bounds."""
+        if not self.low[index] <= values[index] + step <= self.high[index]:
+            step = -step
+        return step
+
+    def _cost(self, values: np.ndarray, error: np.ndarray, free: np.ndarray, noise: float) -> float:
+        """Squared errors, and minus twice the logarithm of a Cauchy prior for each effect's parameter."""
+        if not np.isfinite(error[:1]).all():
+            return np.inf
+        return float(error @ error + 2.0 * noise * np.log1p(self._relative(values, free) ** 2).sum())
+
+    def _relative(self, values: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """(F,) deviations from neutral over the spread; 0 where nothing is known beforehand."""
+        known = np.isfinite(self.spread[free])
+        return np.where(known, (values - self.neutral)[free] / np.where(known, self.spread[free], 1.0), 0.0)
+
+    def _stepped(
+        self,
+        values: np.ndarray,
+        error: np.ndarray,
+        jacobian: np.ndarray,
+        free: np.ndarray,
+        noise: float,
+        damping: float,
+    ) -> np.ndarray:
+        prior = np.zeros(len(free))  # curvature of the prior
+        known = np.isfinite(self.spread[free])
+        prior[known] = 2.0 * noise / self.spread[free][known] ** 2 / (1.0 + self._relative(values, free)[known] ** 2)
+        normal = jacobian.T @ jacobian + np.diag(prior)
+        slope = jacobian.T @ error + prior * (values - self.neutral)[free]
+        now = values[free]
+        moves = ~(((now <= self.low[free]) & (slope > 0.0)) | ((now >= self.high[free]) & (slope < 0.0)))
+        moves &= np.diag(normal) > 0.0
+        if not moves.any():
+            return values
+        part = normal[np.ix_(moves, moves)]
+        scale = np.sqrt(np.diag(part))
+        part = part / np.outer(scale, scale) + damping * np.eye(len(scale))
+        step = -np.linalg.solve(part, slope[moves] / scale) / scale
+        trial = values.copy()
+        trial[free[moves]] += step
+        return np.clip(trial, self.low, self.high)

@@ -1,0 +1,93 @@
+"""How many independent samples correlated errors are worth, and what a parameter's uncertainty is then.
+
+Errors of a free run at 1 kHz stay alike for tenths of a second. Blocks of three autocorrelation times are taken as independent;
+the scatter of the blocks' contributions to the slope gives a covariance that holds for errors of any correlation (Huber 1967,
+White 1980; for time series Newey and West 1987).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hqpipe.identify.least_squares import Fitter, Solution
+from hqpipe.identify.model import Samples
+
+_BLOCK = 3.0  # autocorrelation times: neighbouring blocks then share a few per cent
+_DIED = 0.05  # autocorrelation below which the sum ends: later lags add noise
+
+
+def correlation_time(error: np.ndarray, samples: Samples) -> float:
+    """Samples over which errors are alike: 1 + 2 Σ ρ_k, trials pooled; 1 for white noise."""
+    pieces = [error[samples.trial == k] for k in range(len(samples.files))]
+    pieces = [piece for piece in pieces if len(piece) > 1]
+    if not pieces:
+        return 1.0
+    longest = max(len(piece) for piece in pieces)
+    sums = np.zeros(longest)
+    for piece in pieces:
+        spectrum = np.abs(np.fft.rfft(piece, 2 * longest)) ** 2
+        sums += np.fft.irfft(spectrum, 2 * longest)[:longest]
+    if sums[0] <= 0.0:
+        return 1.0
+    correlation = sums / sums[0]
+    below = np.flatnonzero(correlation < _DIED)
+    end = int(below[0]) if len(below) else longest
+    return float(max(1.0 + 2.0 * correlation[1:end].sum(), 1.0))
+
+
+def blocks(samples: Samples, length: float) -> np.ndarray:
+    """(N,) number of the block of each sample, from 0; no block holds samples of two trials."""
+    found, first = np.empty(len(samples.trial), dtype=np.int64), 0
+    for k in range(len(samples.files)):
+        here = np.flatnonzero(samples.trial == k)
+        if not len(here):
+            continue
+        count = max(int(len(here) / max(length, 1.0)), 1)
+        found[here] = first + np.arange(len(here)) * count // len(here)
+        first += count
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Covariance:
+    """Of the free parameters of a solution.
+
+    Attributes:
+        robust: (F, F), correlation of the errors accounted for. naive: (F, F), as if they were independent.
+        noise: variance of the errors. blocks: how many there are.
+    """
+
+    robust: np.ndarray
+    naive: np.ndarray
+    noise: float
+    blocks: int
+
+
+def covariance(fitter: Fitter, solution: Solution) -> Covariance:
+    """The covariance of what a fit found.
+
+    With few blocks the scatter is itself uncertain: it is averaged with the independent samples' value times the
+    correlation time, which counts as many blocks as there are parameters.
+    """
+    jacobian, error, free = solution.jacobian, solution.error, solution.free
+    samples = fitter.model.fit
+    noise = float(error @ error) / max(len(error) - len(free), 1)
+    normal = jacobian.T @ jacobian
+    spread = fitter.spread[free]
+    prior = np.where(np.isfinite(spread), noise / spread**2, 0.0)
+    scale = np.sqrt(np.maximum(np.diag(normal) + prior, np.finfo(float).tiny))
+    inverse = np.linalg.pinv((normal + np.diag(prior)) / np.outer(scale, scale), hermitian=True) / np.outer(
+        scale, scale
+    )
+    time = correlation_time(error, samples)
+    number = blocks(samples, _BLOCK * time)
+    count = int(number.max()) + 1 if len(number) else 1
+    sums = np.zeros((count, len(free)))
+    np.add.at(sums, number, jacobian * error[:, None])
+    scatter = sums.T @ sums * count / max(count - 1, 1)
+    expected = noise * time * normal
+    meat = (count * scatter + len(free) * expected) / (count + len(free))
+    robust = inverse @ (meat + noise * np.diag(prior)) @ inverse
+    return Covariance(0.5 * (robust + robust.T), noise * inverse, noise, count)

@@ -1,0 +1,253 @@
+"""Which effects a joint has: forwards, with exchanges and removals, until no single change makes the logs more probable.
+
+Every candidate is first screened by the slope of the error along it; the best ones are fitted together with all that is free
+already. The held-out samples play no part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+from hqpipe.identify.evidence import independence, log_bayes_factor, occam
+from hqpipe.identify.least_squares import Fitter, Solution
+from hqpipe.identify.model import Effect, JointModel, positions
+from hqpipe.identify.sampling import Covariance, correlation_time, covariance
+
+_REFITTED = 4  # of the screened candidates; assumption: the best one is among them, though a slope is no fit
+_REPLACED = 2  # of the screened candidates, that are tried in the place of another effect; assumption
+_MOST = 8  # effects in one joint; assumption: more cannot be told apart in one output
+_STARTS = 24  # combinations of starting values; assumption: more would be a search of its own
+_ROUNDS = 3  # of additions and exchanges; assumption: what still changes then is a draw
+_FARTHEST = 4.0  # starts away from neutral that the slope may suggest
+BASE_STARTS = 12  # combinations of starting values of base parameters that are tried
+
+Names = frozenset[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A set that was fitted.
+
+    Attributes:
+        solution: the fit. covariance: of its free parameters. span: (N, F) orthonormal, what the free parameters can do.
+    """
+
+    names: Names
+    solution: Solution
+    covariance: Covariance
+    span: np.ndarray
+
+
+@dataclass(eq=False)
+class Search:
+    """One joint.
+
+    Attributes:
+        odds: effect → ln of the prior odds that the joint has it.
+        gains: effect → ln of how much more probable the logs are with it beside the set that is reached.
+    """
+
+    model: JointModel
+    odds: Mapping[str, float]
+    fitter: Fitter = field(init=False)
+    known: dict[Names, Known] = field(init=False, default_factory=dict)
+    gains: dict[str, float] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.fitter = Fitter(self.model)
+        self.effects: dict[str, Effect] = {effect.name: effect for effect in self.model.effects}
+        names: Names = frozenset()
+        self.known[names] = self._known(names, base_solution(self.fitter))
+
+    @property
+    def base(self) -> Known:
+        return self.known[frozenset()]
+
+    def run(self) -> Known:
+        """The set that no addition, removal or exchange improves."""
+        best = self.base
+        for _ in range(_ROUNDS):
+            before = best.names
+            best = self.improved(self._grown(best))
+            if best.names == before:
+                break
+        return best
+
+    def improved(self, best: Known) -> Known:
+        """Drop what is not needed, and exchange single effects while that helps."""
+        seen = {best.names}
+        while (better := self._better(best)) is not None and better.names not in seen:
+            seen.add(better.names)
+            best = better
+        return best
+
+    def grown_by(self, known: Known, name: str) -> Known:
+        """The set with one more effect, started from the set."""
+        names = known.names | {name}
+        if names not in self.known:
+            self.known[names] = self._known(names, self._refit(known, name))
+        return self.known[names]
+
+    def without(self, known: Known, name: str) -> Known:
+        """The set without one of its effects; never worse than a part of it that is known."""
+        names = known.names - {name}
+        if names not in self.known:
+            start = known.solution.values.copy()
+            gone = self._places(name)
+            start[gone] = self.fitter.neutral[gone]
+            starts = [
+                start,
+                *(k.solution.values for k in self.known.values() if k.names < names and len(k.names) + 1 == len(names)),
+            ]
+            fits = [self._fit(names, start, known.covariance.noise) for start in starts]
+            self.known[names] = self._known(names, min(fits, key=lambda s: s.square))
+        return self.known[names]
+
+    def gain(self, large: Known, small: Known) -> float:
+        """ln of the posterior odds of a set against a part of it."""
+        odds = sum(self.odds[name] for name in large.names - small.names)
+        return log_bayes_factor(self.fitter, large.solution, large.covariance, small.solution) + odds
+
+    def preference(self, one: Known, other: Known) -> float:
+        """ln of the posterior odds of a set against another that is no part of it, both judged by the errors of the better."""
+        better = min(one, other, key=lambda k: k.solution.square)
+        free = np.arange(len(self.model.base), len(better.solution.free))
+        counts = independence(self.fitter, better.solution, better.covariance, free) if len(free) else 1.0
+        difference = other.solution.square - one.solution.square
+        return 0.5 * counts * difference / better.covariance.noise + self._price(one) - self._price(other)
+
+    def rank_beside(self, best: Known) -> None:
+        """Set the gains of all effects that are not in a set: of a fit where there is one, else of what the slope promises.
+
+        A promise is charged as by Schwarz (1978): half the logarithm of the independent samples for each number.
+        """
+        time = correlation_time(best.solution.error, self.model.fit)
+        independent = len(best.solution.error) / time
+        promises = {name: gain for gain, name in self.screened(best, self.addable(best.names))}
+        for name, effect in self.effects.items():
+            if name in best.names:
+                continue
+            larger = self.known.get(best.names | {name})
+            worth = 0.5 * promises.get(name, 0.0) / (best.covariance.noise * time)
+            charge = 0.5 * len(effect.parameters) * float(np.log(max(independent, 1.0)))
+            self.gains[name] = self.gain(larger, best) if larger else worth - charge + self.odds[name]
+
+    def addable(self, names: Names) -> list[str]:
+        """Effects that may join a set."""
+        shut = names.union(*(self.effects[name].excludes for name in names)) if names else names
+        return [n for n, e in self.effects.items() if n not in shut and not e.excludes & names]
+
+    def screened(self, known: Known, names: Sequence[str]) -> list[tuple[float, str]]:
+        """(squared error that the slope promises, effect), the best first; those that promise nothing are left out."""
+        found = [(self._promise(known, name)[0], name) for name in names]
+        return sorted(((gain, name) for gain, name in found if gain > 0.0), reverse=True)
+
+    def _grown(self, best: Known) -> Known:
+        while len(best.names) < _MOST:
+            ranked = self.screened(best, self.addable(best.names))
+            options = [(self.gain(k, best), k) for _, name in ranked[:_REFITTED] for k in [self.grown_by(best, name)]]
+            if not options:
+                break
+            gain, option = max(options, key=lambda pair: pair[0])
+            if gain <= 0.0:
+                break
+            best = option
+        return best
+
+    def _better(self, best: Known) -> Known | None:
+        """A more probable set with one effect less, or another one in its place."""
+        for name in sorted(best.names):
+            smaller = self.without(best, name)
+            if self.gain(best, smaller) <= 0.0:
+                return smaller
+            for option in self.replaced(smaller, name):
+                if self.preference(option, best) > 0.0:
+                    return option
+        return None
+
+    def replaced(self, smaller: Known, name: str) -> list[Known]:
+        """A set with each of the effects that promise most in the place of one that was taken out."""
+        others = [other for other in self.addable(smaller.names) if other != name]
+        return [self.grown_by(smaller, other) for _, other in self.screened(smaller, others)[:_REPLACED]]
+
+    def _price(self, known: Known) -> float:
+        places = np.arange(len(self.model.base), len(known.solution.free))
+        odds = sum(self.odds[name] for name in known.names)
+        return occam(self.fitter, known.solution, known.covariance, places) + odds
+
+    def _places(self, name: str) -> np.ndarray:
+        return positions(self.model, [name])[len(self.model.base) :]
+
+    def _fit(self, names: Names, start: np.ndarray, noise: float) -> Solution:
+        return self.fitter.fit(positions(self.model, list(names)), start, noise)
+
+    def _known(self, names: Names, solution: Solution) -> Known:
+        span, _ = np.linalg.qr(solution.jacobian)
+        return Known(names, solution, covariance(self.fitter, solution), span)
+
+    def _refit(self, known: Known, name: str) -> Solution:
+        _, start = self._promise(known, name)
+        return self._fit(known.names | {name}, start, known.covariance.noise)
+
+    def _promise(self, known: Known, name: str) -> tuple[float, np.ndarray]:
+        """What the slope along an effect promises to take off the squared error, and the values to start a fit from.
+
+        The slope is a secant from neutral to each combination of starting values, less what the free parameters can do.
+        """
+        values, error, span = known.solution.values, known.solution.error, known.span
+        best, start = 0.0, values
+        for combination in self._combinations(name):
+            moved = values.copy()
+            moved[self._places(name)] = combination
+            change = self.fitter.error(moved) - error
+            if not np.isfinite(change).all():
+                continue
+            change -= span @ (span.T @ change)
+            size = float(change @ change)
+            if size <= 0.0:
+                continue
+            share = -float(change @ error) / size
+            low, high = self._shares(name, combination)
+            share = float(np.clip(share, low, high))
+            gain = -2.0 * share * float(change @ error) - share**2 * size
+            if gain > best:
+                first = self._places(name)[0]
+                moved[first] = self.fitter.neutral[first] + share * (combination[0] - self.fitter.neutral[first])
+                best, start = gain, np.clip(moved, self.fitter.low, self.fitter.high)
+        return best, start
+
+    def _shares(self, name: str, combination: np.ndarray) -> tuple[float, float]:
+        """How far along the secant the first parameter may go."""
+        first = self._places(name)[0]
+        length = combination[0] - self.fitter.neutral[first]
+        if length == 0.0:
+            return 0.0, 1.0
+        bounds = (self.fitter.low[first], self.fitter.high[first])
+        ends = sorted((bound - self.fitter.neutral[first]) / length for bound in bounds)
+        return max(ends[0], -_FARTHEST), min(ends[1], _FARTHEST)
+
+    def _combinations(self, name: str) -> list[np.ndarray]:
+        """Starting values of an effect: those of its first parameter, or one spread, with those of the others, or neutral."""
+        options = []
+        for k, parameter in enumerate(self.effects[name].parameters):
+            default = parameter.neutral + parameter.spread if k == 0 else parameter.neutral
+            options.append(parameter.starts or (float(np.clip(default, parameter.low, parameter.high)),))
+        return [np.array(values, dtype=np.float64) for values in list(product(*options))[:_STARTS]]
+
+
+def base_solution(fitter: Fitter) -> Solution:
+    """The base parameters alone, from the best of their starting values."""
+    model = fitter.model
+    options = [parameter.starts or (parameter.neutral,) for parameter in model.base]
+    starts = []
+    for values in list(product(*options))[:BASE_STARTS]:
+        start = fitter.neutral.copy()
+        start[: len(model.base)] = values
+        starts.append(start)
+    free = np.arange(len(model.base))
+    best = min((fitter.fit(free, start, 0.0) for start in starts), key=lambda solution: solution.square)
+    return fitter.fit(free, best.values, best.square / max(len(best.error), 1))

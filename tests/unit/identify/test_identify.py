@@ -1,0 +1,130 @@
+"""Which effects are named in joints of known truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from toy_joint import ToyJoint
+
+from hqpipe.errors import UsageError
+from hqpipe.identify.found import JointFound
+from hqpipe.identify.identify import identify
+from hqpipe.identify.model import LayerJoints
+
+
+def _layer(*models):
+    return LayerJoints("joint_motion", "rmse", 0.1, "", tuple(models))
+
+
+def _found(*models, reference=None, workers=1) -> tuple[JointFound, ...]:
+    return identify(_layer(*models), workers=workers, reference=_layer(*reference) if reference else None).found
+
+
+def _names(joint: JointFound) -> list[str]:
+    return [cause.effect for cause in joint.causes]
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.9, 0.99])
+def test_a_clean_joint_has_no_cause(correlation):
+    assert not any(_names(_found(ToyJoint(correlation=correlation, seed=seed))[0]) for seed in range(20))
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.9])
+def test_planted_effects_are_named_with_their_numbers(correlation):
+    truth = {"coulomb_friction": 0.3, "spring": 0.5}
+    (joint,) = _found(ToyJoint(truth=truth, correlation=correlation))
+    assert sorted(_names(joint)) == sorted(truth)
+    for cause in joint.causes:
+        (number,) = cause.numbers
+        assert number.value == pytest.approx(truth[cause.effect], rel=0.1)
+        assert number.ci95[0] < truth[cause.effect] < number.ci95[1]
+        assert cause.probability > 0.99
+    assert np.mean(joint.named.heldout**2) < 0.5 * np.mean(joint.base.heldout**2)
+
+
+def test_what_no_effect_describes_gets_no_name():
+    (joint,) = _found(ToyJoint(truth={"cubic": 0.5}))
+    assert _names(joint) == []
+    assert joint.full.effects == ("cubic",)
+    assert joint.shapes["position"] > 0.5
+
+
+def test_intervals_hold_the_truth_nineteen_times_in_twenty():
+    inside = []
+    for seed in range(60):
+        (joint,) = _found(ToyJoint(truth={"coulomb_friction": 0.2}, correlation=0.95, seed=seed))
+        low, high = joint.causes[0].numbers[0].ci95
+        inside.append(low <= 0.2 <= high)
+    assert 0.85 <= np.mean(inside) <= 1.0
+
+
+def test_joints_that_share_an_effect_support_each_other():
+    alone, together = [], []
+    for seed in range(6):
+        joints = [ToyJoint(str(j), {"viscous_friction": 0.016}, correlation=0.95, seed=10 * seed + j) for j in range(5)]
+        alone += [_found(joint)[0].probabilities["viscous_friction"] for joint in joints]
+        together += [joint.probabilities["viscous_friction"] for joint in _found(*joints)]
+    assert np.mean(together) > np.mean(alone)
+
+
+def test_workers_do_not_change_the_answer():
+    joints = [ToyJoint(str(j), {"spring": 0.3 * (j % 2)}, seed=j) for j in range(4)]
+    one, two = _found(*joints), _found(*joints, workers=2)
+    assert [joint.causes for joint in one] == [joint.causes for joint in two]
+
+
+def test_a_number_that_differs_between_trials_is_told():
+    model = ToyJoint(truth={"coulomb_friction": 0.3})
+    model.fit.output[model.fit.trial == 1] += 0.3 * np.sign(model.fit.velocity[model.fit.trial == 1])
+    other = ToyJoint(truth={"coulomb_friction": 0.3}, seed=1)
+    merged = _with_third_trial(model, other)
+    (joint,) = _found(merged)
+    assert any("friction_nm differs from trial to trial" in text for text in joint.drifts)
+    assert not _found(ToyJoint(truth={"coulomb_friction": 0.3}))[0].drifts
+
+
+def _with_third_trial(model, other):
+    from hqpipe.identify.change import _joined
+
+    model.fit, model._fit = _joined(model.fit, other.fit), np.concatenate([model._fit, other._fit], axis=1)
+    return model
+
+
+class TestChanges:
+    def test_nothing_changed(self):
+        truth = {"coulomb_friction": 0.3}
+        (joint,) = _found(ToyJoint(truth=truth, seed=1), reference=[ToyJoint(truth=truth, seed=2)])
+        assert _names(joint) == []
+
+    def test_grown_friction_is_named_beside_what_it_was(self):
+        (joint,) = _found(
+            ToyJoint(truth={"coulomb_friction": 0.5, "spring": 0.4}, seed=1),
+            reference=[ToyJoint(truth={"coulomb_friction": 0.3, "spring": 0.4}, seed=2)],
+        )
+        assert _names(joint) == ["coulomb_friction"]
+        (number,) = joint.causes[0].numbers
+        assert number.reference == pytest.approx(0.3, abs=0.02)
+        assert number.value == pytest.approx(0.5, abs=0.02)
+        assert number.ci95[0] < 0.5 < number.ci95[1]
+        assert np.mean(joint.named.heldout**2) < 0.5 * np.mean(joint.base.heldout**2)
+
+    def test_a_new_effect_has_a_neutral_reference(self):
+        (joint,) = _found(ToyJoint(truth={"spring": 0.4}, seed=1), reference=[ToyJoint(seed=2)])
+        assert _names(joint) == ["spring"]
+        assert joint.causes[0].numbers[0].reference == pytest.approx(0.0, abs=0.02)
+
+    def test_a_base_number_that_changed_is_no_name(self):
+        (joint,) = _found(ToyJoint(truth={"offset": 0.4}, seed=1), reference=[ToyJoint(seed=2)])
+        assert _names(joint) == []
+        assert joint.shapes["offset"] > 0.5
+
+    def test_a_base_number_with_a_name_is_named(self):
+        now = ToyJoint(truth={"inertia": 1.3}, seed=1)
+        now.changes = {"payload": ("inertia",)}
+        (joint,) = _found(now, reference=[ToyJoint(seed=2)])
+        assert _names(joint) == ["payload"]
+        assert joint.causes[0].numbers[0].value == pytest.approx(1.3, abs=0.02)
+
+    def test_a_joint_without_a_reference_is_refused(self):
+        with pytest.raises(UsageError, match="no logs of joint 'knee'"):
+            _found(ToyJoint("knee"), reference=[ToyJoint("hip")])
