@@ -17,6 +17,7 @@ from hqpipe.gap.layer_errors import LayerErrors
 from hqpipe.gap.shapley import Shrink, shapley
 from hqpipe.gap.signs import NAME as UNSIGNED
 from hqpipe.identify.found import JointCause, Number
+from hqpipe.identify.model import JointModel, LayerJoints
 
 SENSING = "sensing"
 
@@ -46,16 +47,20 @@ class LayerCause:
         return max(cause.probability for cause in self.members.values())
 
 
-def merge_causes(errors: LayerErrors, layer: str, reported: Callable[[str, Number], Number]) -> list[LayerCause]:
+def merge_causes(
+    errors: LayerErrors, joints: LayerJoints, reported: Callable[[str, Number], Number]
+) -> list[LayerCause]:
     """One cause for each effect and set of joints that could share its numbers, the most joints first.
 
     Args:
-        layer: name. reported: (effect, number) → the number as it is reported.
+        joints: that were searched. reported: (effect, number) → the number as it is reported.
     """
+    layer, models = joints.layer, {model.joint: model for model in joints.models}
     found: dict[str, dict[str, JointCause]] = {}
     for joint in errors.joints:
         for cause in joint.found.causes:
-            told = replace(cause, numbers=tuple(reported(cause.effect, number) for number in cause.numbers))
+            known = _without_absent(models[joint.name], cause)
+            told = replace(known, numbers=tuple(reported(cause.effect, number) for number in known.numbers))
             found.setdefault(cause.effect, {})[joint.name] = told
     causes = []
     for effect, members in found.items():
@@ -64,9 +69,19 @@ def merge_causes(errors: LayerErrors, layer: str, reported: Callable[[str, Numbe
     return causes
 
 
-def unsigned_joints(errors: LayerErrors) -> tuple[str, ...]:
-    """Joints whose torque lost its sign."""
-    return tuple(joint.name for joint in errors.joints if getattr(joint.found.model, "unsigned", False))
+def _without_absent(model: JointModel, cause: JointCause) -> JointCause:
+    """The cause without numbers of an earlier record that say that it was absent there."""
+    neutral = {p.name: p.neutral for effect in model.effects if effect.name == cause.effect for p in effect.parameters}
+    if any(number.reference is None or number.reference != neutral.get(number.name) for number in cause.numbers):
+        return cause
+    return replace(cause, numbers=tuple(replace(number, reference=None) for number in cause.numbers))
+
+
+def unsigned_joints(joints: LayerJoints, then: LayerJoints | None = None) -> tuple[str, ...]:
+    """Joints whose torque lost its sign; beside an earlier record those where it has been lost since."""
+    before = unsigned_joints(then) if then is not None else ()
+    lost = (model.joint for model in joints.models if getattr(model, "unsigned", False))
+    return tuple(joint for joint in lost if joint not in before)
 
 
 def layer_of(effect: str, layer: str) -> str:

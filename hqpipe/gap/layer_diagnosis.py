@@ -93,7 +93,7 @@ def layer_diagnosis(
     errors = layer_errors(found, log_set)
     logs = of_joints(log_set, errors.names)
     evidence = weigh_layer(errors, _familiar(found, then) if then is not None else 0.0)
-    causes = merge_causes(errors, joints.layer, reporting(layer))
+    causes = merge_causes(errors, joints, reporting(layer))
     before, after = (
         errors.tally([getattr(joint.found, name) for joint in errors.joints]) for name in ("base", "named")
     )
@@ -106,7 +106,7 @@ def layer_diagnosis(
         evidence,
         causes,
         shares(errors, causes),
-        unsigned_joints(errors),
+        unsigned_joints(joints, then),
         places,
         [*warnings, *_told(found)],
         earlier,
@@ -153,17 +153,15 @@ def _known_then(joints: LayerJoints, then: LayerJoints, earlier: EarlierLogs) ->
 def _familiar(found: LayerFound, then: LayerJoints) -> np.ndarray:
     """(J,) mean squared error that the machine as it was may have on new logs without anything having changed.
 
-    What it left on its own logs, in proportion to how much the output moves in these.
+    What it left on its own logs, which come first in the samples of the fit, in proportion to how much the output moves.
     """
-    past = {model.joint: model for model in then.models}
+    past = {model.joint: model.fit for model in then.models}
     levels = []
     for joint in found.found:
-        model, now = past[joint.model.joint], joint.model
-        of_then, of_now = (bool(len(m.heldout.time)) for m in (model, now))
-        old, new = (m.heldout if held else m.fit for m, held in ((model, of_then), (now, of_now)))
-        error = np.mean(model.error(joint.base.values, of_then) ** 2)
+        old, new = past[joint.model.joint], joint.model.heldout if len(joint.model.heldout.time) else joint.model.fit
+        error = np.mean(joint.base.error[: len(old.time)] ** 2)
         swing = np.mean((new.output - new.held) ** 2) / max(np.mean((old.output - old.held) ** 2), 1e-300)
-        levels.append(FAMILIAR * error * swing if np.isfinite(error) else 0.0)
+        levels.append(FAMILIAR * error * swing)
     return np.array(levels)
 
 
