@@ -160,8 +160,8 @@ def _familiar(found: LayerFound, then: LayerJoints) -> np.ndarray:
     for joint in found.found:
         old, new = past[joint.model.joint], joint.model.heldout if len(joint.model.heldout.time) else joint.model.fit
         error = np.mean(joint.base.error[: len(old.time)] ** 2)
-        swing = np.mean((new.output - new.held) ** 2) / max(np.mean((old.output - old.held) ** 2), 1e-300)
-        levels.append(FAMILIAR * error * swing)
+        moved, moves = (float(np.mean((part.output - part.held) ** 2)) for part in (old, new))
+        levels.append(FAMILIAR * error * (moves / moved if moved > 0.0 else 1.0))
     return np.array(levels)
 
 

@@ -94,9 +94,12 @@ ADVICE = {
     "channel_skew": "Stamp both channels at their source, or shift the later one by this much before the fit: it is an "
     "error of the log, not of the machine.",
     "valve_delay": "Look for the delay between controller and valve driver; give the rest to the simulator.",
-    "voltage_sag": "Log the supply voltage, use shorter and thicker leads or a stronger supply, and put the resistance in the simulator.",
-    "torque_limit": "Put the limit in the simulator, and keep the commanded motion below it; look at the drive's current limit and supply.",
-    "gain_error": "Read the gain from the drive's settings and state it in logset.yaml; use the one found here in the simulator.",
+    "voltage_sag": "Log the supply voltage, use thicker leads or a stronger supply, and put the resistance in the "
+    "simulator.",
+    "torque_limit": "Put the limit in the simulator, and keep the commanded motion below it; look at the drive's current "
+    "limit and supply.",
+    "gain_error": "Read the gain from the drive's settings and state it in logset.yaml; use the one found here in the "
+    "simulator.",
     "spring": "Look for a counterweight, gas spring or cable that pulls, and put it in the simulator as a joint stiffness.",
     "mount_tilt": "Level the base, or give its angle to the simulator.",
     "gain_change": "Look at the supply pressure first, then at the valve driver's gain and the valve's edges; train "

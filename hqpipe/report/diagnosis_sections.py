@@ -302,7 +302,8 @@ def considered(content: Content) -> str:
     )
     if len(rows) > OPEN_ROWS:
         table = f"<details><summary>{len(rows)} entries, the strongest first</summary>{table}</details>"
-    return f"<section><h2>Effects tried and not accepted</h2><p>The score is {_score(items)}; a heading sorts.</p>{table}</section>"
+    head = f"<h2>Effects tried and not accepted</h2><p>The score is {_score(items)}; a heading sorts.</p>"
+    return f"<section>{head}{table}</section>"
 
 
 def _score(items: Sequence[Content]) -> str:

@@ -27,7 +27,8 @@ class Layer:
     """One layer and whether it can be evaluated.
 
     Attributes:
-        layer: "actuator", "servo", "joint_motion", "sensing", "rigid_body" or "contact". mode: control mode of an actuator layer, else None.
+        layer: "actuator", "servo", "joint_motion", "sensing", "rigid_body" or "contact".
+        mode: control mode of an actuator layer, else None.
         possible: whether the channels are there. evaluated: whether `hqpipe diagnose` takes it with the set as it is.
         missing: columns that it lacks. note: what else there is to know.
     """
