@@ -20,6 +20,7 @@ from hqpipe.identify.found import JointCause, Number
 from hqpipe.identify.model import JointModel, LayerJoints
 
 SENSING = "sensing"
+_NEAR = 1e-3  # of the way to the value, from an end of an interval that is infinite in the form that is reported
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,19 +48,17 @@ class LayerCause:
         return max(cause.probability for cause in self.members.values())
 
 
-def merge_causes(
-    errors: LayerErrors, joints: LayerJoints, reported: Callable[[str, Number], Number]
-) -> list[LayerCause]:
+def merge_causes(errors: LayerErrors, joints: LayerJoints, apart: Any = None) -> list[LayerCause]:
     """One cause for each effect and set of joints that could share its numbers, the most joints first.
 
     Args:
-        joints: that were searched. reported: (effect, number) → the number as it is reported.
+        joints: that were searched. apart: the layer, which may say how its numbers are reported, see `reporting`.
     """
     layer, models = joints.layer, {model.joint: model for model in joints.models}
     found: dict[str, dict[str, JointCause]] = {}
     for joint in errors.joints:
         for cause in joint.found.causes:
-            known = _without_absent(models[joint.name], cause)
+            known, reported = _without_absent(models[joint.name], cause), reporting(models[joint.name], apart)
             told = replace(known, numbers=tuple(reported(cause.effect, number) for number in known.numbers))
             found.setdefault(cause.effect, {})[joint.name] = told
     causes = []
@@ -167,18 +166,30 @@ def _error_of(errors: LayerErrors, j: int, names: set[str]) -> np.ndarray:
     return base + part * (named - base)
 
 
-def reporting(layer: Any) -> Callable[[str, Number], Number]:
-    """How a layer reports its numbers: as they were fitted, unless it offers `reported(effect, name, value)`."""
-    given = getattr(layer, "reported", None)
+def reporting(model: JointModel, layer: Any = None) -> Callable[[str, Number], Number]:
+    """How the numbers of a joint are reported: as fitted, unless its model or its layer offers `reported(effect, name, value)`.
+
+    That gives name, value and unit in the form of diagnosis.json, as the limit of a drive for a share of its largest torque.
+    """
+    given = getattr(model, "reported", None) or getattr(layer, "reported", None)
     if given is None:
         return lambda effect, number: number
 
     def told(effect: str, number: Number) -> Number:
+        def form(fitted: float) -> float:
+            return float(given(effect, number.name, fitted)[1])
+
         name, value, unit = given(effect, number.name, number.value)
-        ends = sorted(float(given(effect, number.name, end)[1]) for end in number.ci95)
+        inner = [
+            end + _NEAR * (number.value - end) for end in number.ci95
+        ]  # where the other form has no end, as of 1/0
+        ends = sorted(
+            x if np.isfinite(x := form(end)) else form(near) for end, near in zip(number.ci95, inner, strict=True)
+        )
         if not np.isfinite([value, *ends]).all() or not ends[0] <= value <= ends[1]:
-            return number  # the interval reaches over a pole of the other form
-        then = None if number.reference is None else float(given(effect, number.name, number.reference)[1])
+            return number
+        then = None if number.reference is None else form(number.reference)
+        then = then if then is not None and np.isfinite(then) else None
         return Number(name, unit, float(value), (ends[0], ends[1]), then)
 
     return told

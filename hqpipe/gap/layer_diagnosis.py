@@ -13,7 +13,7 @@ from hqpipe.gap.answer import not_identifiable
 from hqpipe.gap.diagnosis_files import Diagnosis, Row
 from hqpipe.gap.joint_state import Progress
 from hqpipe.gap.layer_answer import layer_content
-from hqpipe.gap.layer_causes import merge_causes, reporting, shares, unsigned_joints
+from hqpipe.gap.layer_causes import merge_causes, shares, unsigned_joints
 from hqpipe.gap.layer_errors import LayerErrors, layer_errors
 from hqpipe.gap.layer_traces import layer_traces
 from hqpipe.gap.layer_verdict import weigh_layer
@@ -93,7 +93,7 @@ def layer_diagnosis(
     errors = layer_errors(found, log_set)
     logs = of_joints(log_set, errors.names)
     evidence = weigh_layer(errors, _familiar(found, then) if then is not None else 0.0)
-    causes = merge_causes(errors, joints, reporting(layer))
+    causes = merge_causes(errors, joints, layer)
     before, after = (
         errors.tally([getattr(joint.found, name) for joint in errors.joints]) for name in ("base", "named")
     )
@@ -153,7 +153,8 @@ def _known_then(joints: LayerJoints, then: LayerJoints, earlier: EarlierLogs) ->
 def _familiar(found: LayerFound, then: LayerJoints) -> np.ndarray:
     """(J,) mean squared error that the machine as it was may have on new logs without anything having changed.
 
-    What it left on its own logs, which come first in the samples of the fit, in proportion to how much the output moves.
+    What it left on its own logs, which come first in the samples of the fit; more where the output moves more, and not less
+    where it moves less, for an error such as that of a friction does not shrink with the motion.
     """
     past = {model.joint: model.fit for model in then.models}
     levels = []
@@ -161,7 +162,7 @@ def _familiar(found: LayerFound, then: LayerJoints) -> np.ndarray:
         old, new = past[joint.model.joint], joint.model.heldout if len(joint.model.heldout.time) else joint.model.fit
         error = np.mean(joint.base.error[: len(old.time)] ** 2)
         moved, moves = (float(np.mean((part.output - part.held) ** 2)) for part in (old, new))
-        levels.append(FAMILIAR * error * (moves / moved if moved > 0.0 else 1.0))
+        levels.append(FAMILIAR * error * (max(moves / moved, 1.0) if moved > 0.0 else 1.0))
     return np.array(levels)
 
 

@@ -27,6 +27,8 @@ _BETWEEN: tuple[tuple[frozenset[str], str], ...] = (
 )
 """Effects → what tells any two of them apart; the first entry that holds both counts."""
 _BY_SIGNAL = {
+    "position_command": "steps of several sizes from rest in both directions",
+    "duty": "the same large slow and fast motions at two supply voltages, with the voltage logged",
     "position": "the same slow motion to and fro over the whole range of the joint, at two loads",
     "velocity": "strokes over the same range at five or more speeds in both directions",
     "time": "the same motion in cold and in warm condition, with the temperature logged",
@@ -35,7 +37,7 @@ _BY_SIGNAL = {
     "load": "the same slow motion without and with a known load",
 }
 _OPEN = {
-    "servo": "log the motor current, or the duty and the supply voltage, beside command and position",
+    "servo": "log the motor current beside command and position",
     "joint_motion": "log a trial with a known mass at a known distance from the axis, slowly and then fast",
     "actuator": "log supply pressure and load beside the valve's command",
 }
@@ -60,11 +62,10 @@ def next_experiment(
     if not unexplained:
         return None
     head = "no effect of the library fits what is left"
-    if depends_on:
-        signal = depends_on[0]["signal"]
+    for row in depends_on:
+        signal, joints = row["signal"], ", ".join(row["joints"])
         known = next((text for name, text in _BY_SIGNAL.items() if name in signal), None)
         if known is not None:
-            joints = ", ".join(depends_on[0]["joints"])
             return f"{head}, which depends on the {signal.replace('_', ' ')}: in {joints}, {known}"
     return f"{head}; {_OPEN.get(layer, _OPEN['joint_motion'])}, {worst} alone with the others held"
 
