@@ -81,7 +81,7 @@ def _gap(
     return {
         "layer": joints.layer,
         "metric": joints.metric,
-        "window_s": joints.window_s,
+        "window_s": significant(joints.window_s),
         "window_reason": joints.window_reason,
         **gap_entry(log_set, squares, errors.scale, errors.units),
         "shrink": significant(shrink.whole),

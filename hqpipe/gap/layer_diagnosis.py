@@ -197,12 +197,12 @@ def _told(found: LayerFound) -> list[str]:
     notes: dict[str, list[str]] = {}
     for joint in found.found:
         for note in (*joint.model.notes, *joint.drifts):
-            notes.setdefault(note, []).append(joint.model.joint)
+            notes.setdefault(note.removeprefix(f"{joint.model.joint}: "), []).append(joint.model.joint)
     left: dict[str, list[str]] = {}
     for joint, reason in joints.left.items():
         left.setdefault(reason, []).append(joint)
     return [
         *joints.warnings,
-        *(note if all(name in note for name in names) else f"{listed(names)}: {note}" for note, names in notes.items()),
+        *(f"{listed(names)}: {note}" for note, names in notes.items()),
         *(f"{listed(names)} left out: {reason}" for reason, names in left.items()),
     ]

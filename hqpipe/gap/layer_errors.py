@@ -21,6 +21,9 @@ from hqpipe.identify.model import Samples
 from hqpipe.logs.trajectory import LogSet
 
 
+_SAMPLES = 20  # of a trial, to tell its noise from differences of up to the eighth order; assumption
+
+
 @dataclass(frozen=True, eq=False)
 class JudgedJoint:
     """One joint on its held-out samples; on the fit samples where none are held out (`heldout` False)."""
@@ -52,7 +55,8 @@ class JudgedJoint:
     def scale(self) -> float:
         """See `hqpipe.gap.joint_scale`."""
         fit = self.found.model.fit
-        return joint_scale([fit.output[fit.trial == i] for i in np.unique(fit.trial)])
+        parts = [fit.output[fit.trial == i] for i in np.unique(fit.trial)]
+        return joint_scale([part for part in parts if len(part) >= _SAMPLES] or [fit.output])
 
 
 @dataclass(frozen=True, eq=False)
