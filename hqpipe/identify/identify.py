@@ -15,6 +15,7 @@ from hqpipe.identify.search import Known, Search
 
 Progress = Callable[[float, float, str], None]
 _EXPECTED = 1.0  # effects of a joint beforehand; assumption: logs are diagnosed because something is wrong
+_COMMON = 0.5  # of the joints have a common effect; by its definition
 _WEIGHT = 3.0  # joints that the expectation counts as, beside the other joints of the machine; assumption
 
 
@@ -68,7 +69,8 @@ def prior_odds(model: JointModel, others: Mapping[str, int], joints: int) -> dic
     expected = min(_EXPECTED / max(len(model.effects), 1), 0.5)
     found = {}
     for effect in model.effects:
-        share = (_WEIGHT * expected + others.get(effect.name, 0)) / (_WEIGHT + joints)
+        before = _COMMON if effect.common else expected
+        share = (_WEIGHT * before + others.get(effect.name, 0)) / (_WEIGHT + joints)
         found[effect.name] = float(np.log(share / (1.0 - share)))
     return found
 

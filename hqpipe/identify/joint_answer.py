@@ -9,12 +9,16 @@ from scipy.stats import t as student
 
 from hqpipe.identify.drifts import drifts
 from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
+from hqpipe.identify.left_out import left_out_square
 from hqpipe.identify.sampling import correlation_time
 from hqpipe.identify.search import Known, Names, Search
 
 LEAST_GAIN = 0.05
-"""Share by which the squared error must grow without an effect for it to be a cause: 2.5 % of the error. An effect with less is
-of no use to a simulator. The cost: a real one that small is not named."""
+"""Share by which the squared error on data left out of the fit must grow without an effect for it to be a cause: 2.5 % of the
+error. An effect with less is of no use to a simulator. The cost: a real one that small is not named."""
+LEAST_SHARE = 0.01
+"""Share of the squared gap, from the base's error to the noise, that a cause must close: a tenth of the gap. What remains of a
+gap that is nine tenths closed refines its causes. The cost: a real effect that small beside a large one is not named."""
 BELIEVED = 0.5  # probability from which an effect is more likely there than not
 CONFUSED = (
     0.05  # probability of a set with another effect in its place, from which the two are said to be alike; assumption
@@ -27,31 +31,64 @@ def answer(search: Search, best: Known) -> JointFound:
     Args:
         best: the set that it reached.
     """
-    search.rank_beside(best)
-    probabilities, alike, without = {}, {}, {}
-    for name in sorted(best.names):
-        probabilities[name], alike[name], without[name] = _probability(search, best, name)
-    causes = [
-        name
-        for name in probabilities
-        if search.effects[name].named and probabilities[name] > BELIEVED and _grows(without[name], best) >= LEAST_GAIN
-    ]
-    causes.sort(key=lambda name: -without[name].solution.square)
-    named = _only(search, best, frozenset(causes))
-    full = fitted(search, best)
+    shapes = frozenset(name for name in best.names if not search.effects[name].named)
+    named = _worth_naming(search, _only(search, best, best.names - shapes))
+    while True:
+        core = _joined(search, named, shapes)
+        found = {name: _probability(search, core, name) for name in sorted(named.names)}
+        doubtful = [name for name, (probability, *_) in found.items() if probability <= BELIEVED]
+        if not doubtful:
+            break
+        named = search.without(named, min(doubtful, key=lambda name: found[name][0]))
+    search.rank_beside(core)
+    without = {name: search.without(named, name) for name in named.names}
+    causes = sorted(found, key=lambda name: -without[name].solution.square)
     return JointFound(
         model=search.model,
         base=fitted(search, search.base),
         named=fitted(search, named),
-        full=full,
-        causes=tuple(JointCause(n, probabilities[n], _numbers(search, best, n), alike[n]) for n in causes),
-        without={name: fitted(search, search.without(named, name)) for name in causes},
-        probabilities=_considered(search, probabilities),
+        full=fitted(search, min(best, core, key=lambda known: known.solution.square)),
+        causes=tuple(JointCause(n, found[n][0], _numbers(search, named, n), found[n][1]) for n in causes),
+        without={name: fitted(search, without[name]) for name in causes},
+        probabilities=_considered(search, {name: probability for name, (probability, *_) in found.items()}),
         gains=dict(search.gains),
-        shapes=_shapes(search, best, named),
-        independent=len(full.error) / correlation_time(full.error, search.model.fit),
-        drifts=drifts(search, best),
+        shapes=_shapes(search, core, named),
+        independent=len(best.solution.error) / correlation_time(best.solution.error, search.model.fit),
+        drifts=drifts(search, named),
     )
+
+
+def _worth_naming(search: Search, named: Known) -> Known:
+    """The set without the effects that close too little of the gap, each of the others exchanged where that is as good.
+
+    What counts is the error on groups of fit samples, each predicted from the others.
+    """
+    floor = len(named.solution.error) * search.model.noise[0] ** 2
+    gap = max(_left_out(search, search.base) - floor, 0.0)
+    if _left_out(search, named) >= float(np.sum((search.model.fit.held - search.model.fit.output) ** 2)):
+        return search.base  # what predicts no better than holding the output explains nothing
+    while named.names:
+        squares = {name: _left_out(search, search.without(named, name)) for name in sorted(named.names)}
+        name = min(squares, key=lambda name: squares[name])
+        square = _left_out(search, named)
+        if squares[name] - square >= max(LEAST_GAIN * square, LEAST_SHARE * gap):
+            break
+        named = search.improved(search.without(named, name), shapes=False)
+    return named
+
+
+def _left_out(search: Search, known: Known) -> float:
+    return left_out_square(search.fitter, known.solution)
+
+
+def _joined(search: Search, named: Known, shapes: Names) -> Known:
+    """The causes with the generic shapes that the logs ask for beside them."""
+    known = named
+    for name in sorted(shapes):
+        if name in search.addable(known.names):
+            larger = search.grown_by(known, name)
+            known = larger if search.gain(larger, known) > 0.0 else known
+    return known
 
 
 def fitted(search: Search, known: Known) -> Fitted:
@@ -62,7 +99,7 @@ def fitted(search: Search, known: Known) -> Fitted:
 
 
 def _probability(search: Search, best: Known, name: str) -> tuple[float, tuple[str, ...], Known]:
-    """Of an effect of the best set, beside the sets without it or with another in its place; the others; the set without it."""
+    """Of an effect of a set, beside the sets without it or with another in its place; the others; the set without it."""
     smaller = search.without(best, name)
     against = {"": -search.gain(best, smaller)}
     for option in search.replaced(smaller, name):
@@ -73,10 +110,6 @@ def _probability(search: Search, best: Known, name: str) -> tuple[float, tuple[s
     total = 1.0 + sum(weights.values())
     alike = tuple(o for o, w in weights.items() if o and search.effects[o].named and w / total >= CONFUSED)
     return 1.0 / total, alike, smaller
-
-
-def _grows(without: Known, best: Known) -> float:
-    return without.solution.square / max(best.solution.square, np.finfo(float).tiny) - 1.0
 
 
 def _only(search: Search, best: Known, names: Names) -> Known:

@@ -44,6 +44,7 @@ class Effect:
         named: False for a generic shape, which stands for what no effect of the library describes; what it closes is unknown.
         signal: of a generic shape, the signal on which the error depends, e.g. "position".
         excludes: names of effects that mean the same in these logs, of which at most one is in a set.
+        common: whether as many joints have it as not, as friction; others are as likely as one effect a joint makes them.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Effect:
     named: bool = True
     signal: str = ""
     excludes: frozenset[str] = frozenset()
+    common: bool = False
 
 
 @dataclass(frozen=True, eq=False)

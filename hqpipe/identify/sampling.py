@@ -2,7 +2,7 @@
 
 Errors of a free run at 1 kHz stay alike for tenths of a second. Blocks of three autocorrelation times are taken as independent;
 the scatter of the blocks' contributions to the slope gives a covariance that holds for errors of any correlation (Huber 1967,
-White 1980; for time series Newey and West 1987).
+White 1980).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.model import Samples
 
 _BLOCK = 3.0  # autocorrelation times: neighbouring blocks then share a few per cent
+_CELLS = 6  # of position, and of speed; assumption: a wrong law is off in one way over a sixth of the range
 _DIED = 0.05  # autocorrelation below which the sum ends: later lags add noise
 
 
@@ -65,11 +66,23 @@ class Covariance:
     blocks: int
 
 
+def states(samples: Samples) -> np.ndarray:
+    """(N,) number of the state of each sample: a cell of position and speed, equally full in each."""
+    return _sixth(samples.position) * _CELLS + _sixth(samples.velocity)
+
+
+def _sixth(values: np.ndarray) -> np.ndarray:
+    edges = np.quantile(values, np.linspace(0.0, 1.0, _CELLS + 1)[1:-1])
+    return np.searchsorted(edges, values)
+
+
 def covariance(fitter: Fitter, solution: Solution) -> Covariance:
     """The covariance of what a fit found.
 
-    With few blocks the scatter is itself uncertain: it is averaged with the independent samples' value times the
-    correlation time, which counts as many blocks as there are parameters.
+    Errors are alike in time, and alike where the joint is in the same state, however often it comes back there: a wrong law
+    of friction is wrong in the same way each time. The scatter is taken over blocks of time and over states, less what is
+    counted twice (Cameron, Gelbach and Miller 2011). With few blocks the scatter is itself uncertain: it is averaged with
+    that of independent samples times the correlation time, which counts as many blocks as there are parameters.
     """
     jacobian, error, free = solution.jacobian, solution.error, solution.free
     samples = fitter.model.fit
@@ -78,16 +91,28 @@ def covariance(fitter: Fitter, solution: Solution) -> Covariance:
     spread = fitter.spread[free]
     prior = np.where(np.isfinite(spread), noise / spread**2, 0.0)
     scale = np.sqrt(np.maximum(np.diag(normal) + prior, np.finfo(float).tiny))
-    inverse = np.linalg.pinv((normal + np.diag(prior)) / np.outer(scale, scale), hermitian=True) / np.outer(
-        scale, scale
-    )
+    unit = np.outer(scale, scale)
+    inverse = np.linalg.pinv((normal + np.diag(prior)) / unit, hermitian=True) / unit
     time = correlation_time(error, samples)
-    number = blocks(samples, _BLOCK * time)
-    count = int(number.max()) + 1 if len(number) else 1
-    sums = np.zeros((count, len(free)))
-    np.add.at(sums, number, jacobian * error[:, None])
-    scatter = sums.T @ sums * count / max(count - 1, 1)
+    block, state = blocks(samples, _BLOCK * time), states(samples)
+    slopes = jacobian * error[:, None] / scale
+    both = np.unique(block * _CELLS**2 + state, return_inverse=True)[1]
+    scatter = _scatter(slopes, block) + _scatter(slopes, state) - _scatter(slopes, both)
+    values, vectors = np.linalg.eigh(scatter)
+    scatter = (vectors * np.maximum(values, 0.0)) @ vectors.T * unit
+    count = int(block.max()) + 1 if len(block) else 1
     expected = noise * time * normal
     meat = (count * scatter + len(free) * expected) / (count + len(free))
     robust = inverse @ (meat + noise * np.diag(prior)) @ inverse
     return Covariance(0.5 * (robust + robust.T), noise * inverse, noise, count)
+
+
+def _scatter(slopes: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """(F, F) of the sums over groups; corrected for the freedom that the fit took from them."""
+    if not len(group):
+        return np.zeros((slopes.shape[1], slopes.shape[1]))
+    count = int(group.max()) + 1
+    sums = np.zeros((count, slopes.shape[1]))
+    np.add.at(sums, group, slopes)
+    filled = len(np.unique(group))
+    return sums.T @ sums * filled / max(filled - slopes.shape[1], 1)

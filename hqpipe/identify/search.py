@@ -77,10 +77,14 @@ class Search:
                 break
         return best
 
-    def improved(self, best: Known) -> Known:
-        """Drop what is not needed, and exchange single effects while that helps."""
+    def improved(self, best: Known, shapes: bool = True) -> Known:
+        """Drop what is not needed, and exchange single effects while that helps.
+
+        Args:
+            shapes: whether generic shapes may come in.
+        """
         seen = {best.names}
-        while (better := self._better(best)) is not None and better.names not in seen:
+        while (better := self._better(best, shapes)) is not None and better.names not in seen:
             seen.add(better.names)
             best = better
         return best
@@ -121,7 +125,7 @@ class Search:
         return 0.5 * counts * difference / better.covariance.noise + self._price(one) - self._price(other)
 
     def rank_beside(self, best: Known) -> None:
-        """Set the gains of all effects that are not in a set: of a fit where there is one, else of what the slope promises.
+        """Set the gains of all effects beside a set: of a fit where there is one, else of what the slope promises.
 
         A promise is charged as by Schwarz (1978): half the logarithm of the independent samples for each number.
         """
@@ -130,6 +134,7 @@ class Search:
         promises = {name: gain for gain, name in self.screened(best, self.addable(best.names))}
         for name, effect in self.effects.items():
             if name in best.names:
+                self.gains[name] = self.gain(best, self.without(best, name))
                 continue
             larger = self.known.get(best.names | {name})
             worth = 0.5 * promises.get(name, 0.0) / (best.covariance.noise * time)
@@ -158,20 +163,20 @@ class Search:
             best = option
         return best
 
-    def _better(self, best: Known) -> Known | None:
+    def _better(self, best: Known, shapes: bool) -> Known | None:
         """A more probable set with one effect less, or another one in its place."""
         for name in sorted(best.names):
             smaller = self.without(best, name)
             if self.gain(best, smaller) <= 0.0:
                 return smaller
-            for option in self.replaced(smaller, name):
+            for option in self.replaced(smaller, name, shapes):
                 if self.preference(option, best) > 0.0:
                     return option
         return None
 
-    def replaced(self, smaller: Known, name: str) -> list[Known]:
+    def replaced(self, smaller: Known, name: str, shapes: bool = True) -> list[Known]:
         """A set with each of the effects that promise most in the place of one that was taken out."""
-        others = [other for other in self.addable(smaller.names) if other != name]
+        others = [n for n in self.addable(smaller.names) if n != name and (shapes or self.effects[n].named)]
         return [self.grown_by(smaller, other) for _, other in self.screened(smaller, others)[:_REPLACED]]
 
     def _price(self, known: Known) -> float:

@@ -49,6 +49,12 @@ def test_what_no_effect_describes_gets_no_name():
     assert joint.shapes["position"] > 0.5
 
 
+def test_a_model_that_predicts_no_better_than_persistence_names_nothing():
+    model = ToyJoint(truth={"coulomb_friction": 0.3})
+    model.fit.held[:] = model.fit.output + 0.05
+    assert _names(_found(model)[0]) == []
+
+
 def test_intervals_hold_the_truth_nineteen_times_in_twenty():
     inside = []
     for seed in range(60):

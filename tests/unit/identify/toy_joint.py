@@ -54,7 +54,7 @@ class ToyJoint:
         for k in range(1, len(white)):
             white[k] += correlation * white[k - 1]
         output = numbers @ regressors + white + unknown * np.sin(9.0 * q)
-        return Samples(tuple(files), trial, clock, q, v, output, output), regressors
+        return Samples(tuple(files), trial, clock, q, v, output, np.roll(output, 20)), regressors
 
     def error(self, values, heldout=False):
         part, regressors = (self.heldout, self._heldout) if heldout else (self.fit, self._fit)

@@ -1,0 +1,40 @@
+"""Predicted errors of groups against fits without them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from toy_joint import ToyJoint
+
+from hqpipe.identify.least_squares import Fitter
+from hqpipe.identify.left_out import groups, left_out_square
+from hqpipe.identify.model import positions
+
+
+@pytest.mark.parametrize("effects", [(), ("coulomb_friction", "spring")])
+def test_it_is_what_refits_give_where_the_model_is_linear(effects):
+    model = ToyJoint(truth={"coulomb_friction": 0.3}, unknown=0.2)
+    fitter = Fitter(model)
+    free = positions(model, list(effects))
+    solution = fitter.fit(free, fitter.neutral, 0.0)
+    total = 0.0
+    number = groups(model.fit)
+    for group in np.unique(number):
+        rest = number != group
+        values = np.linalg.lstsq(model._fit[free][:, rest].T, model.fit.output[rest], rcond=None)[0]
+        total += np.sum((values @ model._fit[free][:, ~rest] - model.fit.output[~rest]) ** 2)
+    assert left_out_square(fitter, solution) == pytest.approx(total, rel=1e-3)
+
+
+def test_few_trials_are_cut_into_parts():
+    assert len(np.unique(groups(ToyJoint().fit))) == 10
+
+
+def test_a_useless_number_predicts_worse():
+    wins = 0
+    for seed in range(20):
+        model = ToyJoint(seed=seed, correlation=0.95)
+        fitter = Fitter(model)
+        base, more = (fitter.fit(positions(model, names), fitter.neutral, 0.0) for names in ([], ["spring", "cubic"]))
+        wins += left_out_square(fitter, base) < left_out_square(fitter, more)
+    assert wins >= 14
