@@ -68,6 +68,7 @@ class JointFound:
         shapes: signal of each generic shape in `full` → share of the squared held-out error of `named` that it closes.
         independent: number of samples that the fit samples are worth, their correlation accounted for.
         drifts: numbers that differ between trials by more than chance, as sentences.
+        withdrawn: effects that the fit trials ask for and with which the held-out trials are predicted worse.
     """
 
     model: JointModel
@@ -81,6 +82,7 @@ class JointFound:
     shapes: dict[str, float]
     independent: float
     drifts: tuple[str, ...] = ()
+    withdrawn: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,13 +36,15 @@ def answer(search: Search, best: Known) -> JointFound:
     while True:
         core = _joined(search, named, shapes)
         found = {name: _probability(search, core, name) for name in sorted(named.names)}
-        doubtful = [name for name, (probability, *_) in found.items() if probability <= BELIEVED]
+        doubtful = {name: probability for name, (probability, *_) in found.items() if probability <= BELIEVED}
         if not doubtful:
             break
-        named = search.without(named, min(doubtful, key=lambda name: found[name][0]))
+        named = search.without(named, min(doubtful, key=lambda name: doubtful[name]))
     search.rank_beside(core)
+    probabilities = _considered(search, {name: probability for name, (probability, *_) in found.items()})
+    claimed, named = named, _confirmed(search, named)
     without = {name: search.without(named, name) for name in named.names}
-    causes = sorted(found, key=lambda name: -without[name].solution.square)
+    causes = sorted(without, key=lambda name: -without[name].solution.square)
     return JointFound(
         model=search.model,
         base=fitted(search, search.base),
@@ -50,12 +52,35 @@ def answer(search: Search, best: Known) -> JointFound:
         full=fitted(search, min(best, core, key=lambda known: known.solution.square)),
         causes=tuple(JointCause(n, found[n][0], _numbers(search, named, n), found[n][1]) for n in causes),
         without={name: fitted(search, without[name]) for name in causes},
-        probabilities=_considered(search, {name: probability for name, (probability, *_) in found.items()}),
+        probabilities=probabilities,
         gains=dict(search.gains),
         shapes=_shapes(search, core, named),
         independent=len(best.solution.error) / correlation_time(best.solution.error, search.model.fit),
         drifts=drifts(search, named),
+        withdrawn=tuple(sorted(claimed.names - named.names)),
     )
+
+
+def _confirmed(search: Search, named: Known) -> Known:
+    """The causes without those that make the prediction of the held-out trials worse: a claim that they contradict is withdrawn.
+
+    They choose nothing else, and what is left is never made to look better by it.
+    """
+    while named.names:
+        with_all = _heldout_square(search, named)
+        worse = {n: with_all - _heldout_square(search, search.without(named, n)) for n in sorted(named.names)}
+        name = max(worse, key=lambda n: worse[n])
+        if worse[name] <= 0.0:
+            break
+        named = search.without(named, name)
+    return named
+
+
+def _heldout_square(search: Search, known: Known) -> float:
+    if not len(search.model.heldout.trial):
+        return 0.0
+    error = search.model.error(known.solution.values, True)
+    return float(error @ error)
 
 
 def _worth_naming(search: Search, named: Known) -> Known:

@@ -55,6 +55,14 @@ def test_a_model_that_predicts_no_better_than_persistence_names_nothing():
     assert _names(_found(model)[0]) == []
 
 
+def test_a_cause_that_the_held_out_trials_contradict_is_withdrawn():
+    model = ToyJoint(truth={"coulomb_friction": 0.3, "spring": 0.4})
+    model.heldout.output[:] -= 0.6 * np.sign(model.heldout.velocity)
+    (joint,) = _found(model)
+    assert _names(joint) == ["spring"]
+    assert joint.withdrawn == ("coulomb_friction",)
+
+
 def test_intervals_hold_the_truth_nineteen_times_in_twenty():
     inside = []
     for seed in range(60):
