@@ -52,12 +52,12 @@ def diagnose(
         UsageError: the record does not fit to the logs.
     """
     chosen = route_since(log_set) if isinstance(earlier, EarlierLogs) else route(log_set)
-    name = next((name for name in chosen.layers if not apply_layer(name).lacking(log_set)), None)
     if isinstance(earlier, Earlier):
         chosen = Route(True)  # a model of the law from command to torque knows of no other layer
+    elif earlier is not None:
+        (earlier.fits if chosen.actuator else earlier.fits_layer)(log_set)
+    name = next((name for name in chosen.layers if not apply_layer(name).lacking(log_set)), None)
     if not chosen.actuator:
-        if earlier is not None:
-            earlier.fits_layer(log_set)
         if name is None:
             return _lacking(log_set, chosen.layers, earlier)
         logs, left_out, warnings = position_checks(log_set)
@@ -66,7 +66,6 @@ def diagnose(
         )
     record, halves = earlier, progress
     if isinstance(earlier, EarlierLogs):
-        earlier.fits(log_set)
         record = earlier_logs(earlier.log_set, window_s, without, workers, _part(progress, 0.0, "reference: "))
         halves = _part(progress, 0.5)
     intake = intake_of(log_set, window_s, without, record)
@@ -102,7 +101,9 @@ def _both(first: Diagnosis, second: Diagnosis, blind: bool) -> Diagnosis:
     law = [first.law] if first.law is not None else []
     if not blind:
         content = first.content | {"gaps": [*law, second.content["gap"]]}
-        return _with_warnings(replace(first, content=content), [_summary(second.content)])
+        size = second.content["gap"]["normalised"]
+        tells = size["after"] ** 2 < BLIND * size["persistence"] ** 2
+        return _with_warnings(replace(first, content=content), [_summary(second.content)] if tells else [])
     content = second.content | {"gaps": [second.content["gap"], *law]}
     return _with_warnings(replace(second, content=content), [_no_law(law, second.content["gap"]["layer"])], first=True)
 

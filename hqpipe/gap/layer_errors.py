@@ -20,7 +20,6 @@ from hqpipe.identify.found import Fitted, JointFound, LayerFound
 from hqpipe.identify.model import Samples
 from hqpipe.logs.trajectory import LogSet
 
-
 _SAMPLES = 20  # of a trial, to tell its noise from differences of up to the eighth order; assumption
 
 

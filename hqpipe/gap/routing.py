@@ -51,7 +51,7 @@ def route(log_set: LogSet) -> Route:
     if "effort" in channels and commanded:
         fixed = mode == "position" or all((trial.base or log_set.base) == "fixed" for trial in log_set.trials)
         source = log_set.effort_source
-        if fixed and (source in GIVEN_BY_THE_DRIVE or (source is None and mode == "position")):
+        if moved and fixed and (source in GIVEN_BY_THE_DRIVE or (source is None and mode == "position")):
             return Route(True, moved, beside=source is not None)
         return Route(True)
     layers = moved if {"effort", "current"} & set(channels) else ()

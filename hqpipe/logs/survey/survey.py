@@ -170,7 +170,10 @@ def _undiagnosed(possible: Sequence[Layer], mode: str | None) -> list[Finding]:
     if not actuator or any(layer.evaluated for layer in possible if layer.layer != "sensing"):
         return []
     missing = actuator[mode or "position"].missing
-    text = f"hqpipe diagnose names no cause in these logs: the actuator layer needs {' and '.join(missing)}"
+    text = (
+        f"hqpipe diagnose names no cause in these logs: the actuator layer needs {' and '.join(missing)}; either of torque and "
+        "command would do for another layer"
+    )
     return [Finding(text)]
 
 
