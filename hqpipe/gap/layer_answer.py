@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -39,12 +39,13 @@ def layer_content(
     warnings: Sequence[str],
     earlier: EarlierLogs | None,
     left_out: Sequence[LeftOut],
+    withdrawn: Mapping[str, str],
 ) -> dict[str, Any]:
     """The content of diagnosis.json.
 
     Args:
         log_set: with the joints that were judged. causes, shrink: in one order. unsigned: joints whose torque lost its sign.
-        places: before and after the causes were added.
+        places: before and after the causes were added. withdrawn: effect → why it is no cause although it was found.
     """
     verdict = evidence.verdict(bool(causes) or bool(unsigned))
     rest = bool(evidence.rest.any())
@@ -55,7 +56,7 @@ def layer_content(
         "gap": _gap(log_set, joints, errors, evidence, shrink),
         "where": [_place(p, joints.layer, errors) for p in (telling(places[0]) if evidence.gap.any() else [])],
         "causes": found,
-        "effects_considered": considered(errors, joints.layer),
+        "effects_considered": considered(errors, joints.layer, withdrawn),
         "unexplained": {
             "share_of_gap": significant(evidence.left) if evidence.gap.any() else 0.0,
             "above_noise": rest,
@@ -140,7 +141,7 @@ def _unsigned(joints: Sequence[str], machine: Sequence[str]) -> list[dict[str, A
     ]
 
 
-def considered(errors: LayerErrors, layer: str) -> list[dict[str, Any]]:
+def considered(errors: LayerErrors, layer: str, withdrawn: Mapping[str, str]) -> list[dict[str, Any]]:
     """Effects that no joint was given, the best first. The score is what a normal deviate would be at the same odds."""
     accepted = {cause.effect: cause for joint in errors.joints for cause in joint.found.causes}
     rivals = {name: cause.effect for cause in accepted.values() for name in cause.confused_with}
@@ -150,7 +151,9 @@ def considered(errors: LayerErrors, layer: str) -> list[dict[str, Any]]:
         gains = {joint.name: joint.found.gains[effect] for joint in errors.joints if effect in joint.found.gains}
         joints = [joint for joint, gain in gains.items() if gain > 0.0]
         best = max(gains.values(), default=0.0)
-        if effect in rivals:
+        if effect in withdrawn:
+            reason = withdrawn[effect]
+        elif effect in rivals:
             reason = f"could take the place of {rivals[effect]}: the logs do not rule it out"
         elif best > 0.0:
             reason = "helps, but the logs are as probable with other effects"

@@ -21,7 +21,7 @@ from hqpipe.gap.left_out import LeftOut, of_joints
 from hqpipe.gap.locate import Place, locate
 from hqpipe.gap.since import EarlierLogs
 from hqpipe.gap.tally import ALL
-from hqpipe.gap.unchanged import FAMILIAR
+from hqpipe.gap.unchanged import AS_THEN, FAMILIAR
 from hqpipe.identify.found import LayerFound
 from hqpipe.identify.identify import identify
 from hqpipe.identify.model import LayerJoints
@@ -89,10 +89,15 @@ def layer_diagnosis(
     Args:
         layer: that gave the joints. then: joints of the earlier logs.
     """
-    joints = found.joints
+    joints, withdrawn = found.joints, {}
     errors = layer_errors(found, log_set)
     logs = of_joints(log_set, errors.names)
-    evidence = weigh_layer(errors, _familiar(found, then) if then is not None else 0.0)
+    evidence = weigh_layer(errors)
+    if then is not None:
+        familiar = _familiar(found, then)
+        found, withdrawn = _only_changed(found, evidence.before <= familiar)
+        errors = layer_errors(found, log_set)
+        evidence = weigh_layer(errors, familiar)
     causes = merge_causes(errors, joints, layer)
     before, after = (
         errors.tally([getattr(joint.found, name) for joint in errors.joints]) for name in ("base", "named")
@@ -111,6 +116,7 @@ def layer_diagnosis(
         [*warnings, *_told(found)],
         earlier,
         [*left_out, *gone],
+        withdrawn,
     )
     return Diagnosis(content, tuple(rows), layer_traces(errors, logs, joints.window_s))
 
@@ -164,6 +170,20 @@ def _familiar(found: LayerFound, then: LayerJoints) -> np.ndarray:
         moved, moves = (float(np.mean((part.output - part.held) ** 2)) for part in (old, new))
         levels.append(FAMILIAR * error * (max(moves / moved, 1.0) if moved > 0.0 else 1.0))
     return np.array(levels)
+
+
+def _only_changed(found: LayerFound, unchanged: np.ndarray) -> tuple[LayerFound, dict[str, str]]:
+    """Without the causes of joints that err no more than they did then, and why, by the names of these causes.
+
+    Args:
+        unchanged: (J,) True for such joints.
+    """
+    joints, reasons = [], {}
+    for joint, same in zip(found.found, unchanged, strict=True):
+        reasons |= {cause.effect: AS_THEN for cause in joint.causes if same}
+        none = same or not joint.causes  # what is left without a cause is all: no number may move for nothing
+        joints.append(replace(joint, named=joint.base, causes=(), without={}) if none else joint)
+    return replace(found, found=tuple(joints)), reasons
 
 
 def _rows(

@@ -153,6 +153,20 @@ def test_only_what_changed_since_is_a_cause():
     assert content["reference"]["kind"] == "logs"
 
 
+def test_a_joint_that_errs_as_it_did_has_not_changed():
+    then, now = (toy("hip", seed, coulomb_friction=0.6) for seed in (11, 1))
+    past, present = layer_joints([then]), layer_joints([now])
+    found = identify(present, reference=past)
+    (joint,) = found.found
+    claimed = replace(joint, causes=(cause("coulomb_friction", number("friction_nm", 0.61, 0.01, reference=0.6)),))
+    content = layer_diagnosis(
+        None, log_set([now]), replace(found, found=(claimed,)), past, EarlierLogs(log_set([then]))
+    ).content
+    assert content["verdict"] == "no_gap" and content["causes"] == []
+    reasons = {row["effect"]: row["reason"] for row in content["effects_considered"]}
+    assert reasons["coulomb_friction"] == "the reference missed its own logs by as much"
+
+
 def test_nothing_changed_although_the_model_misses_the_machine():
     then, now = ([held(replace_unknown(seed))] for seed in (11, 1))
     past, present = layer_joints(then), layer_joints(now)
