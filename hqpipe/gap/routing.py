@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 from hqpipe.errors import IdentificationError
 from hqpipe.gap.joint_data import COMMAND_CHANNEL
-from hqpipe.layers import LAYERS
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.trajectory import LogSet
 
 ACTUATOR, SERVO, JOINT_MOTION, VALVE = "actuator", "servo", "joint_motion", "valve"
+VALVE_BY_LAYER = True  # False: valve mode by the chain of effects of `hqpipe.effects`, as the other modes of the actuator
 GIVEN_BY_THE_DRIVE = ("current", "estimate")
 """Sources of a torque that moves the joint and all that rubs in it, so that it can be compared with the motion."""
 FREE_BODY = ("base/", "foot/")  # columns of a machine that stands or walks: torques of its joints also carry its body
@@ -46,7 +46,7 @@ def route(log_set: LogSet) -> Route:
     mode, channels = log_set.control_mode, _channels(log_set)
     commanded = mode is not None and COMMAND_CHANNEL[mode] in channels
     if mode == "valve" and commanded:
-        return Route(False, (VALVE,)) if VALVE in LAYERS else Route(True)
+        return Route(False, (VALVE,)) if VALVE_BY_LAYER else Route(True)
     moved = (JOINT_MOTION,) if not stands_free(log_set) else ()
     if "effort" in channels and commanded:
         fixed = mode == "position" or all((trial.base or log_set.base) == "fixed" for trial in log_set.trials)
