@@ -60,28 +60,44 @@ def diagnose(
     if not chosen.actuator:
         if name is None:
             return _lacking(log_set, chosen.layers, earlier)
-        logs, left_out, warnings = position_checks(log_set)
-        return diagnose_layer(
-            name, logs, window_s, without, workers, progress, earlier, left_out=left_out, warnings=warnings
-        )
+        return _layer_alone(name, log_set, window_s, without, workers, progress, earlier)
     record, halves = earlier, progress
     if isinstance(earlier, EarlierLogs):
-        record = earlier_logs(earlier.log_set, window_s, without, workers, _part(progress, 0.0, "reference: "))
         halves = _part(progress, 0.5)
+        try:
+            record = earlier_logs(earlier.log_set, window_s, without, workers, _part(progress, 0.0, "reference: "))
+        except IdentificationError:
+            if name is None:
+                raise
+            return _layer_alone(name, log_set, window_s, without, workers, halves, earlier)
     intake = intake_of(log_set, window_s, without, record)
     first = diagnose_actuator(intake, log_set.joints, without, effort_limit, workers, halves, record)
     blind = errs_as_persistence(first)
     if name is None or intake.reasons or not (blind or chosen.beside):
         return first
-    then = earlier if isinstance(earlier, EarlierLogs) else None
-    raw, channels = intake.signed.raw, list(intake.warnings)
+    then, told = earlier if isinstance(earlier, EarlierLogs) else None, list(intake.warnings)
+    rest = {"left_out": intake.left_out, "warnings": told}
     try:
-        second = diagnose_layer(
-            name, raw, window_s, without, workers, progress, then, left_out=intake.left_out, warnings=channels
-        )
+        second = diagnose_layer(name, intake.signed.raw, window_s, without, workers, halves, then, **rest)
     except IdentificationError as error:
         return _with_warnings(first, [f"layer {name}: {error}"])
     return _both(first, second, blind)
+
+
+def _layer_alone(
+    name: str,
+    log_set: LogSet,
+    window_s: float | None,
+    without: Sequence[str],
+    workers: int,
+    progress: Progress | None,
+    earlier: EarlierLogs | None,
+) -> Diagnosis:
+    """The answer of a layer, its logs looked through as far as that needs no torque."""
+    logs, left_out, warnings = position_checks(log_set)
+    return diagnose_layer(
+        name, logs, window_s, without, workers, progress, earlier, left_out=left_out, warnings=warnings
+    )
 
 
 def errs_as_persistence(found: Diagnosis) -> bool:

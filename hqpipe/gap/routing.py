@@ -16,7 +16,9 @@ from hqpipe.logs.columns import joint_column
 from hqpipe.logs.trajectory import LogSet
 
 ACTUATOR, SERVO, JOINT_MOTION, VALVE = "actuator", "servo", "joint_motion", "valve"
-VALVE_BY_LAYER = True  # False: valve mode by the chain of effects of `hqpipe.effects`, as the other modes of the actuator
+VALVE_BY_LAYER = (
+    True  # False: valve mode by the chain of effects of `hqpipe.effects`, as the other modes of the actuator
+)
 GIVEN_BY_THE_DRIVE = ("current", "estimate")
 """Sources of a torque that moves the joint and all that rubs in it, so that it can be compared with the motion."""
 FREE_BODY = ("base/", "foot/")  # columns of a machine that stands or walks: torques of its joints also carry its body
