@@ -24,6 +24,7 @@ from hqpipe.gap.since import EarlierLogs
 from hqpipe.identify.model import LayerJoints
 from hqpipe.logs.trajectory import LogSet
 
+_BELIEVED = 0.5  # probability from which an effect is more likely there than not
 UNSIGNED_SURE = 0.99  # assumption: a torque of one sign in both directions of motion may still be that of a large load
 
 
@@ -155,8 +156,10 @@ def considered(errors: LayerErrors, layer: str, withdrawn: Mapping[str, str]) ->
             reason = withdrawn[effect]
         elif effect in rivals:
             reason = f"could take the place of {rivals[effect]}: the logs do not rule it out"
+        elif max(joint.found.probabilities.get(effect, 0.0) for joint in errors.joints) > _BELIEVED:
+            reason = "it is there, but closes too little of the error, or the held-out trials contradict it"
         elif best > 0.0:
-            reason = "helps, but the logs are as probable with other effects"
+            reason = "helps, but the logs are as probable without it"
         else:
             reason = "the logs are no more probable with it" if gains else "nothing of the error points to it"
         rows.append(

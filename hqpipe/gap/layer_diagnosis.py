@@ -118,7 +118,7 @@ def layer_diagnosis(
         [*left_out, *gone],
         withdrawn,
     )
-    return Diagnosis(content, tuple(rows), layer_traces(errors, logs, joints.window_s))
+    return Diagnosis(content, tuple(rows), layer_traces(errors, logs, joints))
 
 
 def _earlier_joints(

@@ -9,17 +9,22 @@ import numpy as np
 from hqpipe.gap.joint_data import COMMAND_CHANNEL
 from hqpipe.gap.layer_errors import JudgedJoint, LayerErrors
 from hqpipe.gap.traces import SPAN_S
+from hqpipe.identify.model import LayerJoints
 from hqpipe.logs.trajectory import LogSet, Trajectory
 
 _WINDOWS = 3.0  # shown at least
+_FREE_RUN = "free_run_rmse"  # metric of layers whose models run from the log at the start of each window
 _GAP = 1.5  # samples between two that are shown, from which on the line is broken
 
 
-def layer_traces(errors: LayerErrors, log_set: LogSet, window_s: float) -> dict[str, Any]:
+def layer_traces(errors: LayerErrors, log_set: LogSet, joints: LayerJoints) -> dict[str, Any]:
     """JSON-able traces per joint; the worst stretch is the block with the largest error before."""
     trials = {trial.file: trial.trajectory for trial in log_set.trials}
-    span = max(SPAN_S, _WINDOWS * window_s)
-    return {"joints": {joint.name: _trace(joint, errors, j, trials, span) for j, joint in enumerate(errors.joints)}}
+    span = max(SPAN_S, _WINDOWS * joints.window_s)
+    traces = {joint.name: _trace(joint, errors, j, trials, span) for j, joint in enumerate(errors.joints)}
+    if joints.metric != _FREE_RUN:  # nothing is restarted
+        traces = {name: trace | {"restarts": []} for name, trace in traces.items()}
+    return {"joints": traces}
 
 
 def _trace(

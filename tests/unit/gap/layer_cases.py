@@ -33,8 +33,8 @@ def toy(joint, seed, seconds=20.0, **truth):
     return held(made)
 
 
-def layer_joints(models, layer="joint_motion", **more) -> LayerJoints:
-    return LayerJoints(layer, "inverse_dynamics_rmse", WINDOW_S, "as given", tuple(models), **more)
+def layer_joints(models, layer="joint_motion", metric="inverse_dynamics_rmse", **more) -> LayerJoints:
+    return LayerJoints(layer, metric, WINDOW_S, "as given", tuple(models), **more)
 
 
 def log_set(models, heldout=True) -> LogSet:
