@@ -15,10 +15,12 @@ def _known_effects(names: list[str]) -> list[str]:
     if not names:
         return names
     from hqpipe.effects import EFFECTS  # half a second, because of numba; only where there is something to look up
+    from hqpipe.report.diagnosis_advice import MEANINGS  # those of all layers
 
+    known = dict.fromkeys((*EFFECTS, *MEANINGS))
     for name in names:
-        if name not in EFFECTS:
-            text = f"no effect '{name[:80]}'{near_match(name[:80], EFFECTS)} (known: {', '.join(EFFECTS)})"
+        if name not in known:
+            text = f"no effect '{name[:80]}'{near_match(name[:80], known)} (known: {', '.join(known)})"
             raise ValueError(text)
     return names
 
@@ -44,16 +46,15 @@ def run(context: Any) -> dict[str, Any]:
     from hqpipe.stages.logs import read_logs
     from hqpipe.stages.terminal import show
 
-    twice = is_logs(context)
-    largest = LARGEST // 2 if twice else LARGEST  # both are in memory
+    largest = LARGEST // 2 if is_logs(context) else LARGEST  # both are in memory
     log_set = read_logs(context, most=largest)
     diagnosis = diagnose(
         log_set,
         window_s=context.params.window_s,
         without=context.params.without,
         workers=context.workers,
-        progress=_second_half(context.progress) if twice else context.progress,
-        earlier=read_earlier(context, log_set, largest),
+        progress=context.progress,
+        earlier=read_earlier(context, largest),
     )
     write_diagnosis(diagnosis, context.output)
     loop = close_loop(context, log_set, diagnosis)
@@ -66,11 +67,6 @@ def run(context: Any) -> dict[str, Any]:
     if loop is not None:
         show(*closed_loop_lines(loop))
     return _metrics(diagnosis, loop)
-
-
-def _second_half(progress: Any) -> Any:
-    """Progress of the logs after that of their reference."""
-    return lambda done, total, text: progress(0.5 * (done + total), total, text)
 
 
 def _metrics(diagnosis: Any, loop: Any) -> dict[str, Any]:

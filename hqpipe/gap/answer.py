@@ -23,7 +23,7 @@ from hqpipe.gap.schema import FORMAT, validate_diagnosis
 from hqpipe.gap.search import MATERIAL
 from hqpipe.gap.signs import NAME as UNSIGNED
 from hqpipe.gap.signs import SignedLogs
-from hqpipe.gap.since import Earlier
+from hqpipe.gap.since import Earlier, EarlierLogs
 from hqpipe.gap.verdict import FLOOR_MARGIN, Evidence
 from hqpipe.logs.joint_kinds import unit_of
 from hqpipe.logs.trajectory import LogSet, recording_of
@@ -99,7 +99,7 @@ def answer(
     passing = {joint for cause in found.passing for joint in cause.joints}
     where = [_place(p, log_set) for p in (telling(places[0], passing) if gap_before.any() else [])]
     remaining = [_place(p, log_set) for p in (telling(places[1]) if unexplained else [])]
-    content = _head(log_set, verdict, earlier, left_out) | {
+    content = head(log_set, verdict, earlier, left_out) | {
         "gap": _gap(log_set, window, found, evidence),
         "where": where,
         "causes": causes,
@@ -322,11 +322,11 @@ def not_identifiable(
     log_set: LogSet,
     warnings: list[str],
     advice: str | None,
-    earlier: Earlier | None = None,
+    earlier: Earlier | EarlierLogs | None = None,
     left_out: Sequence[LeftOut] = (),
 ) -> dict[str, Any]:
     """The answer when the logs cannot carry one."""
-    content = _head(log_set, "not_identifiable", earlier, left_out) | {
+    content = head(log_set, "not_identifiable", earlier, left_out) | {
         "gap": None,
         "where": [],
         "causes": [],
@@ -339,7 +339,10 @@ def not_identifiable(
     return content
 
 
-def _head(log_set: LogSet, verdict: str, earlier: Earlier | None, left_out: Sequence[LeftOut]) -> dict[str, Any]:
+def head(
+    log_set: LogSet, verdict: str, earlier: Earlier | EarlierLogs | None, left_out: Sequence[LeftOut]
+) -> dict[str, Any]:
+    """Format, verdict, logs, what was left out of them, and what they are compared with."""
     logs = {
         "path": str(log_set.path),
         "sha256": log_set.sha256,

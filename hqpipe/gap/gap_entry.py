@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,13 +23,13 @@ def output_unit(log_set: LogSet, joint: str) -> str:
     return unit_of(_OUTPUT.get(log_set.control_mode, "N·m"), log_set.kinds.get(joint))
 
 
-def common_unit(log_set: LogSet, scale: np.ndarray) -> str | None:
+def common_unit(log_set: LogSet, scale: np.ndarray, units: Sequence[str] | None = None) -> str | None:
     """The unit in which errors of all joints may be pooled; None where there is none.
 
     Args:
-        scale: (J,), see `hqpipe.gap.joint_scale`.
+        scale: (J,), see `hqpipe.gap.joint_scale`. units: (J,) of the outputs; those of the actuator layer without it.
     """
-    units = {output_unit(log_set, joint) for joint in log_set.joints}
+    units = set(units or [output_unit(log_set, joint) for joint in log_set.joints])
     known = len(log_set.kinds) == len(log_set.joints)
     return units.pop() if len(units) == 1 and (known or unlikeness(scale) <= UNLIKE) else None
 
@@ -52,19 +52,23 @@ def undeclared(log_set: LogSet, scale: np.ndarray) -> list[str]:
     ]
 
 
-def gap_entry(log_set: LogSet, squares: Mapping[str, np.ndarray], scale: np.ndarray) -> dict[str, Any]:
+def gap_entry(
+    log_set: LogSet, squares: Mapping[str, np.ndarray], scale: np.ndarray, units: Sequence[str] | None = None
+) -> dict[str, Any]:
     """unit, the sizes in it, the same without a unit, and both of each joint.
 
     Args:
         squares: (J,) mean squared error by the names of `SIZES`, in the squared unit of each joint. scale: (J,).
+        units: (J,) of the outputs; those of the actuator layer without it.
     """
-    unit = common_unit(log_set, scale)
+    units = units or [output_unit(log_set, joint) for joint in log_set.joints]
+    unit = common_unit(log_set, scale, units)
     known = np.where(np.isfinite(scale), scale, np.nan)
     joints = [
         {
             "joint": joint,
             "type": log_set.kinds.get(joint),
-            "unit": output_unit(log_set, joint),
+            "unit": units[j],
             "scale": _digits(known[j]),
             **{name: _digits(np.sqrt(squares[name][j])) for name in SIZES},
             "normalised": {name: _digits(np.sqrt(squares[name][j]) / known[j]) for name in SIZES},

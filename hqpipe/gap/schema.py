@@ -17,7 +17,7 @@ FORMAT = "hqpipe-diagnosis/2"
 FORMATS = (FORMAT, "hqpipe-diagnosis/1")
 FIX = "run hqpipe diagnose again"
 VERDICTS = ("explained", "partly_explained", "unknown", "no_gap", "not_identifiable")
-LAYERS = ("actuator", "rigid_body", "contact", "sensing")
+LAYERS = ("actuator", "servo", "joint_motion", "rigid_body", "contact", "sensing")
 SCOPES = ("joint", "group", "machine")
 KINDS = ("revolute", "prismatic", None)
 MODES = ("position", "torque", "valve", None)
@@ -87,6 +87,9 @@ PARAMETER = {
     "unit": TEXT,
     "ci95": INTERVAL,
     "reference": Maybe(NUMBER, absent=True),  # its value then; null where the effect was absent
+    "joints": Maybe(
+        Named({"value": NUMBER, "ci95": INTERVAL}), absent=True
+    ),  # of each joint, where several were pooled
 }
 REFERENCE = {"path": TEXT, "kind": _one_of("logs", "actuator"), "sha256": TEXT}
 SIZES = {name: SIZE for name in ("before", "after", "noise_floor", "persistence")}
@@ -128,7 +131,7 @@ CONSIDERED = {
     "joints": TEXTS,
     "scope": _one_of(*SCOPES),
     "score": NUMBER,
-    "shrink": AT_MOST_ONE,
+    "shrink": Maybe(AT_MOST_ONE),  # null where the effect was not fitted alone
     "reason": TEXT,
 }
 LEFT_OUT = {

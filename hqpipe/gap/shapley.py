@@ -54,6 +54,7 @@ def shapley(count: int, errors: Callable[[frozenset[int]], np.ndarray]) -> Shrin
         return 1.0 - np.sqrt(weights @ value(subset)) / np.maximum(before, 1e-300)
 
     each = _exact(count, fall) if count <= MOST_EXACT else _sampled(count, fall)
+    each = each.reshape(count, len(weights))
     whole = fall(everything)
     low, high = interval(each[:, 1:].T)
     whole_low, whole_high = interval(whole[1:])

@@ -70,6 +70,27 @@ class Earlier:
         return [_beside_bare(d, self.then[d.joint]) for d in data]
 
 
+@dataclass(frozen=True, eq=False)
+class EarlierLogs:
+    """Earlier logs of the machine, of which the layer that answers makes its own record."""
+
+    log_set: LogSet
+
+    def header(self) -> dict[str, str]:
+        """As in diagnosis.json."""
+        return {"path": str(self.log_set.path), "kind": LOGS, "sha256": self.log_set.sha256}
+
+    def fits(self, log_set: LogSet) -> None:
+        """See `check_alike`."""
+        then = self.log_set
+        check_alike(log_set, str(then.path), then.control_mode, then.joints, sample_time(then), then.effort_source)
+
+    def fits_layer(self, log_set: LogSet) -> None:
+        """See `check_same_machine`."""
+        then = self.log_set
+        check_same_machine(log_set, str(then.path), then.control_mode, then.joints, then.effort_source)
+
+
 def check_alike(
     log_set: LogSet, path: str, mode: str | None, joints: Sequence[str], dt: float, source: str | None = None
 ) -> None:
@@ -81,18 +102,41 @@ def check_alike(
     Raises:
         UsageError: names both sides and the mend.
     """
-    pair = f"{log_set.path} and the reference {path}"
     if log_set.control_mode != MODE:
         raise UsageError(
             f"{log_set.path}: control mode {log_set.control_mode or 'not given'}; what changed since a reference can be asked "
-            f"in {MODE} mode only",
+            f"of the actuator layer in {MODE} mode only",
             file=log_set.path,
             field="control_mode",
             fix="diagnose such logs without --reference",
         )
+    check_same_machine(log_set, path, mode, joints, source)
+    now = sample_time(log_set)
+    if abs(now / dt - 1.0) > DT_TOLERANCE:
+        raise UsageError(
+            f"{log_set.path} and the reference {path}: sample times {now:.6g} s and {dt:.6g} s, and coefficients are per "
+            "sample",
+            file=path,
+            field="dt",
+            fix="give a reference of the same rate",
+        )
+
+
+def check_same_machine(
+    log_set: LogSet, path: str, mode: str | None, joints: Sequence[str], source: str | None = None
+) -> None:
+    """Refuse logs of another machine than the reference, or with another command or torque sensor.
+
+    Args:
+        path, mode, joints, source: see `check_alike`.
+
+    Raises:
+        UsageError: names both sides and the mend.
+    """
+    pair = f"{log_set.path} and the reference {path}"
     if log_set.control_mode != mode:
         raise UsageError(
-            f"{pair}: control modes {log_set.control_mode} and {mode or 'not given'}",
+            f"{pair}: control modes {log_set.control_mode or 'not given'} and {mode or 'not given'}",
             file=path,
             field="control_mode",
             fix="give a reference of the same mode",
@@ -103,14 +147,6 @@ def check_alike(
             file=path,
             field=lacking[0],
             fix="give a reference of the same machine",
-        )
-    now = sample_time(log_set)
-    if abs(now / dt - 1.0) > DT_TOLERANCE:
-        raise UsageError(
-            f"{pair}: sample times {now:.6g} s and {dt:.6g} s, and coefficients are per sample",
-            file=path,
-            field="dt",
-            fix="give a reference of the same rate",
         )
     if source and log_set.effort_source and source != log_set.effort_source:
         raise UsageError(

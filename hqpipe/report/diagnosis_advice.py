@@ -31,6 +31,12 @@ MEANINGS = {
     "position_bias": "the joint's zero is off",
     "channel_skew": "torque is logged later than position",
     "unsigned_sensor": "a channel lost its sign",
+    "valve_delay": "what the controller puts out acts later, behind the position loop",
+    "voltage_sag": "the supply voltage gives way under load, so that the drive has less to give",
+    "torque_limit": "beyond a certain torque the drive gives no more",
+    "gain_error": "the gain of the drive is not what is stated",
+    "spring": "a spring, or what acts like one, pulls the joint to a place",
+    "mount_tilt": "the base is not level, so that gravity pulls in another direction",
     "gain_change": "the same command opens the valve for more or less oil than it did",
     "leakage_change": "more or less oil leaks away than did",
     "velocity_coupling_change": "motion takes more or less torque away than it did",
@@ -87,6 +93,15 @@ ADVICE = {
     "position_bias": "Redo the joint's zero against a jig or an end stop.",
     "channel_skew": "Stamp both channels at their source, or shift the later one by this much before the fit: it is an "
     "error of the log, not of the machine.",
+    "valve_delay": "Look for the delay between controller and valve driver; give the rest to the simulator.",
+    "voltage_sag": "Log the supply voltage, use thicker leads or a stronger supply, and put the resistance in the "
+    "simulator.",
+    "torque_limit": "Put the limit in the simulator, and keep the commanded motion below it; look at the drive's current "
+    "limit and supply.",
+    "gain_error": "Read the gain from the drive's settings and state it in logset.yaml; use the one found here in the "
+    "simulator.",
+    "spring": "Look for a counterweight, gas spring or cable that pulls, and put it in the simulator as a joint stiffness.",
+    "mount_tilt": "Level the base, or give its angle to the simulator.",
     "gain_change": "Look at the supply pressure first, then at the valve driver's gain and the valve's edges; train "
     "with the model of now.",
     "leakage_change": "Hold the joint under load and watch it sink: piston seals and the valve's lands leak with wear, "

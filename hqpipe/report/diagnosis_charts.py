@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from hqpipe.report.diagnosis_read import Trace
-from hqpipe.report.diagnosis_words import joints_text, percent, percent_text, size_text, sizes, words
+from hqpipe.report.diagnosis_words import joints_text, percent, percent_text, run_words, size_text, sizes, words
 from hqpipe.report.style import BLUE, FAINT, GREY, INK, SKY, VERMILION
 
 BEFORE, AFTER, MEASURED, CLOSED, COMMAND = VERMILION, BLUE, INK, SKY, GREY
@@ -55,7 +55,7 @@ def waterfall(content: Mapping[str, Any]) -> Figure:
     }
     names = {"tickvals": list(range(len(steps))), "ticktext": [step.label for step in steps], "automargin": True}
     layout = _layout(FRAME_PX + ROW_PX * len(steps)) | {
-        "xaxis": _axis("free-running error over the joints' spread")
+        "xaxis": _axis(f"error of {run_words(content['gap'], 2)} over the joints' spread")
         | {"range": [0, far], "fixedrange": True, "tickformat": ".2~%"},
         "yaxis": _axis("") | names | {"range": [len(steps) - 0.5, -0.5], "fixedrange": True, "showgrid": False},
         "shapes": [_line(at, dash) for at, _, dash in lines],
@@ -179,10 +179,11 @@ def trace_chart(trace: Trace, control_mode: str | None) -> Figure:
     upper = [("measured", MEASURED, 2.0, "solid"), ("before", BEFORE, 1.4, "solid")]
     if has_after(trace):
         upper.append(("after", AFTER, 1.4, "solid"))
-    if mode == "torque":
+    moves = unit in _MOTION_UNITS.values()  # the output is the position itself, and the command beside it
+    if mode == "torque" or moves:
         upper.append(("command", COMMAND, 1.2, "dot"))
     styles = {"command": (INK, 1.2, "dot"), "position": (GREY, 1.4, "solid")}
-    lower = [(name, *styles[name]) for name in _INPUTS[mode] if name in trace.series]
+    lower = [] if moves else [(name, *styles[name]) for name in _INPUTS[mode] if name in trace.series]
     data = [_curve(trace, *style, axis="y", unit=unit) for style in upper if style[0] in trace.series]
     data += [_curve(trace, *style, axis="y2", unit="") for style in lower]
     layout = _layout(TRACE_PX) | {

@@ -24,6 +24,7 @@ from hqpipe.report.diagnosis_words import (
     percent,
     percent_text,
     reference_name,
+    run_words,
     size_text,
     sizes,
     then_text,
@@ -64,15 +65,16 @@ def verdict(content: Content) -> str:
         return head
     size, window = sizes(gap), f"{1e3 * gap['window_s']:.0f} ms"
     fall = f'<span class="before">{percent_text(size["before"])}</span>'
-    note = "Root mean square on held-out trials, model running free"
+    note = "Root mean square on held-out trials"
     if content["causes"]:
         fall += f' → <span class="after">{percent_text(size["after"])}</span>'
         low, high = gap["shrink_ci95"]
         note = f"Smaller by {percent(gap['shrink'])} ({percent(low)} … {percent(high)}), on held-out trials"
+    note += f"; {run_words(gap, 1)}"
     worse = size["before"] > size["persistence"]
     against = "the model before does not beat it" if worse else "a model should beat it"
     tiles = [
-        ("gap before → after" if content["causes"] else "gap", fall, f"{note}, over {window} windows."),
+        ("gap before → after" if content["causes"] else "gap", fall, f"{note}."),
         ("noise floor", percent_text(size["noise_floor"]), "What a perfect model would still be off by."),
         ("persistence", percent_text(size["persistence"]), f"Error of holding the last value for {window}; {against}."),
     ]
@@ -129,6 +131,7 @@ def _card(cause: Content, machine: Sequence[str]) -> str:
         f"<p>closes <b>{percent(cause['shrink'])}</b> of the gap ({percent(low)} … {percent(high)})<br>"
         f"probability <b>{percent(cause['probability'])}</b> · {_SCOPES.get(cause['scope'], _text(cause['scope']))}</p>"
         + (f'<div class="scroll"><table class="plain"><tbody>{table}</tbody></table></div>' if table else "")
+        + _joint_by_joint(cause)
         + (f'<p class="but">{_text(doubt)}</p>' if doubt else "")
         + f'<p class="do">{_text(ADVICE.get(cause["effect"], NO_ADVICE))}</p></article>'
     )
@@ -138,6 +141,21 @@ def _parameter_row(key: str, parameter: Content) -> str:
     value, ci = map(_text, parameter_text(parameter))
     then = f'<td class="soft">{_text(then)}</td>' if (then := then_text(parameter)) else ""
     return f'<tr><th>{_text(parameter_name(key))}</th><td><b>{value}</b></td><td class="soft">{ci}</td>{then}</tr>'
+
+
+def _joint_by_joint(cause: Content) -> str:
+    """The numbers of each joint, where those of several were pooled."""
+    rows = [
+        f"<tr><th>{_text(joint)}</th><td>{_text(parameter_name(key))}</td><td>{_text(value)}</td>"
+        f'<td class="soft">{_text(interval)}</td></tr>'
+        for key, parameter in cause["parameters"].items()
+        for joint, own in (parameter.get("joints") or {}).items()
+        for value, interval in [parameter_text(parameter | own)]
+    ]
+    if not rows:
+        return ""
+    body = f'<div class="scroll"><table class="plain"><tbody>{"".join(rows)}</tbody></table></div>'
+    return f"<details><summary>Joint by joint</summary>{body}</details>"
 
 
 def _since(content: Content) -> str:
@@ -197,7 +215,7 @@ def traces(files: DiagnosisFiles) -> str:
     keys += [("model with the causes", "key after", "")] if both else []
     names = {name for trace in files.traces for name in trace.series}
     keys += [("command", "key dot", "#222")] if "command" in names else []
-    keys += [("position", "key", "#8A8A8A")] if "position" in names else []
+    keys += [("position", "key", "#8A8A8A")] if "position" in names and _shows_position(files.traces) else []
     keys += [("restart from the log", "key thin", "")] if any(t.restarts for t in files.traces) else []
     legend = "".join(f'<span class="{c}"{f" style=color:{ink}" if ink else ""}>{n}</span>' for n, c, ink in keys)
     more = len(figures) - OPEN_TRACES
@@ -209,6 +227,11 @@ def traces(files: DiagnosisFiles) -> str:
         f"{head}<p>Each joint round its worst held-out window, most of the gap first.</p>"
         f'<div class="legend">{legend}</div><div class="grid">{"".join(figures[:OPEN_TRACES])}</div>{rest}</section>'
     )
+
+
+def _shows_position(traces: Sequence[Trace]) -> bool:
+    """Whether the position is drawn beside the output, which it is not where it is the output."""
+    return any(trace.unit not in ("rad", "m") for trace in traces)
 
 
 def by_share(files: DiagnosisFiles) -> list[tuple[int, Trace]]:
@@ -279,10 +302,15 @@ def considered(content: Content) -> str:
     )
     if len(rows) > OPEN_ROWS:
         table = f"<details><summary>{len(rows)} entries, the strongest first</summary>{table}</details>"
-    return (
-        "<section><h2>Effects tried and not accepted</h2><p>The score is how many standard errors the held-out error "
-        f"fell by with this effect alone; a heading sorts.</p>{table}</section>"
-    )
+    head = f"<h2>Effects tried and not accepted</h2><p>The score is {_score(items)}; a heading sorts.</p>"
+    return f"<section>{head}{table}</section>"
+
+
+def _score(items: Sequence[Content]) -> str:
+    """What the score of the effects considered is: they were fitted alone, or beside those that were found."""
+    if any(item.get("shrink") is not None for item in items):
+        return "how many standard errors the held-out error fell by with this effect alone"
+    return "how many standard errors the effect stands out by, beside those that were found"
 
 
 def next_step(files: DiagnosisFiles) -> str:
@@ -328,7 +356,7 @@ def made(content: Content, provenance: Mapping[str, str]) -> str:
         rows["reference"] = f"{content['reference']['path']} ({content['reference']['kind']})"
     if gap is not None:
         rows["layer"] = words(gap["layer"])
-        rows["metric"] = f"{words(gap['metric'])}, windows of {1e3 * gap['window_s']:g} ms, restarted from the log"
+        rows["metric"] = f"{words(gap['metric'])}, {run_words(gap, 0)} {1e3 * gap['window_s']:g} ms"
     rows |= {"command": f"hqpipe diagnose --logs {logs['path']}", "format": content["format"]} | dict(provenance)
     body = "".join(f'<tr><th>{_text(k)}</th><td class="mono">{_text(v)}</td></tr>' for k, v in rows.items())
     return (

@@ -18,6 +18,7 @@ from hqpipe.report.diagnosis_words import (
     percent,
     percent_text,
     reference_name,
+    run_words,
     sizes,
     then_text,
     verdict_words,
@@ -93,7 +94,7 @@ def _head(content: Content) -> Text:
     if since := reference_name(content):
         head.append(f" since {since}")
     if gap is not None:
-        head.append(f"   {words(gap['layer'])}, held out, free-running over {1e3 * gap['window_s']:.0f} ms", "dim")
+        head.append(f"   {words(gap['layer'])}, held out, {run_words(gap, 0)} {1e3 * gap['window_s']:.0f} ms", "dim")
     return head
 
 

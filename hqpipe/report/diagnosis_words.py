@@ -24,7 +24,15 @@ SINCE = {
 """The verdict where logs were compared with an earlier record of the machine."""
 MARKS = {"explained": "✓", "partly_explained": "◐", "unknown": "?", "no_gap": "=", "not_identifiable": "–"}
 # unit → what is compared; the first two are the output of a rotary and of a linear drive
-_QUANTITIES = {"N·m": "torque", "N": "force", "rad/s": "speed", "m/s": "speed"}
+_QUANTITIES = {"N·m": "torque", "N": "force", "rad/s": "speed", "m/s": "speed", "rad": "position", "m": "position"}
+_RUN = ("free-running over", "model running free, over {} windows", "the model running free")
+_POSITION = "position of the model running free, over {} windows"
+_TORQUE = "torque that the motion asks for beside the measured one, filtered over {}"
+_LAYER_RUNS = {
+    "servo": ("free-running over", _POSITION, "the free-running position"),
+    "joint_motion": ("filtered over", _TORQUE, "the torque from motion"),
+}
+"""Layer → how the error was made: in the head of the terminal, as a note with the window, and in a heading."""
 _MILLI = {"s": "ms", "rad": "mrad", "m": "mm"}
 _NAMED = 4  # joints or trials in a line
 _MILLI_BELOW = 0.1  # of the unit: below it thousandths are easier to read
@@ -68,6 +76,12 @@ def _since_sentence(content: Mapping[str, Any], since: str, quantity: str) -> st
     verb = "bring" if len(content["causes"]) > 1 else "brings"
     rest = "; something else is left" if content["verdict"] == "partly_explained" else ""
     return f"Changed since {since}: {missed}; {names} {verb} it down to {after}{rest}."
+
+
+def run_words(gap: Mapping[str, Any], place: int) -> str:
+    """How the error of a layer was made, see `_LAYER_RUNS`; in the note the window is named."""
+    window = f"{1e3 * gap['window_s']:.0f} ms"
+    return _LAYER_RUNS.get(gap["layer"], _RUN)[place].format(window)
 
 
 def _a(noun: str) -> str:

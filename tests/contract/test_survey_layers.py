@@ -1,7 +1,8 @@
-"""What `hqpipe logs check` says can be diagnosed is what the intake of the diagnosis takes."""
+"""What `hqpipe logs check` says can be diagnosed is what the diagnosis asks."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from hqpipe.errors import IdentificationError
 from hqpipe.gap.intake import take_in
+from hqpipe.gap.routing import route
 from hqpipe.logs.survey.layers import COMMAND_OF, layers
 from hqpipe.logs.trajectory import LogSet, Trajectory, Trial
 
@@ -42,19 +44,46 @@ CHANNELS = [[n for n, taken in zip(OPTIONAL, chosen, strict=True) if taken] for 
     [(mode, each) for mode in COMMAND_OF for each in CHANNELS if COMMAND_OF[mode] in each]
     + [(None, []), (None, ["effort"])],
 )
-def test_layers_are_those_that_the_intake_takes(mode, channels):
-    evaluated = {x.layer for x in layers(["position", "velocity", *channels], mode) if x.evaluated}
+def test_layers_are_those_that_the_diagnosis_asks(mode, channels):
+    evaluated = {x.layer for x in layers(["position", "velocity", *channels], mode) if x.evaluated} - {"sensing"}
     try:
-        intake = take_in(log_set(channels, mode), 0.1)
+        chosen = route(log_set(channels, mode))
     except IdentificationError:
         assert evaluated == set()
         return
-    only_sensing = any("only the sensing layer was evaluated" in reason for reason in intake.reasons)
-    assert evaluated == ({"sensing"} if only_sensing else {"actuator", "sensing"})
+    reported = {"valve": "actuator"}  # the layer of the same name in diagnosis.json
+    asked = [*(["actuator"] if chosen.actuator else []), *(reported.get(name, name) for name in chosen.layers[:1])]
+    assert evaluated == set(asked)
+    if chosen.actuator:
+        assert not any("only the sensing layer" in reason for reason in take_in(log_set(channels, mode), 0.1).reasons)
+
+
+@pytest.mark.parametrize(
+    ("source", "base", "extra", "evaluated"),
+    [
+        ("current", "fixed", (), True),
+        ("estimate", None, (), True),
+        ("pressure", "fixed", (), False),
+        ("load_cell", None, (), False),
+        ("current", "floating", (), False),
+        ("current", None, ("foot/LF/contact",), False),
+    ],
+)
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_motion_is_asked_where_the_torque_is_that_of_the_drive(mode, source, base, extra, evaluated):
+    channels = ["effort", "position_command", "effort_command"]
+    logs = replace(log_set(channels, mode), effort_source=source, base=base)
+    more = {name: np.zeros(3000) for name in extra}
+    trials = tuple(replace(t, trajectory=replace(t.trajectory, extra=more)) for t in logs.trials)
+    found = layers(["position", "velocity", *channels], mode, extra=extra, base=base, effort_source=source)
+    expected = evaluated and (mode == "position" or base == "fixed")
+    assert any(x.layer == "joint_motion" and x.evaluated for x in found) == expected
+    chosen = route(replace(logs, trials=trials))
+    assert chosen.actuator and chosen.layers == (("joint_motion",) if expected else ())
 
 
 def test_the_missing_columns_are_named():
-    (position, torque, valve, sensing, *_) = layers(["position", "velocity", "position_command"], "position")
-    assert position.missing == sensing.missing == ("joint/<name>/effort",)
+    (position, torque, valve, _, motion, sensing, *_) = layers(["position", "velocity", "position_command"], "position")
+    assert motion.missing == position.missing == sensing.missing == ("joint/<name>/effort",)
     assert torque.missing == ("joint/<name>/effort_command", "joint/<name>/effort")
     assert valve.missing == ("joint/<name>/valve_command",)

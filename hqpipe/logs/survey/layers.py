@@ -17,6 +17,9 @@ _NEEDS = {
     "valve": ("valve_command",),
 }
 _FUTURE = ("rigid_body", "contact")
+_FREE_BODY = ("base/", "foot/")  # columns of a machine whose base moves
+_GIVEN_BY_THE_DRIVE = ("current", "estimate")
+_ROW = "effort_source: current or estimate in logset.yaml"
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,8 @@ class Layer:
     """One layer and whether it can be evaluated.
 
     Attributes:
-        layer: "actuator", "sensing", "rigid_body" or "contact". mode: control mode of an actuator layer, else None.
+        layer: "actuator", "servo", "joint_motion", "sensing", "rigid_body" or "contact".
+        mode: control mode of an actuator layer, else None.
         possible: whether the channels are there. evaluated: whether `hqpipe diagnose` takes it with the set as it is.
         missing: columns that it lacks. note: what else there is to know.
     """
@@ -37,11 +41,20 @@ class Layer:
     note: str = ""
 
 
-def layers(channels: Collection[str], mode: str | None, differentiated: bool = False) -> list[Layer]:
+def layers(
+    channels: Collection[str],
+    mode: str | None,
+    differentiated: bool = False,
+    *,
+    extra: Collection[str] = (),
+    base: str | None = None,
+    effort_source: str | None = None,
+) -> list[Layer]:
     """Judge what can be diagnosed.
 
     Args:
         channels: recorded in every trial. mode: control mode, as stated or inferred. differentiated: velocity is not recorded.
+        extra: other columns that every trial has. base: "fixed", "floating" or None. effort_source: as in logset.yaml.
     """
     found = []
     for name, needs in _NEEDS.items():
@@ -50,9 +63,42 @@ def layers(channels: Collection[str], mode: str | None, differentiated: bool = F
         found.append(
             Layer("actuator", name, not missing, mode == name and not missing, missing, "" if missing else note)
         )
+    found += [_servo(channels, mode, extra), _joint_motion(channels, mode, extra, base, effort_source)]
     lacking = () if mode == "valve" else _columns(("effort",), channels)
     found.append(Layer("sensing", None, not lacking, not lacking, lacking, _comparisons(channels, differentiated)))
     return found + [Layer(name, None, False, False, (), "hqpipe diagnose does not evaluate it") for name in _FUTURE]
+
+
+def _servo(channels: Collection[str], mode: str | None, extra: Collection[str]) -> Layer:
+    """Position against command, where no torque is there to be compared."""
+    driven = "duty" in channels and "supply/voltage" in extra
+    missing = () if driven else _columns(("position_command",), channels)
+    torque = [name for name in ("effort", "current") if name in channels]
+    if mode == "valve":
+        return Layer("servo", None, not missing, False, missing, "not in valve mode" if not missing else "")
+    note = f"not needed where {joint_column('<name>', torque[0])} is recorded" if torque and not missing else ""
+    return Layer("servo", None, not missing, not missing and not torque, missing, note)
+
+
+def _joint_motion(
+    channels: Collection[str], mode: str | None, extra: Collection[str], base: str | None, source: str | None
+) -> Layer:
+    """Torque or current against motion, where the joint moves by it alone."""
+    missing = () if "current" in channels else _columns(("effort",), channels)
+    if base == "floating" or any(name.startswith(_FREE_BODY) for name in extra):
+        return Layer("joint_motion", None, False, False, missing, "not for a machine whose base moves")
+    commanded = mode is not None and COMMAND_OF[mode] in channels
+    if missing or mode == "valve":
+        return Layer("joint_motion", None, not missing, False, missing, "not in valve mode" if not missing else "")
+    if "effort" not in channels or not commanded:
+        return Layer("joint_motion", None, True, True)
+    if mode == "torque":
+        asked = base == "fixed" and source in _GIVEN_BY_THE_DRIVE
+        return Layer("joint_motion", None, True, asked, (), "" if asked else f"with base: fixed and {_ROW}")
+    if source is None:
+        return Layer("joint_motion", None, True, True, (), "where the law from command to torque predicts nothing")
+    asked = source in _GIVEN_BY_THE_DRIVE
+    return Layer("joint_motion", None, True, asked, (), "" if asked else f"with {_ROW}")
 
 
 def _comparisons(channels: Collection[str], differentiated: bool) -> str:

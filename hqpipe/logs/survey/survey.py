@@ -123,7 +123,16 @@ def _layers(reading: Reading) -> list[Layer]:
         return []
     recorded = [trial.trajectory.channels() for trial in reading.trials]
     shared = [name for name in recorded[0] if all(name in each for each in recorded)]
-    return layers(shared, _mode(reading), reading.trials[0].trajectory.velocity_source != "measured")
+    extra = [set(trial.trajectory.extra) for trial in reading.trials]
+    bases = {trial.base or (reading.log_set.base if reading.log_set else None) for trial in reading.trials}
+    return layers(
+        shared,
+        _mode(reading),
+        reading.trials[0].trajectory.velocity_source != "measured",
+        extra=set.intersection(*extra),
+        base="floating" if "floating" in bases else "fixed" if bases == {"fixed"} else None,
+        effort_source=reading.log_set.effort_source if reading.log_set else None,
+    )
 
 
 def _marked(channels: Sequence[ChannelVerdict], stops: Sequence[EndStop]) -> list[ChannelVerdict]:
@@ -156,12 +165,15 @@ def _own_findings(
 
 
 def _undiagnosed(possible: Sequence[Layer], mode: str | None) -> list[Finding]:
-    """That no cause can be sought, where no actuator layer can be evaluated."""
+    """That no cause can be sought, where no layer with effects can be evaluated."""
     actuator = {layer.mode: layer for layer in possible if layer.mode is not None}
-    if not actuator or any(layer.evaluated for layer in actuator.values()):
+    if not actuator or any(layer.evaluated for layer in possible if layer.layer != "sensing"):
         return []
     missing = actuator[mode or "position"].missing
-    text = f"hqpipe diagnose names no cause in these logs: the actuator layer needs {' and '.join(missing)}"
+    text = (
+        f"hqpipe diagnose names no cause in these logs: the actuator layer needs {' and '.join(missing)}; either of torque and "
+        "command would do for another layer"
+    )
     return [Finding(text)]
 
 

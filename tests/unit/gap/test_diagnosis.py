@@ -222,17 +222,18 @@ def test_trial_shorter_than_a_window_is_left_out_and_said(sound):
     assert left["trials"] == ["stub.parquet"] and "stub.parquet: shorter than one window" in left["reason"]
 
 
-def test_without_commands_only_sensing_is_evaluated(sound):
-    bare = broken(sound, lambda t: replace(t, position_command=None))
+def test_without_commands_and_with_a_free_base_only_sensing_is_evaluated(sound):
+    bare = replace(broken(sound, lambda t: replace(t, position_command=None)), base="floating")
+    bare = replace(bare, trials=tuple(replace(trial, base=None) for trial in bare.trials))
     for logs in (bare, replace(bare, control_mode=None)):
         content = verdict(logs)
         assert content["verdict"] == "not_identifiable" and content["gap"] is None
         assert any("joint/<name>/position_command" in text for text in content["warnings"])
 
 
-def test_without_effort_no_layer_is_left(sound):
+def test_without_effort_and_command_no_layer_is_left(sound):
     with pytest.raises(IdentificationError, match="joint/<name>/effort"):
-        diagnose(broken(sound, lambda t: replace(t, effort=None)))
+        diagnose(broken(sound, lambda t: replace(t, effort=None, position_command=None)))
 
 
 def test_files_are_valid_and_the_same_whoever_works(planted_logs, found, tmp_path):

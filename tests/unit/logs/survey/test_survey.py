@@ -26,7 +26,11 @@ def test_a_sound_set_is_usable(logs):
     assert (found.verdict, found.defects) == ("usable", [])
     assert [t.verdict for t in found.trials] == ["ok", "ok"]
     assert [f.text.partition(":")[0] for f in found.findings] == ["no logset.yaml"], "a note"
-    assert [(x.layer, x.mode) for x in found.layers if x.evaluated] == [("actuator", "position"), ("sensing", None)]
+    assert [(x.layer, x.mode) for x in found.layers if x.evaluated] == [
+        ("actuator", "position"),
+        ("joint_motion", None),
+        ("sensing", None),
+    ]
 
 
 def test_the_json_has_its_keys_and_no_numpy(logs):
@@ -117,15 +121,26 @@ def test_defects_are_found_once(logs):
     assert found.verdict == "usable_with_findings"
 
 
-def test_without_an_effort_nothing_can_be_diagnosed(logs):
+@pytest.mark.parametrize(("dropped", "asked"), [(("effort",), "servo"), (("position_command",), "joint_motion")])
+def test_without_torque_or_command_another_layer_is_asked(logs, dropped, asked):
     for file, seed in (("a.parquet", 0), ("b.parquet", 1)):
         columns = make_columns(seed=seed)
-        put(logs, file, {name: values for name, values in columns.items() if not name.endswith("effort")})
+        put(logs, file, {name: values for name, values in columns.items() if not name.endswith(dropped)})
+    found = surveyed(logs)
+    assert found.verdict == "usable" and asked in {x.layer for x in found.layers if x.evaluated}
+
+
+def test_without_effort_and_command_nothing_can_be_diagnosed(logs):
+    for file, seed in (("a.parquet", 0), ("b.parquet", 1)):
+        columns = make_columns(seed=seed)
+        put(logs, file, {n: values for n, values in columns.items() if not n.endswith(("effort", "position_command"))})
     found = surveyed(logs)
     assert found.verdict == "not_diagnosable"
-    assert [f.text for f in found.defects] == [
-        "hqpipe diagnose names no cause in these logs: the actuator layer needs joint/<name>/effort"
-    ]
+    (finding,) = found.defects
+    assert finding.text.startswith(
+        "hqpipe diagnose names no cause in these logs: the actuator layer needs joint/<name>/position_command and "
+        "joint/<name>/effort"
+    )
 
 
 def test_warnings_that_differ_in_file_joint_and_figures_are_one():
@@ -142,8 +157,8 @@ def test_warnings_that_differ_in_file_joint_and_figures_are_one():
     ("name", "verdict", "defects", "notes"),
     [
         ("emps", "usable", [], ["no velocity"]),
-        ("go2", "not_diagnosable", ["names no cause"], ["no velocity", "is a staircase"]),
-        ("xl330", "not_diagnosable", ["names no cause"], []),
+        ("go2", "usable", [], ["no velocity", "is a staircase"]),
+        ("xl330", "usable", [], []),
         ("cranfield_ref", "usable_with_findings", ["lost the sign"], ["no velocity"]),
         ("cranfield_lube1", "usable_with_findings", ["lost the sign"], ["no velocity"]),
         ("so101", "usable_with_findings", ["lost the sign", *["is constant"] * 3], ["is a staircase"]),

@@ -1,0 +1,195 @@
+"""From what the joints of a layer were found to have to its causes: which joints share one, how large, how much it closes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hqpipe.effects import EFFECTS
+from hqpipe.gap.causes import MOST
+from hqpipe.gap.estimate import Z95, Estimate, agree, pooled
+from hqpipe.gap.groups import scope_of
+from hqpipe.gap.layer_errors import LayerErrors
+from hqpipe.gap.shapley import Shrink, shapley
+from hqpipe.gap.signs import NAME as UNSIGNED
+from hqpipe.identify.found import JointCause, Number
+from hqpipe.identify.model import JointModel, LayerJoints
+
+SENSING = "sensing"
+_NEAR = 1e-3  # of the way to the value, from an end of an interval that is infinite in the form that is reported
+
+
+@dataclass(frozen=True, eq=False)
+class LayerCause:
+    """An effect of several joints that agree on its numbers.
+
+    Attributes:
+        members: joint → what was found in it. numbers: pooled over the joints.
+    """
+
+    effect: str
+    layer: str
+    scope: str
+    members: dict[str, JointCause]
+    numbers: tuple[Number, ...]
+    rivals: tuple[str, ...]
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        return tuple(self.members)
+
+    @property
+    def probability(self) -> float:
+        """Of the name: that of the joint that shows it best."""
+        return max(cause.probability for cause in self.members.values())
+
+
+def merge_causes(errors: LayerErrors, joints: LayerJoints, apart: Any = None) -> list[LayerCause]:
+    """One cause for each effect and set of joints that could share its numbers, the most joints first.
+
+    Args:
+        joints: that were searched. apart: the layer, which may say how its numbers are reported, see `reporting`.
+    """
+    layer, models = joints.layer, {model.joint: model for model in joints.models}
+    found: dict[str, dict[str, JointCause]] = {}
+    for joint in errors.joints:
+        for cause in joint.found.causes:
+            known, reported = _without_absent(models[joint.name], cause), reporting(models[joint.name], apart)
+            told = replace(known, numbers=tuple(reported(cause.effect, number) for number in known.numbers))
+            found.setdefault(cause.effect, {})[joint.name] = told
+    causes = []
+    for effect, members in found.items():
+        for batch in _batches(members):
+            causes.append(_cause(effect, layer, {joint: members[joint] for joint in batch}, errors.names))
+    return causes
+
+
+def _without_absent(model: JointModel, cause: JointCause) -> JointCause:
+    """The cause without numbers of an earlier record that say that it was absent there."""
+    neutral = {p.name: p.neutral for effect in model.effects if effect.name == cause.effect for p in effect.parameters}
+    if any(number.reference is None or number.reference != neutral.get(number.name) for number in cause.numbers):
+        return cause
+    return replace(cause, numbers=tuple(replace(number, reference=None) for number in cause.numbers))
+
+
+def unsigned_joints(joints: LayerJoints, then: LayerJoints | None = None) -> tuple[str, ...]:
+    """Joints whose torque lost its sign; beside an earlier record those where it has been lost since."""
+    before = unsigned_joints(then) if then is not None else ()
+    lost = (model.joint for model in joints.models if getattr(model, "unsigned", False))
+    return tuple(joint for joint in lost if joint not in before)
+
+
+def layer_of(effect: str, layer: str) -> str:
+    """The layer that an effect is reported in: a sensor's error is one of the sensor whatever layer shows it."""
+    return SENSING if effect == UNSIGNED or (effect in EFFECTS and EFFECTS[effect].layer == SENSING) else layer
+
+
+def _batches(members: dict[str, JointCause]) -> list[list[str]]:
+    """Joints whose numbers agree; the largest batch first."""
+    rest, batches = list(members), []
+    while rest:
+        around = [[j for j in rest if _near(members[centre], members[j])] for centre in rest]
+        best = max(around, key=len)
+        batches.append(best)
+        rest = [joint for joint in rest if joint not in best]
+    return batches
+
+
+def _near(a: JointCause, b: JointCause) -> bool:
+    if [(n.name, n.unit) for n in a.numbers] != [(n.name, n.unit) for n in b.numbers]:
+        return False
+    return all(agree([_estimate(x), _estimate(y)]) for x, y in zip(a.numbers, b.numbers, strict=True))
+
+
+def _estimate(number: Number) -> Estimate:
+    low, high = number.ci95
+    return Estimate(number.value, low, high, (high - low) / (2.0 * Z95))
+
+
+def _cause(effect: str, layer: str, members: dict[str, JointCause], machine: Sequence[str]) -> LayerCause:
+    first = next(iter(members.values()))
+    numbers = [_pooled([cause.numbers[k] for cause in members.values()]) for k in range(len(first.numbers))]
+    counted = Counter(name for cause in members.values() for name in dict.fromkeys(cause.confused_with))
+    rivals = tuple(name for name, count in counted.most_common() if count > MOST * len(members))
+    scope = scope_of(tuple(members), machine)
+    return LayerCause(effect, layer_of(effect, layer), scope, members, tuple(numbers), rivals)
+
+
+def _pooled(numbers: list[Number]) -> Number:
+    if len(numbers) == 1:
+        return numbers[0]
+    one = pooled([_estimate(number) for number in numbers])
+    then = [number.reference for number in numbers]
+    mean = None if any(value is None for value in then) else float(np.mean(then))
+    return Number(numbers[0].name, numbers[0].unit, one.value, (one.low, one.high), mean)
+
+
+def shares(errors: LayerErrors, causes: Sequence[LayerCause]) -> Shrink:
+    """How far each cause shrinks the pooled error.
+
+    Of a joint with one or two causes every subset was fitted. Of more, the subsets between none and all but one were not: there
+    each cause closes what it closes as the last one, in proportion, so that together they close what all do.
+    """
+
+    def of(subset: frozenset[int]) -> np.ndarray:
+        total = np.zeros(len(errors.trial_of_block))
+        for j, joint in enumerate(errors.joints):
+            names = {causes[i].effect for i in subset if joint.name in causes[i].members}
+            total += _error_of(errors, j, names)
+        return total
+
+    return shapley(len(causes), of)
+
+
+def _error_of(errors: LayerErrors, j: int, names: set[str]) -> np.ndarray:
+    """(B,) what a joint with some of its causes adds to the squared pooled error."""
+    found = errors.joints[j].found
+    every = [cause.effect for cause in found.causes]
+    base, named = errors.relative(j, found.base), errors.relative(j, found.named)
+    lacking = [name for name in every if name not in names]
+    if not lacking:
+        return named
+    if len(lacking) == len(every):
+        return base
+    if len(lacking) == 1 and lacking[0] in found.without:
+        return errors.relative(j, found.without[lacking[0]])
+    last = {
+        name: max(errors.relative(j, found.without[name]).sum() - named.sum(), 0.0) if name in found.without else 0.0
+        for name in every
+    }
+    total = sum(last.values())
+    part = sum(last[name] for name in names) / total if total > 0.0 else len(names) / len(every)
+    return base + part * (named - base)
+
+
+def reporting(model: JointModel, layer: Any = None) -> Callable[[str, Number], Number]:
+    """How the numbers of a joint are reported: as fitted, unless its model or its layer offers `reported(effect, name, value)`.
+
+    That gives name, value and unit in the form of diagnosis.json, as the limit of a drive for a share of its largest torque.
+    """
+    given = getattr(model, "reported", None) or getattr(layer, "reported", None)
+    if given is None:
+        return lambda effect, number: number
+
+    def told(effect: str, number: Number) -> Number:
+        def form(fitted: float) -> float:
+            return float(given(effect, number.name, fitted)[1])
+
+        name, value, unit = given(effect, number.name, number.value)
+        inner = [
+            end + _NEAR * (number.value - end) for end in number.ci95
+        ]  # where the other form has no end, as of 1/0
+        ends = sorted(
+            x if np.isfinite(x := form(end)) else form(near) for end, near in zip(number.ci95, inner, strict=True)
+        )
+        if not np.isfinite([value, *ends]).all() or not ends[0] <= value <= ends[1]:
+            return number
+        then = None if number.reference is None else form(number.reference)
+        then = then if then is not None and np.isfinite(then) else None
+        return Number(name, unit, float(value), (ends[0], ends[1]), then)
+
+    return told

@@ -1,0 +1,228 @@
+"""The diagnosis of a log set in one layer of `hqpipe.layers`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hqpipe.errors import IdentificationError, UsageError
+from hqpipe.gap.answer import not_identifiable
+from hqpipe.gap.diagnosis_files import Diagnosis, Row
+from hqpipe.gap.joint_state import Progress
+from hqpipe.gap.layer_answer import layer_content
+from hqpipe.gap.layer_causes import merge_causes, shares, unsigned_joints
+from hqpipe.gap.layer_errors import LayerErrors, layer_errors
+from hqpipe.gap.layer_traces import layer_traces
+from hqpipe.gap.layer_verdict import weigh_layer
+from hqpipe.gap.left_out import LeftOut, of_joints
+from hqpipe.gap.locate import Place, locate
+from hqpipe.gap.since import EarlierLogs
+from hqpipe.gap.tally import ALL
+from hqpipe.gap.unchanged import AS_THEN, FAMILIAR
+from hqpipe.identify.found import LayerFound
+from hqpipe.identify.identify import identify
+from hqpipe.identify.model import LayerJoints
+from hqpipe.layers import LAYERS
+from hqpipe.logs.findings import listed
+from hqpipe.logs.trajectory import LogSet
+from hqpipe.registry import load
+
+NOT_JUDGED = "not_judged"
+_FIX = "record the joint as its reason asks for"
+
+
+def apply_layer(name: str) -> Any:
+    """A layer by its name."""
+    return load(LAYERS[name])()
+
+
+def diagnose_layer(
+    name: str,
+    log_set: LogSet,
+    window_s: float | None = None,
+    without: Sequence[str] = (),
+    workers: int = 1,
+    progress: Progress | None = None,
+    earlier: EarlierLogs | None = None,
+    *,
+    left_out: Sequence[LeftOut] = (),
+    warnings: Sequence[str] = (),
+) -> Diagnosis:
+    """The answer of a layer.
+
+    Args:
+        name: of `hqpipe.layers`. log_set: with what the layer needs. left_out, warnings: so far; the others are as in
+            `hqpipe.gap.diagnosis.diagnose`.
+
+    Raises:
+        UsageError: the earlier logs lack what the layer needs.
+    """
+    layer = apply_layer(name)
+    try:
+        then = _earlier_joints(layer, name, earlier, window_s, without)
+        joints = layer.joints(log_set, then.window_s if then is not None and window_s is None else window_s, without)
+    except IdentificationError as error:
+        advice = error.fix or "record longer trials in which every joint moves, one of them held out"
+        return Diagnosis(not_identifiable(log_set, [error.message, *warnings], advice, earlier, left_out))
+    if then is not None:
+        joints = _known_then(joints, then, earlier)
+        if not joints.models:
+            return Diagnosis(not_identifiable(log_set, [*joints.left.values(), *warnings], None, earlier, left_out))
+    found = identify(joints, workers=workers, progress=progress, reference=then)
+    return layer_diagnosis(layer, log_set, found, then, earlier, left_out, warnings)
+
+
+def layer_diagnosis(
+    layer: Any,
+    log_set: LogSet,
+    found: LayerFound,
+    then: LayerJoints | None = None,
+    earlier: EarlierLogs | None = None,
+    left_out: Sequence[LeftOut] = (),
+    warnings: Sequence[str] = (),
+) -> Diagnosis:
+    """The answer from what was found.
+
+    Args:
+        layer: that gave the joints. then: joints of the earlier logs.
+    """
+    joints, withdrawn = found.joints, {}
+    errors = layer_errors(found, log_set)
+    logs = of_joints(log_set, errors.names)
+    evidence = weigh_layer(errors)
+    if then is not None:
+        familiar = _familiar(found, then)
+        found, withdrawn = _only_changed(found, evidence.before <= familiar)
+        errors = layer_errors(found, log_set)
+        evidence = weigh_layer(errors, familiar)
+    causes = merge_causes(errors, joints, layer)
+    before, after = (
+        errors.tally([getattr(joint.found, name) for joint in errors.joints]) for name in ("base", "named")
+    )
+    rows, places = _rows(errors, before, after, evidence.floor)
+    gone = [LeftOut((), (joint,), None, NOT_JUDGED, reason, _FIX) for joint, reason in joints.left.items()]
+    content = layer_content(
+        logs,
+        joints,
+        errors,
+        evidence,
+        causes,
+        shares(errors, causes),
+        unsigned_joints(joints, then),
+        places,
+        [*warnings, *_told(found)],
+        earlier,
+        [*left_out, *gone],
+        withdrawn,
+    )
+    return Diagnosis(content, tuple(rows), layer_traces(errors, logs, joints))
+
+
+def _earlier_joints(
+    layer: Any, name: str, earlier: EarlierLogs | None, window_s: float | None, without: Sequence[str]
+) -> LayerJoints | None:
+    if earlier is None:
+        return None
+    if lacking := layer.lacking(earlier.log_set):
+        raise UsageError(
+            f"reference {earlier.log_set.path}: without {', '.join(lacking)}, which layer {name} needs",
+            file=earlier.log_set.path,
+            field=lacking[0],
+            fix="give a reference with the same channels",
+        )
+    try:
+        return layer.joints(earlier.log_set, window_s, without)
+    except IdentificationError as error:
+        raise IdentificationError(
+            f"reference {earlier.log_set.path}: {error.message}",
+            file=earlier.log_set.path,
+            fix=error.fix or "give other logs",
+        ) from error
+
+
+def _known_then(joints: LayerJoints, then: LayerJoints, earlier: EarlierLogs) -> LayerJoints:
+    """The joints that the earlier logs judge too."""
+    known = {model.joint for model in then.models}
+    path = earlier.log_set.path
+    new = {
+        model.joint: f"cannot be judged in the reference {path}, so there is nothing to compare with"
+        for model in joints.models
+        if model.joint not in known
+    }
+    kept = tuple(model for model in joints.models if model.joint in known)
+    return replace(joints, models=kept, left={**joints.left, **new})
+
+
+def _familiar(found: LayerFound, then: LayerJoints) -> np.ndarray:
+    """(J,) mean squared error that the machine as it was may have on new logs without anything having changed.
+
+    What it left on its own logs, which come first in the samples of the fit; more where the output moves more, and not less
+    where it moves less, for an error such as that of a friction does not shrink with the motion.
+    """
+    past = {model.joint: model.fit for model in then.models}
+    levels = []
+    for joint in found.found:
+        old, new = past[joint.model.joint], joint.model.heldout if len(joint.model.heldout.time) else joint.model.fit
+        error = np.mean(joint.base.error[: len(old.time)] ** 2)
+        moved, moves = (float(np.mean((part.output - part.held) ** 2)) for part in (old, new))
+        levels.append(FAMILIAR * error * (max(moves / moved, 1.0) if moved > 0.0 else 1.0))
+    return np.array(levels)
+
+
+def _only_changed(found: LayerFound, unchanged: np.ndarray) -> tuple[LayerFound, dict[str, str]]:
+    """Without the causes of joints that err no more than they did then, and why, by the names of these causes.
+
+    Args:
+        unchanged: (J,) True for such joints.
+    """
+    joints, reasons = [], {}
+    for joint, same in zip(found.found, unchanged, strict=True):
+        reasons |= {cause.effect: AS_THEN for cause in joint.causes if same}
+        none = same or not joint.causes  # what is left without a cause is all: no number may move for nothing
+        joints.append(replace(joint, named=joint.base, causes=(), without={}) if none else joint)
+    return replace(found, found=tuple(joints)), reasons
+
+
+def _rows(
+    errors: LayerErrors, before: Any, after: Any, floor: np.ndarray
+) -> tuple[list[Row], tuple[list[Place], list[Place]]]:
+    """Rows of residuals.csv, all trials together and then trial by trial; and the places before and after."""
+    units = dict(zip(errors.names, errors.units, strict=True))
+    held = {
+        joint.name: float(np.sqrt(np.mean((joint.samples.output - joint.samples.held) ** 2))) for joint in errors.joints
+    }
+
+    def located(one: Any, two: Any) -> tuple[list[Place], list[Place]]:
+        return locate(one, floor, errors.names, errors.scale), locate(two, floor, errors.names, errors.scale)
+
+    def paired(trial: str, places: tuple[list[Place], list[Place]]) -> list[Row]:
+        known = {(p.joint, p.family, p.regime): p for p in places[1]}
+        return [Row(trial, p, known.get((p.joint, p.family, p.regime)), units[p.joint]) for p in places[0]]
+
+    whole = located(before, after)
+    rows = [
+        replace(row, held=held[row.before.joint]) if row.before.family == ALL else row for row in paired("all", whole)
+    ]
+    for index in np.unique(errors.trial_of_block):
+        rows += paired(errors.files[index], located(before.of_trial(index), after.of_trial(index)))
+    return rows, whole
+
+
+def _told(found: LayerFound) -> list[str]:
+    """Warnings of the layer, notes of its joints with the joints that share one, drifts, and joints that were left."""
+    joints = found.joints
+    notes: dict[str, list[str]] = {}
+    for joint in found.found:
+        for note in (*joint.model.notes, *joint.drifts):
+            notes.setdefault(note.removeprefix(f"{joint.model.joint}: "), []).append(joint.model.joint)
+    left: dict[str, list[str]] = {}
+    for joint, reason in joints.left.items():
+        left.setdefault(reason, []).append(joint)
+    return [
+        *joints.warnings,
+        *(f"{listed(names)}: {note}" for note, names in notes.items()),
+        *(f"{listed(names)} left out: {reason}" for reason, names in left.items()),
+    ]

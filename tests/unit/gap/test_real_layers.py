@@ -1,0 +1,41 @@
+"""Real machines whose fault is known, through the layer that their logs are routed to."""
+
+from __future__ import annotations
+
+import pytest
+from plant_logs import real
+
+from hqpipe.gap.diagnosis import diagnose
+from hqpipe.gap.since import EarlierLogs
+
+for module in ("servo", "joint_motion"):
+    pytest.importorskip(f"hqpipe.layers.{module}")
+
+
+def parameters(content):
+    return {cause["effect"]: cause["parameters"] for cause in content["causes"]}
+
+
+def test_a_servo_without_torque_has_the_friction_that_its_authors_found():
+    """Rhoban/bam: friction of the XL330 grows with the torque that is transmitted, next to nothing without load."""
+    content = diagnose(real("xl330")).content
+    assert content["gap"]["layer"] == "servo" and content["gap"]["unit"] == "rad"
+    assert content["causes"][0]["effect"] == "load_dependent_friction" and content["gap"]["shrink"] > 0.4
+    assert "coulomb_friction" not in parameters(content)
+
+
+def test_a_law_that_is_not_the_machine_s_gives_way_to_its_motion():
+    """EMPS: 203.5 N·s/m viscous and 20.39 N dry friction; the law from command to force errs more than holding the force."""
+    content = diagnose(real("emps")).content
+    assert [gap["layer"] for gap in content["gaps"]] == ["joint_motion", "actuator"]
+    assert content["gap"] == content["gaps"][0]
+    assert any("it is not the law of this machine" in text for text in content["warnings"])
+    found = parameters(content)
+    assert found["coulomb_friction"]["friction_nm"]["value"] == pytest.approx(20.39, rel=0.15)
+    assert found["viscous_friction"]["nm_s_per_rad"]["value"] == pytest.approx(203.5, rel=0.15)
+
+
+def test_the_same_ball_screw_again_has_not_changed():
+    content = diagnose(real("cranfield_same"), earlier=EarlierLogs(real("cranfield_ref"))).content
+    assert content["gap"]["layer"] == "joint_motion"
+    assert content["verdict"] == "no_gap" and content["causes"] == []
