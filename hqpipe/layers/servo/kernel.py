@@ -232,7 +232,7 @@ def simulate(
         )
         kick = (1.0 - decay) / (coupled + n[VISCOUS]) if coupled + n[VISCOUS] > 1e-9 * inertia / h else h / inertia
         free_kick = (1.0 - free_decay) / n[VISCOUS] if n[VISCOUS] > 1e-9 * inertia / h else h / inertia
-        q, v = q0[m], v0[m]
+        q, v, before = q0[m], v0[m], v0[m]
         for i in range(samples):
             k = start[m] + i
             for j in range(substeps):
@@ -247,7 +247,9 @@ def simulate(
                     transmits = abs(slack) >= half
                     s -= gain * loop * slack
                 s = passed * s + kept * spring
-                torque = s - coupled * v
+                halfway = 1.5 * v - 0.5 * before  # speed in the middle of the step, as it has been changing
+                before = v
+                torque = s - coupled * halfway
                 spring = torque
                 fast = True
                 if not transmits:
