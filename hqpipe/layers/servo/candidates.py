@@ -28,6 +28,7 @@ _EFFICIENCY = 0.2  # loss of spur and harmonic gears, 10–30 % by their data sh
 _GAP = np.pi / 180.0  # rad, backlash of spur-gear servos by their data sheets: about a degree
 _GAP_SLIDE = 0.005  # of the travel
 _GIVE = 0.05  # rad of give per rad of drive stiffness; assumption: a gear is 20 times as stiff as its position loop
+_CUT = 0.5  # of the largest torque asked for; assumption: where it lies is not known, and most likely not far below
 _SAG = 0.1  # supply resistance over that of the winding; assumption: leads are sized for less than a tenth of the loss
 _GAIN = 0.1  # tolerance of motor constants by their data sheets
 _BIAS = 0.02  # rad, a spline tooth of a servo horn is 0.25; assumption: a mounting is set to within a tenth of it
@@ -141,16 +142,8 @@ def _transmission(scale: Scale, size: Size) -> list[Effect]:
 
 
 def _drive(scale: Scale, size: Size) -> list[Effect]:
-    limit = Parameter(
-        "inverse_effort_max",
-        f"1/({scale.torque})",
-        0.0,
-        1.0 / size.torque,
-        0.0,
-        100.0 / size.torque,
-        tuple(1.0 / (share * size.torque) for share in (0.9, 0.6, 0.3, 0.1)),
-    )
-    found = [Effect("torque_limit", (limit,))]
+    cut = Parameter("share_cut_off", "1", 0.0, _CUT, 0.0, 0.99, (0.2, 0.4, 0.6, 0.8, 0.95))
+    found = [Effect("torque_limit", (cut,))]
     if scale.stall is not None:
         ohm = scale.winding_ohm
         unit = "Ω" if ohm else "1"  # over the resistance of the winding, where that is not stated

@@ -26,7 +26,7 @@ _COLUMN = {
     ("load_dependent_friction", "coefficient"): kernel.LOAD_FRICTION,
     ("backlash", "gap"): kernel.GAP,
     ("transmission_compliance", "compliance"): kernel.COMPLIANCE,
-    ("torque_limit", "inverse_effort_max"): kernel.INVERSE_LIMIT,
+    ("torque_limit", "share_cut_off"): kernel.INVERSE_LIMIT,
     ("voltage_sag", "ohm"): kernel.SAG,
     ("position_bias", "rad"): kernel.BIAS,
     ("direction_asymmetry", "ratio"): kernel.ASYMMETRY,
@@ -55,7 +55,7 @@ class Split:
 @dataclass(frozen=True)
 class Setting:
     """Length of a window, substeps of a sample; middle and half width of the travel; largest speed; time constant of the slow
-    share, s; noise of the position sensor."""
+    share, s; largest torque, of which a limit cuts off a share; noise of the position sensor."""
 
     samples: int
     substeps: int
@@ -63,6 +63,7 @@ class Setting:
     reach: float
     speed: float
     slow_s: float
+    torque: float
     sensor_noise: float
 
 
@@ -102,10 +103,11 @@ class ServoJoint:
     def reported(self, effect: str, name: str, value: float) -> tuple[str, float, str]:
         """Name, value and unit under which a number that was fitted is answered.
 
-        A torque limit and a spring are fitted as one over the number that is meant, so that they can be absent.
+        A torque limit is fitted as the share of the largest torque that it cuts off, and a spring as one over its stiffness,
+        so that they can be absent.
         """
-        if (effect, name) == ("torque_limit", "inverse_effort_max"):
-            return "effort_max_nm", 1.0 / value if value > 0.0 else np.inf, self.scale.torque
+        if (effect, name) == ("torque_limit", "share_cut_off"):
+            return "effort_max_nm", self.setting.torque * (1.0 - value) if value > 0.0 else np.inf, self.scale.torque
         if (effect, name) == ("transmission_compliance", "compliance"):
             unit = f"{self.scale.torque}/{self.scale.angle}" if self.scale.si else "1"
             return "stiffness_nm_per_rad", 1.0 / value if value > 0.0 else np.inf, unit
@@ -166,6 +168,8 @@ class ServoJoint:
             else:
                 error = value
         scale, rows = self.scale, split.rows
+        cut = numbers[kernel.INVERSE_LIMIT]
+        numbers[kernel.INVERSE_LIMIT] = 1.0 / (self.setting.torque * (1.0 - cut)) if cut > 0.0 else 0.0
         numbers[kernel.SAG] /= scale.winding_ohm or 1.0
         trials = np.empty((len(rows), 5))
         trials[:, kernel.INERTIA] = scale.inertia[rows] + inertia

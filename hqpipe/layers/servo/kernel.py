@@ -92,13 +92,15 @@ def _held_input(values: np.ndarray, first: int, at: float, width: float, smooth:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _resistance(q: float, v: float, load_gravity: float, n: np.ndarray, constants: np.ndarray) -> float:
+def _resistance(
+    q: float, v: float, load_gravity: float, gravity: float, phase: float, n: np.ndarray, constants: np.ndarray
+) -> float:
     """Torque against the drive that depends on where the joint is, and on the square of its speed."""
     torque = n[OFFSET]
     if load_gravity != 0.0:
         torque += load_gravity * np.sin(q + n[BIAS])
-    if n[GRAVITY_SIN] != 0.0 or n[GRAVITY_COS] != 0.0:
-        torque += n[GRAVITY_SIN] * np.sin(q) + n[GRAVITY_COS] * np.cos(q)
+    if gravity != 0.0:
+        torque += gravity * np.sin(q + phase)
     if n[SHAPE_1] != 0.0 or n[SHAPE_2] != 0.0:
         z = (q - constants[_MIDDLE]) / constants[_REACH]
         z = min(max(z, -_FARTHEST), _FARTHEST)
@@ -194,6 +196,7 @@ def simulate(
     loop = constants[_LOOP]
     smooth = loop == 0.0
     half = 0.5 * n[GAP]
+    gravity, phase = np.hypot(n[GRAVITY_SIN], n[GRAVITY_COS]), np.arctan2(n[GRAVITY_COS], n[GRAVITY_SIN])
     limited = n[INVERSE_LIMIT] > 0.0 and loop == 1.0
     limit = 1.0 / n[INVERSE_LIMIT] if limited else np.inf
     remembers = n[GAP] > 0.0 or n[COMPLIANCE] > 0.0 or n[SLOW] != 0.0
@@ -232,7 +235,7 @@ def simulate(
         )
         kick = (1.0 - decay) / (coupled + n[VISCOUS]) if coupled + n[VISCOUS] > 1e-9 * inertia / h else h / inertia
         free_kick = (1.0 - free_decay) / n[VISCOUS] if n[VISCOUS] > 1e-9 * inertia / h else h / inertia
-        q, v = q0[m], v0[m]
+        q, v, before = q0[m], v0[m], v0[m]
         for i in range(samples):
             k = start[m] + i
             for j in range(substeps):
@@ -247,7 +250,9 @@ def simulate(
                     transmits = abs(slack) >= half
                     s -= gain * loop * slack
                 s = passed * s + kept * spring
-                torque = s - coupled * v
+                halfway = 1.5 * v - 0.5 * before  # speed in the middle of the step, as it has been changing
+                before = v
+                torque = s - coupled * halfway
                 spring = torque
                 fast = True
                 if not transmits:
@@ -259,7 +264,7 @@ def simulate(
                     slow += h / constants[_SLOW_S] * (torque - slow)
                     s += n[SLOW] * (slow - torque)
                     torque += n[SLOW] * (slow - torque)
-                s -= _resistance(q, v, load_gravity, n, constants)
+                s -= _resistance(q, v, load_gravity, gravity, phase, n, constants)
                 friction = n[COULOMB] + n[LOAD_FRICTION] * abs(torque)
                 if n[STATIC] > 0.0:
                     friction += n[STATIC] * np.exp(-((v / n[STRIBECK]) ** 2))

@@ -32,9 +32,10 @@ LONGEST_WINDOW = 2.0  # s; assumption: longer windows leave too few of them
 _LEAST_WINDOWS = 4  # of the fit trials; assumption: fewer initial states are no sample
 _FINE = 25.0  # substeps of a response time; Verlet is then exact to about 1e-3
 _MOST_SUBSTEPS = 8
-_MOST_STEPS = 50_000  # substeps of one call on the fit trials, about 3 ms
+_MOST_STEPS = 25_000  # substeps of one call on the fit trials, about 1.5 ms
 _HELDOUT = 4  # times that for the held-out trials, which are run once for every answer
 _MOVES = 20.0  # steps of the sensor, or standard deviations of its noise, that the travel must have; assumption
+_UNSURE = 2.0  # times what a regression has for the gain; friction that it does not know makes the gain look smaller
 _SLOW = 2.0  # response times: time constant of the slow share of the torque; assumption
 
 
@@ -186,7 +187,8 @@ def _model(item: _Prepared, length: float, without: Collection[str]) -> ServoJoi
             f"the fit trials hold {len(splits[0].windows.start)} windows of {length:.2g} s, expected {_LEAST_WINDOWS}"
         )
     start = start_of(fit, item.rows[0], scale, item.response_s, dt / substeps, item.travel)
-    size = _size(item, start, samples * dt)
+    torque = _torque(item, start)
+    size = _size(item, start, torque, samples * dt)
     setting = Setting(
         samples=samples,
         substeps=substeps,
@@ -194,6 +196,7 @@ def _model(item: _Prepared, length: float, without: Collection[str]) -> ServoJoi
         reach=item.travel / 2.0,
         speed=size.speed,
         slow_s=_SLOW * item.response_s,
+        torque=float(np.abs(torque).max()) * (_UNSURE if scale.free_gain else 1.0),
         sensor_noise=item.sensor_noise,
     )
     base, effects = base_of(scale, start, size), effects_of(scale, size, without)
@@ -201,12 +204,19 @@ def _model(item: _Prepared, length: float, without: Collection[str]) -> ServoJoi
     return ServoJoint(item.joint, scale, base, effects, setting, (splits[0], splits[1]), notes)
 
 
-def _size(item: _Prepared, start: Start, window_s: float) -> Size:
-    """How large torque, speed and the rest are in the fit trials of a joint."""
+def _torque(item: _Prepared, start: Start) -> np.ndarray:
+    """(N,) torque that the drive is asked for in the fit trials."""
     fit, scale, rows = item.tracks[0], item.scale, item.rows[0]
     torque = start.gain * scale.gain[rows][fit.trial] * drive_error(fit, scale)
-    if not scale.duty:  # of the position error, the damping takes most while the joint follows its command
-        torque = torque - start.drag * scale.drag[rows][fit.trial] * fit.velocity
+    if scale.duty:
+        return torque
+    # Of the position error, the damping takes most while the joint follows its command.
+    return torque - start.drag * scale.drag[rows][fit.trial] * fit.velocity
+
+
+def _size(item: _Prepared, start: Start, torque: np.ndarray, window_s: float) -> Size:
+    """How large torque, speed and the rest are in the fit trials of a joint."""
+    fit, scale, rows = item.tracks[0], item.scale, item.rows[0]
     return Size(
         torque=float(np.quantile(np.abs(torque), LARGEST)) or float(np.abs(torque).max()),
         speed=float(np.quantile(np.abs(fit.velocity), LARGEST)),

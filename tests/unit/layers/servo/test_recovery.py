@@ -79,6 +79,6 @@ def test_duty_of_an_unknown_motor_gives_shares_of_its_stall_torque():
 def test_torque_limit_is_reported_as_a_torque():
     joint = model(Truth(limit=2.0), GAINS, (), 0.8)
     found = fit(joint, ("torque_limit",))
-    name, value, unit = joint.reported("torque_limit", "inverse_effort_max", found["torque_limit.inverse_effort_max"])
+    name, value, unit = joint.reported("torque_limit", "share_cut_off", found["torque_limit.share_cut_off"])
     assert (name, unit) == ("effort_max_nm", "N·m")
     assert value == pytest.approx(2.0, rel=0.03)

@@ -180,3 +180,35 @@ def test_logs_without_a_command(plain):
     assert Servo().lacking(bare) == ["joint/<name>/position_command"]
     with pytest.raises(IdentificationError, match="joint/j/position_command"):
         Servo().joints(bare)
+
+
+def test_without_held_out_trials(plain):
+    model = Servo().joints(replace(plain, trials=plain.trials[:1])).models[0]
+    assert len(model.error(start_values(model), heldout=True)) == 0
+    assert len(model.heldout.output) == 0 and model.noise[1] == 0.0
+
+
+def test_a_joint_at_rest_is_left_out_and_named(plain):
+    """Two joints, of which one stands."""
+    trials = []
+    for trial in plain.trials:
+        t = trial.trajectory
+        both = {name: np.hstack([values, np.full_like(values, 0.1)]) for name, values in t.channels().items()}
+        trials.append(replace(trial, trajectory=replace(t, joints=("j", "still"), **both)))
+    found = Servo().joints(replace(plain, joints=("j", "still"), trials=tuple(trials)))
+    assert [model.joint for model in found.models] == ["j"]
+    assert "moves" in found.left["still"]
+
+
+def test_a_sliding_load_is_its_mass():
+    logs = log_set(
+        Truth(inertia=0.5, gravity=0.0),
+        kind="prismatic",
+        drive=GAINS,
+        load={"mass_kg": 0.4, "arm_mass_kg": 0.1},
+        **QUICK,
+    )
+    model = Servo().joints(logs).models[0]
+    assert model.scale.inertia == pytest.approx([0.5, 0.5])
+    assert "position_bias" not in names(model)
+    assert fit(model, ())["rms"] < 1e-4
