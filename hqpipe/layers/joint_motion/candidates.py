@@ -56,8 +56,8 @@ class Scale:
 def base_parameters(output: Output, columns: Columns, start: Mapping[str, float], most: float) -> tuple[Parameter, ...]:
     """Inertia, constant torque and, for a joint that turns, gravity; with a known load its angle only.
 
-    The coefficient of cos(q − mean) − 1 is the gravity in the mean posture, which the drive holds: it is bounded by `most`. Over
-    a small travel nothing else keeps it from taking up any bend of the residual.
+    The coefficient of cos(q − mean) − 1 is the gravity in the mean posture, which the drive holds: it is bounded by `most`.
+    Over a small travel nothing else keeps it from taking up any bend of the residual.
 
     Args:
         start: name → value of a first fit. most: largest torque of the drive in these logs, N·m.

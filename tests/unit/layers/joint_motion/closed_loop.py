@@ -27,17 +27,19 @@ def simulate(
 ):  # fmt: skip
     """Position as measured, and torque (T,) at 1 kHz; the controller sees the measured position.
 
-    The dry friction takes at most what stops the joint in a step, so that it sticks.
+    The dry friction takes at most what stops the joint in a step, so that it sticks. The controller holds its torque for a
+    sample; measured is the mean of before and after, which is at the time of the position.
     """
     rng = np.random.default_rng(seed)
     h = 1.0 / (HZ * INNER)
     q, v, seen = float(command[0]), 0.0, float(command[0])
-    filtered, measured, torques = 0.0, np.zeros(len(command)), np.zeros(len(command))
+    filtered, before, measured, torques = 0.0, 0.0, np.zeros(len(command)), np.zeros(len(command))
     for k, target in enumerate(command):
         last, seen = seen, np.round((q + position_noise * rng.standard_normal()) / count) * count
         filtered += 0.2 * ((seen - last) * HZ - filtered)
         torque = kp * (target - seen) - kd * filtered
-        measured[k], torques[k] = seen, torque
+        measured[k], torques[k] = seen, 0.5 * (torque + before)
+        before = torque
         for _ in range(INNER):
             carried = load(q)
             free = v + h * (torque - carried - viscous(v) + (push[k] if push is not None else 0.0)) / inertia
