@@ -35,6 +35,7 @@ SHAPES = {  # generic shape → (group of its columns, signal)
     "velocity_shape": ("velocity", "velocity"),
     "acceleration_shape": ("acceleration", "acceleration and position"),
     "other_joints_motion": ("other motion", "motion of other joints"),
+    "other_joints_inertia": ("linked", "motion and position of other joints"),
     "other_joints_posture": ("other posture", "position of other joints"),
 }
 
@@ -42,11 +43,12 @@ SHAPES = {  # generic shape → (group of its columns, signal)
 @dataclass(frozen=True)
 class Scale:
     """Attributes:
-    torque: root mean square about the mean. speed: root mean square, rad/s. travel: standard deviation, rad.
-    seconds: length of a trial. step: s, of the log.
+    torque: root mean square about the mean. largest: that the drive puts out in these logs.
+    speed: root mean square, rad/s. travel: standard deviation, rad. seconds: length of a trial. step: s, of the log.
     """
 
     torque: float
+    largest: float
     speed: float
     travel: float
     seconds: float
@@ -119,8 +121,10 @@ def effects_of(
         ]
     for name, (group, signal) in SHAPES.items():
         if columns[group]:
+            # A gravity is no larger than what the drive holds, however small the travel over which it is seen.
+            most = scale.largest if output.turns and group in ("position", "other posture") else np.inf
             own = tuple(
-                Parameter(f"coefficient_{i + 1}", output.unit, 0.0, SHAPE * torque / max(size[k], 1e-300))
+                Parameter(f"coefficient_{i + 1}", output.unit, 0.0, min(SHAPE * torque / max(size[k], 1e-300), most))
                 for i, k in enumerate(columns[group])
             )
             found.append(Effect(name, own, named=False, signal=signal))
