@@ -55,27 +55,33 @@ class Scale:
     step: float
 
 
-def base_parameters(output: Output, columns: Columns, start: Mapping[str, float], most: float) -> tuple[Parameter, ...]:
+def base_parameters(
+    output: Output, columns: Columns, start: Mapping[str, float], most: float, step: float
+) -> tuple[Parameter, ...]:
     """Inertia, constant torque and, for a joint that turns, gravity; with a known load its angle only.
 
     The coefficient of cos(q − mean) − 1 is the gravity in the mean posture, which the drive holds: it is bounded by `most`.
     Over a small travel nothing else keeps it from taking up any bend of the residual.
 
+    So has every log a time between torque and position within a sample: commands are held for one, and channels are read one
+    after another.
+
     Args:
-        start: name → value of a first fit. most: largest torque of the drive in these logs, N·m.
+        start: name → value of a first fit. most: largest torque of the drive in these logs, N·m. step: s, of the log.
     """
 
     def free(name, unit, low=-np.inf, high=np.inf):
         return Parameter(name, output.unit_of(unit), float(np.clip(start[name], low, high)), np.inf, low, high)
 
+    timing = Parameter("timing_s", "s", 0.0, step / np.sqrt(12.0), -0.5 * step, 0.5 * step)  # anywhere in a sample
     if "gravity_angle_rad" in start:
-        return free("offset_nm", "N·m"), free("gravity_angle_rad", "rad")
+        return free("offset_nm", "N·m"), free("gravity_angle_rad", "rad"), timing
     found = [free("inertia_kg_m2", "kg·m²", 0.0), free("offset_nm", "N·m")]
     if columns["gravity"]:
         found.append(free("gravity_sin_nm", "N·m"))
     if len(columns["gravity"]) > 1:
         found.append(free("gravity_cos_nm", "N·m", -most, most))
-    return tuple(found)
+    return *found, timing
 
 
 def effects_of(

@@ -375,7 +375,7 @@ def _model(
         joint=joint,
         unit=output.unit,
         dt=step,
-        base=base_parameters(output, data.columns, start, largest),
+        base=base_parameters(output, data.columns, start, largest, machine.dt),
         effects=effects,
         fit=data.parts[0].samples(back),
         heldout=data.parts[1].samples(back),

@@ -70,12 +70,13 @@ def log_set(trials, joints=("joint",), kinds=None, channel="effort", **stated):
 
 
 def fitted(model, effects):
-    """Parameter → value of the bounded least squares, and the errors (fit, held-out)."""
+    """Parameter → value of the bounded least squares with a normal prior, the errors (fit, held-out), and all values."""
     parameters, at = all_parameters(model), positions(model, effects)
     neutral = np.array([p.neutral for p in parameters])
     low, high = (np.array([getattr(parameters[k], side) for k in at]) for side in ("low", "high"))
     size = np.array([parameters[k].spread for k in at])
-    size = np.where(np.isfinite(size), size, np.maximum(np.abs(neutral[at]), 1e-2))
+    known = np.isfinite(size)
+    size = np.where(known, size, np.maximum(np.abs(neutral[at]), 1e-2))
 
     def full(x):
         values = neutral.copy()
@@ -83,7 +84,12 @@ def fitted(model, effects):
         return values
 
     first = np.clip(neutral[at] + 0.3 * size * (np.arange(len(at)) >= len(model.base)), low, high)
-    best = least_squares(lambda x: model.error(full(x)), first, bounds=(low, high), x_scale=size)
+    scale = max(model.noise[0], 1e-3 * float(np.std(model.fit.output)))
+
+    def cost(x):
+        return np.concatenate([model.error(full(x)) / scale, ((x - neutral[at]) / size)[known]])
+
+    best = least_squares(cost, first, bounds=(low, high), x_scale=size)
     values = full(best.x)
     rms = tuple(float(np.sqrt(np.mean(model.error(values, held) ** 2))) for held in (False, True))
     return {parameters[k].name: float(v) for k, v in zip(at, best.x, strict=True)}, rms, values
