@@ -20,7 +20,7 @@ LOAD_FRICTION = 0.1  # of the transmitted torque: gears of 0.9 efficiency
 ELASTIC = 0.2  # of the rms torque over the travel; assumption
 ASYMMETRY = 0.3  # assumption
 SKEW_S = 0.005  # one cycle of a bus at 200 Hz; one sample of a slower log
-MOST_SKEW_S = 0.1  # assumption: later channels are seen by eye
+MOST_SKEW_S = 0.05  # assumption: ten cycles of such a bus; later channels are seen by eye
 DRIFT = 0.05  # over a trial: torque constant of a magnet motor, −0.1 to −0.2 %/K (datasheets), over some tens of kelvin
 SCALE = 0.1  # torque constants are stated within 10 %
 SHAPE = 0.2  # of the rms torque, assumption
@@ -34,6 +34,7 @@ SHAPES = {  # generic shape → (group of its columns, signal)
     "position_shape": ("position", "position"),
     "velocity_shape": ("velocity", "velocity"),
     "acceleration_shape": ("acceleration", "acceleration and position"),
+    "hysteresis_shape": ("hysteresis", "way since the last reversal"),
     "other_joints_motion": ("other motion", "motion of other joints"),
     "other_joints_inertia": ("linked", "motion and position of other joints"),
     "other_joints_posture": ("other posture", "position of other joints"),

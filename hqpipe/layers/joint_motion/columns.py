@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hqpipe.layers.joint_motion.hysteresis import slipping_spring
 from hqpipe.layers.joint_motion.motion import Motion
 
 NEIGHBOURS = 2  # joints before and after a joint whose motion is offered as a shape; assumption: the links next to it
+SLIPS = (0.1, 0.3, 1.0)  # of the travel; assumption: shorter ways look like dry friction, longer ones like a spring
 STRIBECK_SPEEDS = 10  # of the table over which the speed of the Stribeck friction is interpolated
 
 
@@ -56,13 +58,14 @@ class Columns:
 
 
 def columns_of(
-    turns: bool, bends: bool, others: tuple[bool, ...], adjacent: tuple[int, ...], speeds: np.ndarray
+    turns: bool, bends: bool, others: tuple[bool, ...], adjacent: tuple[int, ...], travel: float, speeds: np.ndarray
 ) -> Columns:
     """All columns of a joint.
 
     Args:
         turns: revolute, so that gravity goes with the sine and cosine of the position. bends: whether the cosine counts.
         others: as `turns`, of its neighbours. adjacent: which of them are the next ones.
+        travel: standard deviation of the position, rad or m.
         speeds: (S,) of the Stribeck table, rad/s.
     """
     found: dict[str, list[Column]] = {"inertia": [lambda w: w.own.acceleration], "offset": [lambda w: np.ones(1)]}
@@ -77,6 +80,7 @@ def columns_of(
         "velocity": [lambda w: w.own.velocity * np.abs(w.own.velocity), lambda w: w.own.velocity**3],
         "acceleration": _varying_inertia(turns),
     }
+    found["hysteresis"] = [_hysteresis(share * travel) for share in SLIPS]
     if others:
         found["other motion"] = [c for k in range(len(others)) for c in _other_motion(k)]
         found["other posture"] = [c for k, both in enumerate(others) for c in _other_posture(k, both and turns)]
@@ -97,6 +101,10 @@ def _position(turns: bool, bends: bool) -> list[Column]:
         return [lambda w: w.x**2, lambda w: w.x**3]
     odd = [lambda w: np.sin(w.x) * (1.0 - np.cos(w.x))]
     return [*odd, lambda w: (1.0 - np.cos(w.x)) ** 2] if bends else [lambda w: 1.0 - np.cos(w.x), *odd]
+
+
+def _hysteresis(slip: float) -> Column:
+    return lambda w: slipping_spring(np.ascontiguousarray(w.x), slip)
 
 
 def _varying_inertia(turns: bool) -> list[Column]:

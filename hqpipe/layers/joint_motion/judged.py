@@ -121,7 +121,10 @@ def _prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
         raise Unjudged(f"it moves for {len(moving) * machine.dt:.1f} s only in the trials of the fit")
     top = float(np.quantile(moving, 0.95))
     bends = output.kind is not None or bool(output.moment) or _gravity_bends(machine, output, fit, j)
-    columns = columns_of(output.turns, bends, tuple(turns), adjacent, np.geomspace(0.02 * top, top, STRIBECK_SPEEDS))
+    travel = max(float(np.std(np.concatenate([views[t].x for t in fit]))), np.finfo(float).tiny)
+    columns = columns_of(
+        output.turns, bends, tuple(turns), adjacent, travel, np.geomspace(0.02 * top, top, STRIBECK_SPEEDS)
+    )
     margin = round(1.0 / (band.cutoff * machine.dt))
     records = tuple(
         Record(
