@@ -15,10 +15,11 @@ NOISE_SHARE = (
 ABOVE_FLOOR = 2.0  # spectral density of the motion over that of the noise, up to the cut-off
 GAP = 1.5  # between frequencies of the motion that follow each other; assumption: a joint's spectrum has no wider hole
 GAP_BINS = 4  # of the spectrum, at least
-MOTION_ENERGY = 0.95  # of the acceleration's variance lies below the bandwidth of the motion; assumption
-OVER_BANDWIDTH = (
-    20.0  # cut-off over the bandwidth of the motion: Gautier (1997) takes 5 and more; reversals are sharper
+MOTION_ENERGY = 0.95  # of the variance of velocity or acceleration lies below its bandwidth; assumption
+LEAST_OVER_BANDWIDTH = (
+    5.0  # cut-off over the bandwidth of the velocity, where it stands above the noise: Gautier (1997)
 )
+MOST_OVER_BANDWIDTH = 20.0  # over that of the acceleration; assumption: reversals are that much sharper than the motion
 DIFFERENCE = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0  # central, sixth order: Fornberg (1988), table 1
 ORDER = 4  # of the Butterworth filter, run forwards and backwards: Gautier (1997)
 
@@ -38,29 +39,32 @@ def bandwidth(positions: Sequence[np.ndarray], dt: float) -> Bandwidth:
     """The cut-off frequency at which the acceleration holds the motion and next to no noise.
 
     The spectrum is that of the second difference, divided by the gain of the difference: so the large slow motion does not leak
-    into the noise. White noise of the position is the median density in the upper half of the band.
+    into the noise. White noise of the position is the median density in the upper half of the band. A motion at constant
+    speeds, whose acceleration is in the noise, is still filtered at five times its own bandwidth, so that reversals stay sharp.
 
     Args:
         positions: (T,) of each trial, rad or m. dt: s.
     """
     frequency, density = _spectrum(positions, dt)
     floor = float(np.median(density[frequency >= 0.25 / dt]))
-    omega4 = (2.0 * np.pi * frequency) ** 4
-    motion = np.cumsum(np.maximum(density - floor, 0.0) * omega4)
-    noise = np.cumsum(floor * omega4)
     usable = frequency <= WITHIN / dt
-    if not motion[usable][-1] > 0.0:
+    if not np.any(density[usable] > floor):
         return Bandwidth(float(frequency[usable][-1]), floor)
     above = np.flatnonzero(np.convolve(density, np.ones(3) / 3.0, "same") >= ABOVE_FLOOR * floor)
     gaps = np.flatnonzero((frequency[above[1:]] > GAP * frequency[above[:-1]]) & (np.diff(above) > GAP_BINS))
     crossing = above[gaps[0]] if len(gaps) else above[-1] if len(above) else 0
     inside = usable & (np.arange(len(frequency)) <= crossing)
-    share = noise / np.maximum(motion, np.finfo(float).tiny)
-    half = motion >= 0.5 * motion[inside][-1]
-    good = inside & half & (share <= NOISE_SHARE)
-    chosen = np.flatnonzero(good)[-1] if good.any() else np.flatnonzero(inside & half)[np.argmin(share[inside & half])]
-    moving = frequency[np.searchsorted(motion, MOTION_ENERGY * motion[chosen])]
-    return Bandwidth(float(min(frequency[chosen], OVER_BANDWIDTH * moving)), floor)
+    last = int(np.flatnonzero(inside)[-1])
+    excess = np.maximum(density - floor, 0.0)
+    omega2 = (2.0 * np.pi * frequency) ** 2
+    speed = np.cumsum(excess * omega2)
+    acceleration, noise = np.cumsum(excess * omega2**2), np.cumsum(floor * omega2**2)
+    clean = np.flatnonzero(inside & (noise <= NOISE_SHARE * acceleration) & (acceleration >= 0.5 * acceleration[last]))
+    least = LEAST_OVER_BANDWIDTH * frequency[np.searchsorted(speed, MOTION_ENERGY * speed[last])]
+    cutoff = max(frequency[clean[-1]] if len(clean) else 0.0, min(least, frequency[last]))
+    reached = acceleration[np.searchsorted(frequency, cutoff)]
+    moving = frequency[np.searchsorted(acceleration, MOTION_ENERGY * reached)]
+    return Bandwidth(float(min(cutoff, MOST_OVER_BANDWIDTH * moving)), floor)
 
 
 def _spectrum(positions: Sequence[np.ndarray], dt: float) -> tuple[np.ndarray, np.ndarray]:

@@ -20,7 +20,7 @@ LOAD_FRICTION = 0.1  # of the transmitted torque: gears of 0.9 efficiency
 ELASTIC = 0.2  # of the rms torque over the travel; assumption
 ASYMMETRY = 0.3  # assumption
 SKEW_S = 0.005  # one cycle of a bus at 200 Hz; one sample of a slower log
-MOST_SKEW_S = 0.1  # assumption: later channels are seen by eye
+MOST_SKEW_S = 0.05  # assumption: ten cycles of such a bus; later channels are seen by eye
 DRIFT = 0.05  # over a trial: torque constant of a magnet motor, −0.1 to −0.2 %/K (datasheets), over some tens of kelvin
 SCALE = 0.1  # torque constants are stated within 10 %
 SHAPE = 0.2  # of the rms torque, assumption
@@ -34,7 +34,9 @@ SHAPES = {  # generic shape → (group of its columns, signal)
     "position_shape": ("position", "position"),
     "velocity_shape": ("velocity", "velocity"),
     "acceleration_shape": ("acceleration", "acceleration and position"),
+    "hysteresis_shape": ("hysteresis", "way since the last reversal"),
     "other_joints_motion": ("other motion", "motion of other joints"),
+    "other_joints_inertia": ("linked", "motion and position of other joints"),
     "other_joints_posture": ("other posture", "position of other joints"),
 }
 
@@ -42,38 +44,45 @@ SHAPES = {  # generic shape → (group of its columns, signal)
 @dataclass(frozen=True)
 class Scale:
     """Attributes:
-    torque: root mean square about the mean. speed: root mean square, rad/s. travel: standard deviation, rad.
-    seconds: length of a trial. step: s, of the log.
+    torque: root mean square about the mean. largest: that the drive puts out in these logs.
+    speed: root mean square, rad/s. travel: standard deviation, rad. seconds: length of a trial. step: s, of the log.
     """
 
     torque: float
+    largest: float
     speed: float
     travel: float
     seconds: float
     step: float
 
 
-def base_parameters(output: Output, columns: Columns, start: Mapping[str, float], most: float) -> tuple[Parameter, ...]:
+def base_parameters(
+    output: Output, columns: Columns, start: Mapping[str, float], most: float, step: float
+) -> tuple[Parameter, ...]:
     """Inertia, constant torque and, for a joint that turns, gravity; with a known load its angle only.
 
-    The coefficient of cos(q − mean) − 1 is the gravity in the mean posture, which the drive holds: it is bounded by `most`. Over
-    a small travel nothing else keeps it from taking up any bend of the residual.
+    The coefficient of cos(q − mean) − 1 is the gravity in the mean posture, which the drive holds: it is bounded by `most`.
+    Over a small travel nothing else keeps it from taking up any bend of the residual.
+
+    So has every log a time between torque and position within a sample: commands are held for one, and channels are read one
+    after another.
 
     Args:
-        start: name → value of a first fit. most: largest torque of the drive in these logs, N·m.
+        start: name → value of a first fit. most: largest torque of the drive in these logs, N·m. step: s, of the log.
     """
 
     def free(name, unit, low=-np.inf, high=np.inf):
         return Parameter(name, output.unit_of(unit), float(np.clip(start[name], low, high)), np.inf, low, high)
 
+    timing = Parameter("timing_s", "s", 0.0, step / np.sqrt(12.0), -0.5 * step, 0.5 * step)  # anywhere in a sample
     if "gravity_angle_rad" in start:
-        return free("offset_nm", "N·m"), free("gravity_angle_rad", "rad")
+        return free("offset_nm", "N·m"), free("gravity_angle_rad", "rad"), timing
     found = [free("inertia_kg_m2", "kg·m²", 0.0), free("offset_nm", "N·m")]
     if columns["gravity"]:
         found.append(free("gravity_sin_nm", "N·m"))
     if len(columns["gravity"]) > 1:
         found.append(free("gravity_cos_nm", "N·m", -most, most))
-    return tuple(found)
+    return *found, timing
 
 
 def effects_of(
@@ -120,8 +129,10 @@ def effects_of(
         ]
     for name, (group, signal) in SHAPES.items():
         if columns[group]:
+            # A gravity is no larger than what the drive holds, however small the travel over which it is seen.
+            most = scale.largest if output.turns and group in ("position", "other posture") else np.inf
             own = tuple(
-                Parameter(f"coefficient_{i + 1}", output.unit, 0.0, SHAPE * torque / max(size[k], 1e-300))
+                Parameter(f"coefficient_{i + 1}", output.unit, 0.0, min(SHAPE * torque / max(size[k], 1e-300), most))
                 for i, k in enumerate(columns[group])
             )
             found.append(Effect(name, own, named=False, signal=signal))

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hqpipe.layers.joint_motion.hysteresis import slipping_spring
 from hqpipe.layers.joint_motion.motion import Motion
 
 NEIGHBOURS = 2  # joints before and after a joint whose motion is offered as a shape; assumption: the links next to it
+SLIPS = (0.1, 0.3, 1.0)  # of the travel; assumption: shorter ways look like dry friction, longer ones like a spring
 STRIBECK_SPEEDS = 10  # of the table over which the speed of the Stribeck friction is interpolated
 
 
@@ -55,12 +57,15 @@ class Columns:
         return np.array([np.broadcast_to(function(view), view.x.shape) for function in self.functions])
 
 
-def columns_of(turns: bool, bends: bool, others: tuple[bool, ...], speeds: np.ndarray) -> Columns:
+def columns_of(
+    turns: bool, bends: bool, others: tuple[bool, ...], adjacent: tuple[int, ...], travel: float, speeds: np.ndarray
+) -> Columns:
     """All columns of a joint.
 
     Args:
         turns: revolute, so that gravity goes with the sine and cosine of the position. bends: whether the cosine counts.
-        others: as `turns`, of its neighbours.
+        others: as `turns`, of its neighbours. adjacent: which of them are the next ones.
+        travel: standard deviation of the position, rad or m.
         speeds: (S,) of the Stribeck table, rad/s.
     """
     found: dict[str, list[Column]] = {"inertia": [lambda w: w.own.acceleration], "offset": [lambda w: np.ones(1)]}
@@ -71,13 +76,17 @@ def columns_of(turns: bool, bends: bool, others: tuple[bool, ...], speeds: np.nd
         "viscous": [lambda w: w.own.velocity],
         "speed": [lambda w: np.abs(w.own.velocity)],
         "spring": [lambda w: w.x],
-        "position": _position(turns),
+        "position": _position(turns, bends),
         "velocity": [lambda w: w.own.velocity * np.abs(w.own.velocity), lambda w: w.own.velocity**3],
         "acceleration": _varying_inertia(turns),
     }
+    found["hysteresis"] = [_hysteresis(share * travel) for share in SLIPS]
     if others:
         found["other motion"] = [c for k in range(len(others)) for c in _other_motion(k)]
         found["other posture"] = [c for k, both in enumerate(others) for c in _other_posture(k, both and turns)]
+    linked = [c for k in adjacent for c in _link_coupling(k, turns, others[k])]
+    if linked:
+        found["linked"] = linked
     found["stribeck"] = [_stribeck(speed) for speed in speeds]
     groups, functions = {}, []
     for name, part in found.items():
@@ -86,10 +95,16 @@ def columns_of(turns: bool, bends: bool, others: tuple[bool, ...], speeds: np.nd
     return Columns(groups, tuple(functions), speeds)
 
 
-def _position(turns: bool) -> list[Column]:
-    if turns:
-        return [lambda w: np.sin(2.0 * w.x), lambda w: np.cos(2.0 * w.x) - 1.0]
-    return [lambda w: w.x**2, lambda w: w.x**3]
+def _position(turns: bool, bends: bool) -> list[Column]:
+    """Second harmonics of the position, less what gravity's own columns hold of them; or a parabola and a cubic."""
+    if not turns:
+        return [lambda w: w.x**2, lambda w: w.x**3]
+    odd = [lambda w: np.sin(w.x) * (1.0 - np.cos(w.x))]
+    return [*odd, lambda w: (1.0 - np.cos(w.x)) ** 2] if bends else [lambda w: 1.0 - np.cos(w.x), *odd]
+
+
+def _hysteresis(slip: float) -> Column:
+    return lambda w: slipping_spring(np.ascontiguousarray(w.x), slip)
 
 
 def _varying_inertia(turns: bool) -> list[Column]:
@@ -111,15 +126,42 @@ def _other_motion(k: int) -> list[Column]:
 
 
 def _other_posture(k: int, turn: bool) -> list[Column]:
-    """Gravity of a link goes with the sum of the angles on the way to it."""
+    """Gravity of a link goes with the sum of the angles on the way to it: the sine and cosine of x + y, less those of x."""
     if not turn:
         return [lambda w: w.others[k][0], lambda w: w.x * w.others[k][0]]
     return [
-        lambda w: np.sin(w.others[k][0]),
-        lambda w: np.cos(w.others[k][0]) - 1.0,
-        lambda w: np.sin(w.x + w.others[k][0]),
-        lambda w: np.cos(w.x + w.others[k][0]) - 1.0,
+        lambda w: np.cos(w.x) * np.sin(w.others[k][0]),
+        lambda w: np.sin(w.x) * np.sin(w.others[k][0]),
+        lambda w: np.cos(w.x) * (np.cos(w.others[k][0]) - 1.0),
+        lambda w: np.sin(w.x) * (np.cos(w.others[k][0]) - 1.0),
     ]
+
+
+def _link_coupling(k: int, turns: bool, other_turns: bool) -> list[Column]:
+    """Inertia between two links: it goes with the sine and cosine of the joint further out, which is either of the two.
+
+    The terms of the Lagrangian of a two-link arm, of an unknown phase.
+    """
+    found: list[Column] = []
+    if turns:
+        found += [
+            lambda w: w.others[k][1].acceleration * (np.cos(w.x) - 1.0),
+            lambda w: w.others[k][1].acceleration * np.sin(w.x),
+            lambda w: w.others[k][1].velocity ** 2 * (np.cos(w.x) - 1.0),
+            lambda w: w.others[k][1].velocity ** 2 * np.sin(w.x),
+        ]
+    if other_turns:
+        found += [
+            lambda w: w.others[k][1].acceleration * (np.cos(w.others[k][0]) - 1.0),
+            lambda w: w.others[k][1].acceleration * np.sin(w.others[k][0]),
+            lambda w: w.own.acceleration * (np.cos(w.others[k][0]) - 1.0),
+            lambda w: w.own.acceleration * np.sin(w.others[k][0]),
+            lambda w: w.others[k][1].velocity ** 2 * (np.cos(w.others[k][0]) - 1.0),
+            lambda w: w.others[k][1].velocity ** 2 * np.sin(w.others[k][0]),
+            lambda w: w.own.velocity * w.others[k][1].velocity * np.cos(w.others[k][0]),
+            lambda w: w.own.velocity * w.others[k][1].velocity * np.sin(w.others[k][0]),
+        ]
+    return found
 
 
 def _stribeck(speed: float) -> Column:

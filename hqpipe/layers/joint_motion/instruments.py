@@ -18,7 +18,7 @@ from hqpipe.layers.joint_motion.first_fit import least_squares, standard_errors
 POLES = (0.5, 0.05)  # of the cut-off: loops from half to a twentieth of what the filter passes; assumption
 TERMS = 8  # Laguerre functions of each pole
 SIGNIFICANCE = 0.01  # of the Durbin–Wu–Hausman test
-MATERIAL = 0.02  # change of a coefficient, as a share of it, and of the torque, below which least squares stay
+MATERIAL = 0.02  # change of the predicted torque, as a share of it, below which least squares stay
 LEAST_R2 = 0.5  # of a regressor on the instruments: below it they are weak, and the projection would hide the motion
 
 
@@ -102,11 +102,13 @@ def endogeneity(
     covariance = standard_errors(both, y - both @ found, block)[x.shape[1] :, x.shape[1] :]
     gamma = found[x.shape[1] :]
     statistic = float(gamma @ np.linalg.pinv(covariance, hermitian=True) @ gamma)
-    size = np.sqrt(np.mean(x**2, axis=0)) / max(float(np.std(y)), np.finfo(float).tiny)
-    change = np.abs(instrumental - plain)
-    material = np.any((change > MATERIAL * np.abs(plain))[doubtful] & (change * size > MATERIAL)[doubtful])
+    moved = float(np.std(x @ (instrumental - plain)))
     spread = np.var(x[:, doubtful], axis=0)
     r2 = 1.0 - np.var(rest, axis=0) / np.where(spread > 0.0, spread, 1.0)
     return EndogeneityTest(
-        float(chi2.sf(statistic, len(doubtful))), float(r2.min()), plain, instrumental, bool(material)
+        float(chi2.sf(statistic, len(doubtful))),
+        float(r2.min()),
+        plain,
+        instrumental,
+        moved > MATERIAL * float(np.std(y)),
     )

@@ -107,6 +107,7 @@ def _prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
         raise Unjudged("its torque is constant")
     near = [k for k in range(j - NEIGHBOURS, j + NEIGHBOURS + 1) if k != j and 0 <= k < len(logs.joints)]
     near = [k for k in near if machine.bandwidths[k] is not None]
+    adjacent = tuple(at for at, k in enumerate(near) if abs(k - j) == 1)
     turns = [logs.kinds.get(logs.joints[k]) != PRISMATIC for k in near]
     fit = [k for k, trial in enumerate(logs.trials) if trial.split == "fit"]
     means = {k: float(np.mean(np.concatenate([machine.motions[t][k].position for t in fit]))) for k in (j, *near)}
@@ -120,7 +121,10 @@ def _prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
         raise Unjudged(f"it moves for {len(moving) * machine.dt:.1f} s only in the trials of the fit")
     top = float(np.quantile(moving, 0.95))
     bends = output.kind is not None or bool(output.moment) or _gravity_bends(machine, output, fit, j)
-    columns = columns_of(output.turns, bends, tuple(turns), np.geomspace(0.02 * top, top, STRIBECK_SPEEDS))
+    travel = max(float(np.std(np.concatenate([views[t].x for t in fit]))), np.finfo(float).tiny)
+    columns = columns_of(
+        output.turns, bends, tuple(turns), adjacent, travel, np.geomspace(0.02 * top, top, STRIBECK_SPEEDS)
+    )
     margin = round(1.0 / (band.cutoff * machine.dt))
     records = tuple(
         Record(
@@ -211,7 +215,10 @@ def _in_newton_metres(output: Output, data: Prepared, notes: list[str]) -> tuple
 
 
 def _instruments(machine: MovingMachine, data: Prepared, notes: list[str]) -> tuple[Part, Part] | None:
-    """The parts with regressors projected on instruments, where least squares are biased; else None."""
+    """The parts, with the regressors of the fit projected on instruments where least squares are biased; else None.
+
+    What is held out chooses nothing and keeps the regressors that were measured.
+    """
     logs, dt, fit = machine.log_set, machine.dt, data.parts[0]
     if logs.control_mode != "position":
         return None
@@ -253,11 +260,9 @@ def _instruments(machine: MovingMachine, data: Prepared, notes: list[str]) -> tu
         "the noise of the position in the closed loop biases least squares (Durbin–Wu–Hausman test, p "
         f"{test.p:.1g}): the regressors are projected on a motion simulated from the command ({said})"
     )
-    gains = projected(x, z[:, linear])
-    return tuple(
-        replace(part, columns=other.columns[:, linear] @ gains)
-        for part, other in zip(data.parts, instruments, strict=True)
-    )
+    columns = fit.columns.copy()
+    columns[fit.keep] = z[:, linear] @ projected(x, z[:, linear])
+    return replace(fit, columns=columns), data.parts[1]
 
 
 def _noise_share(data: Prepared, dt: float) -> float:
@@ -352,8 +357,10 @@ def _model(
         start["gravity_angle_rad"] = float(np.arctan2(start["gravity_cos_nm"], start["gravity_sin_nm"]))
     kept = fit.columns[fit.keep]
     torque = max(float(np.std(fit.output[fit.keep])), np.finfo(float).tiny)
+    largest = float(np.quantile(np.abs(fit.output[fit.keep]), TOP))
     scale = Scale(
         torque,
+        largest,
         float(np.sqrt(np.mean(fit.velocity[fit.keep] ** 2))),
         max(float(np.std(fit.position[fit.keep])), np.finfo(float).tiny),
         float(np.median([len(r.output) for r in data.records])) * machine.dt,
@@ -371,7 +378,7 @@ def _model(
         joint=joint,
         unit=output.unit,
         dt=step,
-        base=base_parameters(output, data.columns, start, float(np.quantile(np.abs(fit.output[fit.keep]), TOP))),
+        base=base_parameters(output, data.columns, start, largest, machine.dt),
         effects=effects,
         fit=data.parts[0].samples(back),
         heldout=data.parts[1].samples(back),

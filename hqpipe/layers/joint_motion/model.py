@@ -67,7 +67,7 @@ class MotionModel:
 
     def _predicted(self, values: np.ndarray, heldout: bool) -> np.ndarray:
         part = self.parts[heldout]
-        skew = self._value(values, "channel_skew", "skew_s")
+        skew = self._value(values, "", "timing_s") + self._value(values, "channel_skew", "skew_s")
         if skew == 0.0:
             rows, time = self._kept[heldout], part.time[part.keep]
         else:

@@ -91,7 +91,8 @@ class ParallelFilter:
 
         if self.length == 1:
             return rows[..., :: self.step]
-        skip = (self.length - 1) % self.step
-        first = -(-(self.length - 1 - skip) // self.step)
-        found = upfirdn(self.weights, rows[..., skip:], down=self.step, axis=-1)
+        ahead = (1 - self.length) % self.step  # zeros in front, so that the first whole window is one of those kept
+        padded = np.concatenate([np.zeros((*rows.shape[:-1], ahead)), rows], axis=-1)
+        found = upfirdn(self.weights, padded, down=self.step, axis=-1)
+        first = (self.length - 1 + ahead) // self.step
         return found[..., first : first + len(self.centres(rows.shape[-1]))]

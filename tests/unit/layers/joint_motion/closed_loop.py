@@ -27,17 +27,19 @@ def simulate(
 ):  # fmt: skip
     """Position as measured, and torque (T,) at 1 kHz; the controller sees the measured position.
 
-    The dry friction takes at most what stops the joint in a step, so that it sticks.
+    The dry friction takes at most what stops the joint in a step, so that it sticks. The controller holds its torque for a
+    sample; measured is the mean of before and after, which is at the time of the position.
     """
     rng = np.random.default_rng(seed)
     h = 1.0 / (HZ * INNER)
     q, v, seen = float(command[0]), 0.0, float(command[0])
-    filtered, measured, torques = 0.0, np.zeros(len(command)), np.zeros(len(command))
+    filtered, before, measured, torques = 0.0, 0.0, np.zeros(len(command)), np.zeros(len(command))
     for k, target in enumerate(command):
         last, seen = seen, np.round((q + position_noise * rng.standard_normal()) / count) * count
         filtered += 0.2 * ((seen - last) * HZ - filtered)
         torque = kp * (target - seen) - kd * filtered
-        measured[k], torques[k] = seen, torque
+        measured[k], torques[k] = seen, 0.5 * (torque + before)
+        before = torque
         for _ in range(INNER):
             carried = load(q)
             free = v + h * (torque - carried - viscous(v) + (push[k] if push is not None else 0.0)) / inertia
@@ -68,12 +70,13 @@ def log_set(trials, joints=("joint",), kinds=None, channel="effort", **stated):
 
 
 def fitted(model, effects):
-    """Parameter → value of the bounded least squares, and the errors (fit, held-out)."""
+    """Parameter → value of the bounded least squares with a normal prior, the errors (fit, held-out), and all values."""
     parameters, at = all_parameters(model), positions(model, effects)
     neutral = np.array([p.neutral for p in parameters])
     low, high = (np.array([getattr(parameters[k], side) for k in at]) for side in ("low", "high"))
     size = np.array([parameters[k].spread for k in at])
-    size = np.where(np.isfinite(size), size, np.maximum(np.abs(neutral[at]), 1e-2))
+    known = np.isfinite(size)
+    size = np.where(known, size, np.maximum(np.abs(neutral[at]), 1e-2))
 
     def full(x):
         values = neutral.copy()
@@ -81,7 +84,12 @@ def fitted(model, effects):
         return values
 
     first = np.clip(neutral[at] + 0.3 * size * (np.arange(len(at)) >= len(model.base)), low, high)
-    best = least_squares(lambda x: model.error(full(x)), first, bounds=(low, high), x_scale=size)
+    scale = max(model.noise[0], 1e-3 * float(np.std(model.fit.output)))
+
+    def cost(x):
+        return np.concatenate([model.error(full(x)) / scale, ((x - neutral[at]) / size)[known]])
+
+    best = least_squares(cost, first, bounds=(low, high), x_scale=size)
     values = full(best.x)
     rms = tuple(float(np.sqrt(np.mean(model.error(values, held) ** 2))) for held in (False, True))
     return {parameters[k].name: float(v) for k, v in zip(at, best.x, strict=True)}, rms, values

@@ -125,7 +125,7 @@ def test_current_is_in_ampere_until_something_gives_its_scale(runs):
     mass = 8.0 / 9.80665 / 0.4
     load = model(load={"*": {"mass_kg": mass, "lever_m": 0.4}})
     assert load.unit == "N·m" and "armature" in names(load)
-    assert fitted(load, [DRY])[0]["friction_nm"] == pytest.approx(2.0, rel=0.05)
+    assert fitted(load, [DRY, "armature"])[0]["friction_nm"] == pytest.approx(2.0, rel=0.05)
 
 
 def test_a_known_load_shows_armature_and_a_wrong_torque_constant(runs):
