@@ -22,7 +22,8 @@ def sensor_noise(values: np.ndarray, record: Record, scales: Scales) -> float:
     """Standard deviation of the noise of a sensor of the joint, its quantisation included.
 
     The scatter about a straight line while the joint is left alone, where there are such rests; else the scatter of third
-    differences, which remove steady motion, in the quietest pieces of the logs. At least that of rounding to the sensor's step: √(1/12) of it (Bennett 1948).
+    differences, which remove steady motion, in the quietest pieces of the logs. At least
+    that of rounding to the sensor's step: √(1/12) of it (Bennett 1948).
 
     Args:
         values: (N,) of the position or the velocity.
