@@ -28,7 +28,7 @@ def sensor_noise(values: np.ndarray, record: Record, scales: Scales) -> float:
     Args:
         values: (N,) of the position or the velocity.
     """
-    step = resolution(values)
+    step = resolution(values) or resolution(_kept(values))
     rounding = (step or 0.0) / np.sqrt(12.0)
     alone = (np.abs(record.command - scales.rest) <= LEFT_ALONE * scales.command) & record.observed
     settle = max(round(REST_S / record.dt), 1)
@@ -51,3 +51,9 @@ def sensor_noise(values: np.ndarray, record: Record, scales: Scales) -> float:
     )
     squares = np.mean(third.reshape(-1, PIECE) ** 2, axis=1) / THIRD
     return max(float(np.sqrt(np.quantile(squares, QUIET))), rounding)
+
+
+def _kept(values: np.ndarray) -> np.ndarray:
+    """The values that two samples in a row have: of a rounded signal that was brought to another clock by interpolation, those
+    that the sensor really gave."""
+    return values[1:][values[1:] == values[:-1]]
