@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from cylinder_truth import FULL_SPEED, log_set, strokes
 from fitting import fitted
@@ -33,6 +34,15 @@ def test_an_asymmetry_of_1_4_is_recovered_between_rests_at_the_end_stops():
     assert (1.0 + values["ratio"]) / (1.0 - values["ratio"]) == pytest.approx(1.4, rel=0.01)
     assert fit < 1.4 * model.noise[0]
     assert any("end stop" in note for note in model.notes)
+
+
+def test_the_asymmetry_of_a_cylinder_that_is_held_out_most_of_the_time():
+    command = np.tile(np.concatenate([np.full(400, 0.8), np.full(300, -0.8)]), 6)
+    (model,) = Valve().joints(log_set([command, command], DT, noise=NOISE, area_ratio=1.4**2)).models
+    values, _ = fitted(model, "direction_asymmetry")
+    gains = values["gain"] * np.array([1.0 + values["ratio"], 1.0 - values["ratio"]])
+    speeds = gains * (np.array([0.8, 0.8]) + np.array([-1.0, 1.0]) * values["neutral"])
+    assert speeds == pytest.approx(0.8 * FULL_SPEED * np.array([1.0, 1.0 / 1.4]), rel=0.01)
 
 
 def test_a_deadband_round_a_neutral_point_off_zero():

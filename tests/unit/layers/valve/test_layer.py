@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cylinder_truth import log_set, strokes
+from cylinder_truth import log_set, simulate, strokes
 
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.model import all_parameters
 from hqpipe.layers.valve import Valve
+from hqpipe.layers.valve.record import rest_command
+from hqpipe.logs.differentiate import differentiate
 
 DT = 0.01
 
@@ -109,6 +111,19 @@ def test_something_in_the_way_is_left_out_and_told(logs):
     assert any("blocks it" in note for note in model.notes)
     at = np.round(model.fit.time / DT).astype(int)
     assert not np.isin(np.arange(1280, 1330), at).any()
+
+
+def test_without_held_out_trials_there_are_no_such_samples(logs):
+    model = the_joint(replace(logs, trials=logs.trials[:1]))
+    assert len(model.heldout.output) == 0 and len(model.error(neutral(model), heldout=True)) == 0
+
+
+@pytest.mark.parametrize("inverted", [1.0, -1.0])
+def test_the_rest_of_a_command_that_is_mostly_at_one_end(inverted):
+    command = np.tile(np.concatenate([np.full(400, 0.8), np.full(250, -0.8)]), 5)
+    position = simulate(command, DT)
+    velocity = differentiate(inverted * position[:, None], DT)[:, 0]
+    assert rest_command(command, velocity) == pytest.approx(0.0, abs=0.05)
 
 
 def test_a_turning_point_is_no_end_stop():
