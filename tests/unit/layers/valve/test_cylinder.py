@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cylinder_truth import FULL_SPEED, log_set, strokes
+from cylinder_truth import AREA_A, FULL_SPEED, SUPPLY, log_set, strokes
 from fitting import fitted
 
 from hqpipe.layers.valve import Valve
@@ -71,8 +71,15 @@ def test_a_supply_that_sags_with_the_flow_of_the_only_joint():
 def test_a_weight_makes_the_direction_count():
     model = joint(weight=6000.0)
     values, _ = fitted(model, "direction_asymmetry")
-    up, down = (16e6 * 2e-3 - 6000.0) ** 0.5, (16e6 * 2e-3 + 6000.0) ** 0.5
+    up, down = (SUPPLY * AREA_A - 6000.0) ** 0.5, (SUPPLY * AREA_A + 6000.0) ** 0.5
     assert values["ratio"] == pytest.approx((up - down) / (up + down), rel=0.02)
+
+
+def test_orifice_flow_under_a_logged_load():
+    model = joint(spring=6e4)
+    values, (fit, _) = fitted(model, "orifice_flow")
+    assert values["effort_max_nm"] == pytest.approx(SUPPLY * AREA_A, rel=0.03)
+    assert fit < 1.5 * NOISE
 
 
 def test_four_effects_at_once():

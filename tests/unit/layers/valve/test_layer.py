@@ -7,12 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cylinder_truth import log_set, simulate, strokes
+from fitting import fitted
 
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.model import all_parameters
 from hqpipe.layers.valve import Valve
+from hqpipe.layers.valve.noise import kept
 from hqpipe.layers.valve.record import rest_command
 from hqpipe.logs.differentiate import differentiate
+from hqpipe.logs.survey.signal import resolution
 
 DT = 0.01
 
@@ -72,6 +75,29 @@ def test_a_measured_velocity_is_predicted_itself(logs):
     assert np.array_equal(model.fit.output, model.fit.velocity)
 
 
+def test_the_noise_of_a_measured_velocity(logs):
+    rng = np.random.default_rng(8)
+    trials = tuple(
+        replace(
+            t,
+            trajectory=replace(
+                t.trajectory,
+                velocity=t.trajectory.velocity + 3e-3 * rng.standard_normal(t.trajectory.velocity.shape),
+                velocity_source="measured",
+            ),
+        )
+        for t in logs.trials
+    )
+    assert the_joint(replace(logs, trials=trials)).noise[0] == pytest.approx(3e-3, rel=0.25)
+
+
+def test_an_encoder_brought_to_another_clock_keeps_its_step():
+    step, rng = 1e-3, np.random.default_rng(6)
+    coarse = np.repeat(np.cumsum(rng.integers(-9, 10, 400)), 3) * step
+    blended = np.interp(np.arange(0.0, len(coarse) - 1, 1.07), np.arange(len(coarse)), coarse)
+    assert resolution(blended) is None and resolution(kept(blended)) == pytest.approx(step, rel=1e-6)
+
+
 def test_unobserved_samples_are_not_judged(logs):
     observed = {id(t): np.random.default_rng(0).uniform(size=(t.trajectory.samples, 1)) > 0.1 for t in logs.trials}
     trials = tuple(replace(t, trajectory=replace(t.trajectory, observed=observed[id(t)])) for t in logs.trials)
@@ -111,6 +137,19 @@ def test_something_in_the_way_is_left_out_and_told(logs):
     assert any("blocks it" in note for note in model.notes)
     at = np.round(model.fit.time / DT).astype(int)
     assert not np.isin(np.arange(1280, 1330), at).any()
+
+
+@pytest.mark.parametrize("scale", [-1.0, 400.0])
+def test_the_scale_and_sign_of_the_command_do_not_matter(logs, scale):
+    trials = tuple(
+        replace(t, trajectory=replace(t.trajectory, valve_command=scale * t.trajectory.valve_command + 1500.0))
+        for t in logs.trials
+    )
+    one, (size, _) = fitted(the_joint(logs), "valve_deadband")
+    other, (size_too, _) = fitted(the_joint(replace(logs, trials=trials)), "valve_deadband")
+    assert other["half_width"] == pytest.approx(abs(scale) * one["half_width"], rel=1e-3)
+    assert other["gain"] * scale == pytest.approx(one["gain"], rel=1e-3)
+    assert size_too == pytest.approx(size, rel=1e-3)
 
 
 def test_without_held_out_trials_there_are_no_such_samples(logs):
