@@ -82,9 +82,14 @@ def _look(log_set: LogSet, j: int) -> str | tuple[Scales, Record, float]:
         return "its valve command never changes"
     if scales.half_travel == 0.0 or scales.speed == 0.0:
         return "it never moves"
-    record = record_of(log_set.fit, j, scales, _slides(log_set, j), _alike(log_set, scales, j))
+    record = record_of(log_set.fit, j, scales, _slides(log_set, j), _alike(log_set, scales, j), _dt(log_set))
     noise = sensor_noise(record.position, record, scales)
     return scales, record, noise
+
+
+def _dt(log_set: LogSet) -> float:
+    """s from sample to sample; all trials of a log set have one rate."""
+    return float(np.median([t.trajectory.dt for t in log_set.trials]))
 
 
 def _slides(log_set: LogSet, j: int) -> bool:
@@ -102,7 +107,7 @@ def _window(
     log_set: LogSet, looks: dict[str, tuple[Scales, Record, float]], travels: bool, window_s: float | None
 ) -> tuple[float, str]:
     """Length of a free run, s, and why."""
-    dt = float(np.median([t.trajectory.dt for t in log_set.trials]))
+    dt = _dt(log_set)
     if window_s is not None:
         return max(window_s, 10.0 * dt), "as asked for, and at least ten samples"
     length = max(LEAST_ROWS * dt, LEAST_S)
@@ -125,7 +130,7 @@ def _joint(
 ) -> str | JointModel:
     """The model of one joint, or why there is none."""
     j, slides = log_set.joints.index(name), _slides(log_set, log_set.joints.index(name))
-    held = record_of(log_set.heldout, j, scales, slides, _alike(log_set, scales, j))
+    held = record_of(log_set.heldout, j, scales, slides, _alike(log_set, scales, j), record.dt)
     look = first_look(record, scales)
     ends = _ends(log_set.trials, j)
     stops = [at_end_stops(r, scales, np.sign(look.gain), ends, noise) for r in (record, held)]

@@ -6,7 +6,7 @@ import numpy as np
 
 from hqpipe.layers.valve.masks import runs
 from hqpipe.layers.valve.record import Record, Scales
-from hqpipe.logs.survey.signal import resolution
+from hqpipe.logs.survey.signal import noise, resolution
 
 REST_S = 0.5  # of a rest that tells a sensor's noise; assumption: longer than the joint takes to stop
 LEFT_ALONE = 0.02  # of the command's largest distance from rest; assumption
@@ -21,13 +21,14 @@ THIRD = 20.0  # variance of the third difference of white noise of variance 1: 1
 def sensor_noise(values: np.ndarray, record: Record, scales: Scales) -> float:
     """Standard deviation of the noise of a sensor of the joint, its quantisation included.
 
-    The scatter about a straight line while the joint is left alone, where there are such rests; else the scatter of third
-    differences, which remove steady motion, in the quietest pieces of the logs. At least that of rounding to the sensor's step: √(1/12) of it (Bennett 1948).
+    The scatter about a straight line while the joint is left alone, where there are such rests; else the white noise under
+    the motion, and where it is not white the scatter of third differences in the quietest pieces of the logs. At least
+    that of rounding to the sensor's step: √(1/12) of it (Bennett 1948).
 
     Args:
         values: (N,) of the position or the velocity.
     """
-    step = resolution(values)
+    step = resolution(values) or resolution(kept(values))
     rounding = (step or 0.0) / np.sqrt(12.0)
     alone = (np.abs(record.command - scales.rest) <= LEFT_ALONE * scales.command) & record.observed
     settle = max(round(REST_S / record.dt), 1)
@@ -40,6 +41,9 @@ def sensor_noise(values: np.ndarray, record: Record, scales: Scales) -> float:
             scatter.append(float(np.sqrt(rest @ rest / (len(part) - 2))))
     if scatter:
         return max(float(np.median(scatter)), rounding)
+    white = noise(values, step)
+    if white is not None:
+        return max(white, rounding)
     third = np.concatenate(
         [
             np.diff(values[first : last + 1], 3)[: (last - first - 2) // PIECE * PIECE]
@@ -50,3 +54,9 @@ def sensor_noise(values: np.ndarray, record: Record, scales: Scales) -> float:
     )
     squares = np.mean(third.reshape(-1, PIECE) ** 2, axis=1) / THIRD
     return max(float(np.sqrt(np.quantile(squares, QUIET))), rounding)
+
+
+def kept(values: np.ndarray) -> np.ndarray:
+    """The values that two samples in a row have: of a rounded signal that was brought to another clock by interpolation, those
+    that the sensor really gave."""
+    return values[1:][values[1:] == values[:-1]]

@@ -22,11 +22,11 @@ class Sizes:
     """Sizes in the fit trials that bounds and priors are multiples of.
 
     Attributes:
-        dt: s. command: largest distance from rest; command_start: gain and neutral of a straight line through the logs.
+        dt: s. command: largest distance from rest. gain, neutral: of a straight line through the logs.
         speed: usual where the joint moves. effort: usual, 0 where it is not logged; most_effort: largest. effort_unit: of it.
         demand: usual total speed of the joints. supply: whether its pressure is logged. alone: whether no other joint is.
         edge: command from rest at which the joint seems to start. delay_s: for which the command precedes the motion most.
-        speed_unit, angle: of the joint; whether it turns.
+        speed_unit: of the joint.
     """
 
     dt: float
@@ -43,19 +43,18 @@ class Sizes:
     edge: float
     delay_s: float
     speed_unit: str
-    turns: bool
 
 
 def base_parameters(size: Sizes) -> tuple[Parameter, ...]:
     """Gain, neutral point, and the row that the command belongs to.
 
     A log does not say whether a row holds the command sent before or after its measurement: up to one sample of offset is the
-    log's, not the machine's. The bounds lie half a sample beyond, so that neither convention is on a bound.
+    log's, not the machine's. The bounds lie a quarter of a sample beyond, so that neither convention is on a bound.
     """
     return (
         Parameter("gain", f"{size.speed_unit} per command", size.gain, np.inf),
         Parameter("neutral", "command", size.neutral, np.inf),
-        Parameter("row_offset_s", "s", 0.5 * size.dt, 0.5 * size.dt, -0.5 * size.dt, 1.5 * size.dt),
+        Parameter("row_offset_s", "s", 0.5 * size.dt, 0.5 * size.dt, -0.25 * size.dt, 1.25 * size.dt),
     )
 
 

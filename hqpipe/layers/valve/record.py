@@ -13,6 +13,10 @@ from hqpipe.logs.trajectory import Trial, recording_of
 SUPPLY = "supply/pressure"
 FULL_SUPPLY = 0.95  # quantile of the logged supply pressure that counts as full; above it are its peaks; assumption
 
+CLASSES, OFTEN, INNER = 500, 0.1, 0.1
+"""Classes of the command; share of the samples that makes one of them the rest; share of the range next to either end, where
+no rest lies. assumption: a joystick or controller at rest holds one value, within the range that it commands."""
+
 
 @dataclass(frozen=True, eq=False)
 class Record:
@@ -70,7 +74,7 @@ def scales_of(trials: Sequence[Trial], j: int) -> Scales:
     low, high = float(position.min()), float(position.max())
     commands = np.concatenate([t.trajectory.valve_command for t in trials])
     velocities = np.concatenate([t.trajectory.velocity for t in trials])
-    rests = np.median(commands, axis=0)
+    rests = np.array([rest_command(u, v) for u, v in zip(commands.T, velocities.T, strict=True)])
     distances = np.abs(commands - rests).max(axis=0)
     speeds = [_moving_speed(v) for v in velocities.T]
     supply = [t.trajectory.extra[SUPPLY] for t in trials if SUPPLY in t.trajectory.extra]
@@ -88,6 +92,30 @@ def scales_of(trials: Sequence[Trial], j: int) -> Scales:
     )
 
 
+def rest_command(command: np.ndarray, velocity: np.ndarray) -> float:
+    """The command at which a joint is left alone: the one that it has most often, away from both ends of its range.
+
+    Where there is none, as in a steady to and fro, the command at which a straight line through the moving samples crosses zero
+    speed. command, velocity: (N,).
+    """
+    low, high = float(command.min()), float(command.max())
+    if low == high:
+        return low
+    kind = np.minimum((CLASSES * (command - low) / (high - low)).astype(int), CLASSES - 1)
+    most = int(np.bincount(kind).argmax())
+    often = kind == most
+    if often.mean() > OFTEN and INNER * CLASSES < most < (1.0 - INNER) * CLASSES:
+        return float(np.median(command[often]))
+    size = np.abs(velocity)
+    moving = size > 0.1 * np.quantile(size, 0.999)
+    away = command[moving] - command[moving].mean() if moving.any() else np.zeros(1)
+    slope = float(away @ velocity[moving]) / max(float(away @ away), 1e-300) if moving.any() else 0.0
+    if slope == 0.0:
+        return float(np.median(command))
+    crossing = float(command[moving].mean() - velocity[moving].mean() / slope)
+    return float(np.clip(crossing, low + INNER * (high - low), high - INNER * (high - low)))
+
+
 def _moving_speed(velocity: np.ndarray) -> float:
     """Root mean square of the velocity over the samples faster than a tenth of the fastest."""
     size = np.abs(velocity)
@@ -95,11 +123,12 @@ def _moving_speed(velocity: np.ndarray) -> float:
     return float(np.sqrt(np.mean(velocity[moving] ** 2))) if moving.any() else 0.0
 
 
-def record_of(trials: Sequence[Trial], j: int, scales: Scales, linear: bool, alike: np.ndarray) -> Record:
+def record_of(trials: Sequence[Trial], j: int, scales: Scales, linear: bool, alike: np.ndarray, dt: float) -> Record:
     """The samples of joint `j`.
 
     Args:
         linear: whether the joint slides. alike: (J,) factors that give the speeds of other joints the size of this one's.
+        dt: s, of the log set.
     """
     parts = [t.trajectory for t in trials]
     names = [recording_of(t) for t in trials]
@@ -130,7 +159,7 @@ def record_of(trials: Sequence[Trial], j: int, scales: Scales, linear: bool, ali
     elif others.any():
         signals[kernel.OTHER_SPEED] = joined(lambda t: (np.abs(t.velocity) * alike)[:, others].sum(axis=1))
     return Record(
-        dt=float(np.median([t.dt for t in parts])) if parts else 0.0,
+        dt=dt,
         files=files,
         trial=np.repeat([files.index(name) for name in names], lengths).astype(np.int64),
         first=bounds[:-1],

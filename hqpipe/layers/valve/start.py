@@ -81,7 +81,6 @@ def sizes_of(record: Record, scales: Scales, look: Look, joints: int, slides: bo
         edge=look.edge,
         delay_s=look.delay_s,
         speed_unit="m/s" if slides else "rad/s",
-        turns=not slides,
     )
 
 

@@ -32,12 +32,20 @@ def rod_speed(opening, supply, area_b, weight):
     return k * opening * np.sqrt(max(driving, 0.0) / cubes)
 
 
-def simulate(command, dt, area_ratio=1.0, overlap=0.0, spool_s=5e-3, delay=0.0, droop=0.0, weight=0.0, start=0.25):
+def load(x, weight, spring):
+    """N that pulls the rod in at the position x."""
+    return weight + spring * (x - 0.5 * STROKE)
+
+
+def simulate(
+    command, dt, area_ratio=1.0, overlap=0.0, spool_s=5e-3, delay=0.0, droop=0.0, weight=0.0, spring=0.0, start=0.25
+):
     """(T,) position of the rod, m.
 
     Args:
         command: (T,) −1 … 1, held for dt s. area_ratio: of the piston's two sides. overlap: of the command. spool_s: its lag.
-        delay: s. droop: share of the supply pressure that is lost at full speed. weight: N, pulls the rod in.
+        delay: s. droop: share of the supply pressure that is lost at full speed. weight: N, pulls the
+            rod in. spring: N/m, pulls it to the middle.
     """
     area_b = AREA_A / area_ratio
 
@@ -45,7 +53,7 @@ def simulate(command, dt, area_ratio=1.0, overlap=0.0, spool_s=5e-3, delay=0.0, 
         x, spool, supply = y
         u = command[min(max(int(np.floor((t - delay) / dt + 1e-9)), 0), len(command) - 1)]
         opening = np.sign(spool) * max(abs(spool) - overlap, 0.0)
-        v = rod_speed(opening, supply, area_b, weight)
+        v = rod_speed(opening, supply, area_b, load(x, weight, spring))
         if (x <= 0.0 and v < 0.0) or (x >= STROKE and v > 0.0):
             v = 0.0
         return [v, (u - spool) / spool_s, (SUPPLY * (1.0 - droop * abs(v) / FULL_SPEED) - supply) / PUMP_S]
@@ -76,6 +84,7 @@ def log_set(commands, dt, noise=5e-5, neutral=0.0, kind="prismatic", **machine):
             joints=("rod",),
             position=position[:, None],
             velocity=differentiate(position[:, None], dt),
+            effort=load(position, 0.0, machine["spring"])[:, None] if "spring" in machine else None,
             valve_command=(command + neutral)[:, None],
             velocity_source="differentiated",
         )
