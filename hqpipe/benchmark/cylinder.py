@@ -131,7 +131,7 @@ def _set_cylinders(axes: np.ndarray, pressure: float, top: np.ndarray, rng: np.r
     axes["return_gain"] = 1.0 / np.sqrt(ratio)
     axes["side_a"], axes["side_b"] = 1.2 * axes["stroke"], 1.5 * axes["stroke"]
     axes["load_angle"] = rng.uniform(0.6, 1.2, count)
-    load_axes(axes, rng.uniform(0.01, 0.04, count) * pressure * axes["area_a"], rng.uniform(2.0, 4.0, count))
+    load_axes(axes, rng.uniform(0.01, 0.04, count) * pressure * axes["area_a"], rng.uniform(1.0, 2.0, count))
 
 
 def load_axes(axes: np.ndarray, force: np.ndarray, lever: np.ndarray) -> None:
@@ -145,8 +145,11 @@ def load_axes(axes: np.ndarray, force: np.ndarray, lever: np.ndarray) -> None:
     volume = axes["dead_volume"] + 0.5 * axes["area_a"] * axes["stroke"]
     softness = volume / (2.0 * MODULUS)
     natural = np.sqrt(axes["area_a"] ** 2 / (softness * axes["mass"]))  # rad/s, oil column under the load
-    axes["leakage"] = 2.0 * 0.25 * natural * softness  # damping ratio 0.25, as of valves with some underlap; assumption
-    axes["viscous"] = 0.2 * natural * axes["mass"]  # 0.1 more from seals and bearings
+    axes["leakage"] = 0.01 * natural * softness  # seals: next to nothing
+    # Valves and hoses damp an oil column to 0.3; as dynamic pressure feedback, so that a steady load leaks nothing; assumption.
+    axes["damper"] = 2.0 * 0.3 * natural * softness
+    axes["damper_lag"] = 3.0 / natural
+    axes["viscous"] = 0.03 * natural * axes["mass"]
 
 
 def _room(axis: np.void, top: float, stops: bool, rng: np.random.Generator) -> Range:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hqpipe.benchmark.cylinder import STEP, CylinderMachine
+from hqpipe.benchmark.cylinder_record import references
 from hqpipe.benchmark.planted import SIZES, Planted
 
 Numbers = dict[str, float | None]
@@ -49,7 +50,8 @@ def _lag(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[
 
 
 def _saturation(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
-    limit = size * machine.rooms[j].speed / machine.top_speed[j]  # of the largest opening that the motion needs
+    needed = [np.quantile(np.abs(references(machine, trial)[1][:, j]), 0.95) for trial in machine.trials]
+    limit = size * float(max(needed)) / float(machine.top_speed[j])
     return {"limit": limit}, {"limit": limit}
 
 
@@ -104,7 +106,7 @@ RECIPES: dict[str, CylinderRecipe] = {
         CylinderRecipe("valve_deadband", (0.02, 0.06, 0.15), _deadband),
         CylinderRecipe("command_delay", (0.01, 0.03, 0.08), _delay),
         CylinderRecipe("valve_lag", (0.035, 0.08, 0.2), _lag),
-        CylinderRecipe("flow_saturation", (0.9, 0.75, 0.55), _saturation),
+        CylinderRecipe("flow_saturation", (0.9, 0.75, 0.5), _saturation),
         CylinderRecipe("direction_asymmetry", (0.04, 0.12, 0.25), _asymmetry, signed=True),
         CylinderRecipe("supply_droop", (0.1, 0.25, 0.45), _droop, pressures=False, machine=True),
         CylinderRecipe("gain_drift", (0.05, 0.15, 0.3), _drift, signed=True),

@@ -206,7 +206,7 @@ RECIPES: dict[str, Recipe] = {
         Recipe("spring", ("arm",), (0.08, 0.25, 0.6), _spring),
         Recipe("channel_skew", ("arm",), (0.4, 1.2, 3.5), _channel_skew, layer="sensing"),
         Recipe("unsigned_sensor", ("arm",), (1.0,), _unsigned, layer="sensing"),
-        Recipe("torque_ripple", _BOTH, (0.25,), _ripple, outside=True),
+        Recipe("torque_ripple", _BOTH, (0.2,), _ripple, outside=True),
         Recipe("dropped_frames", ("servo",), (0.15,), _lost_frames, outside=True),
         Recipe("stale_samples", ("arm",), (0.15,), _stale_rows, outside=True),
         Recipe("hysteresis", _BOTH, (0.3,), _hysteresis, outside=True),

@@ -15,6 +15,7 @@ from hqpipe.sim.joint_chain import JointChain
 
 KEPT_S = 1.0e-3  # s between the rows that the loop keeps, as fast as the fastest log
 KEEP = round(KEPT_S / STEP)
+ROUNDING_S = 0.08  # s, each of an arm's moving averages; assumption: usual settings are 50 to 200 ms
 SETTLE_S = 0.5  # s before the log begins, in which the joints come to rest under their load
 
 
@@ -29,11 +30,19 @@ def commanded(machine: ElectricMachine, trial: Motion) -> tuple[np.ndarray, np.n
         rng = np.random.default_rng([trial.seed, j])
         columns.append(course(trial.names[j], time, room, rng))
     if machine.family == "arm":
-        return time, np.column_stack(columns)
+        return time, np.column_stack([_jerk_limited(column) for column in columns])
     frame = np.minimum(
         (np.floor(time * machine.logger.host_hz + 1e-9) / machine.logger.host_hz / STEP).round(), len(time)
     )
     return time, np.column_stack(columns)[frame.astype(np.int64)]
+
+
+def _jerk_limited(column: np.ndarray) -> np.ndarray:
+    """(T,) through two moving averages, as motion controllers round off what they plan."""
+    from scipy.ndimage import uniform_filter1d
+
+    width = round(ROUNDING_S / STEP)
+    return uniform_filter1d(uniform_filter1d(column, width, mode="nearest"), width, mode="nearest")
 
 
 def record(machine: ElectricMachine, trial: Motion) -> dict[str, np.ndarray]:

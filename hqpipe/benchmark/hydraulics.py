@@ -17,7 +17,8 @@ AXIS = np.dtype(
     [
         (name, np.float64)
         for name in (
-            "area_a area_b stroke dead_volume mass leakage viscous "  # m², m², m, m³, kg, m³/(s·Pa), N·s/m
+            "area_a area_b stroke dead_volume mass viscous "  # m², m², m, m³, kg, N·s/m
+            "leakage damper damper_lag "  # m³/(s·Pa) between the chambers: always, and of what changes faster than the lag, s
             "coefficient neutral lag "  # m³/(s·√Pa) at full opening, opening, s
             "return_gain "  # factor of the openings that retract, by which the drive evens out the unequal areas
             "side_a side_b load_force load_angle "  # m, m: linkage; N on the cylinder in the middle; rad of its centre of mass
@@ -82,10 +83,11 @@ def run_cylinders(axes, supply, reference, speed, lost, late, resolution, dt, ev
     sent = np.zeros((steps, count))
     now = np.zeros(count)
     pressure = supply[0]
-    pa, pb = np.zeros(count), np.zeros(count)
+    pa, pb, steady = np.zeros(count), np.zeros(count), np.zeros(count)
     for j in range(count):
         pb[j] = 0.5 * pressure * axes[j].area_a / (axes[j].area_a + axes[j].area_b)
         pa[j] = (pb[j] * axes[j].area_b + load(axes[j], x[j])) / axes[j].area_a
+        steady[j] = pa[j] - pb[j]
     for i in range(steps):
         drawn, time = 0.0, i * dt
         for j in range(count):
@@ -111,7 +113,9 @@ def run_cylinders(axes, supply, reference, speed, lost, late, resolution, dt, ev
             else:
                 qa, qb = -k * edge(pa[j] - RETURN), k * ratio * edge(pressure - pb[j])
                 drawn += qb
-            leak = axis.leakage * (pa[j] - pb[j])
+            across = pa[j] - pb[j]
+            steady[j] += (across - steady[j]) * dt / axis.damper_lag
+            leak = axis.leakage * across + axis.damper * (across - steady[j])
             va = axis.dead_volume + axis.area_a * x[j]
             vb = axis.dead_volume + axis.area_b * (axis.stroke - x[j])
             pa[j] = max(pa[j] + dt * MODULUS / va * (qa - leak - axis.area_a * v[j]), EMPTY)
