@@ -10,7 +10,7 @@ STICKING = (
     "0.9999 0.9999 0.001 0.5 2"  # impedance of dry friction, so stiff that a held joint creeps by less than 1 µrad/s
 )
 SETTLING = 0.004  # s, in which a slip below the friction limit dies out; assumption: below any logged sample
-DENSITY_RADIUS = 0.02  # m, radius of the bars that carry loads, which only counts for their spin
+DENSITY_RADIUS = 0.005  # m, radius of the bars that carry loads; thin, so that a stated mass and lever tell the inertia
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ def _body(link: Link, name: str, at: tuple[float, float, float], inner: str) -> 
     kind = "slide" if link.slides else "hinge"
     axis = " ".join(f"{value:g}" for value in link.axis)
     end = f"0 0 {-link.length:.9g}"
-    load = f'<geom type="sphere" size="0.01" pos="{end}" mass="{link.load_mass:.9g}"/>' if link.load_mass > 0 else ""
+    load = f'<geom type="sphere" size="0.005" pos="{end}" mass="{link.load_mass:.9g}"/>' if link.load_mass > 0 else ""
     return (
         f'<body pos="{at[0]:.9g} {at[1]:.9g} {at[2]:.9g}">'
         f'<joint name="{name}" type="{kind}" axis="{axis}" armature="{link.armature:.9g}" frictionloss="1e-9" '

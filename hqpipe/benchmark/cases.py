@@ -32,7 +32,12 @@ EXCLUSIVE = (
 )
 FRICTION = "coulomb_friction"
 ORDINARY = 0.5  # share of the other electric cases whose machine has the dry friction that real ones have
-CHANGES = ("friction", "load", "slack", "nothing", "nothing")
+NOTHING = "nothing"
+CHANGES = {
+    "electric": (FRICTION, "payload", "backlash", NOTHING, NOTHING),
+    "cylinder": ("valve_lag", "valve_deadband", "direction_asymmetry", NOTHING, NOTHING),
+}
+"""What has grown between two recordings of the same machine."""
 ATTEMPTS = 500  # machines drawn until one shows what is asked for
 
 
@@ -42,7 +47,7 @@ class Case:
 
     Attributes:
         name: case_NNN. family: of `FAMILIES`. kind: of `KINDS` or `ON_REQUEST`. machine: sound. planted: what is wrong.
-        reference: what was there before, in a case of kind "change", else None. change: of `CHANGES`, likewise.
+        reference: what was there before, in a case of kind "change", else None. change: what has grown since, likewise.
         earlier: the trials of the reference.
     """
 
@@ -151,7 +156,9 @@ def _wishes(family: str, kind: str, rng: np.random.Generator) -> Iterator[Any]:
         return _endless([(name, "typical") for name in _names(family, False) if not recipes[name].machine], rng)
     if kind == "outside":
         return _endless([(name, "typical") for name in _names(family, True)], rng)
-    return _endless(CHANGES if kind == "change" else (None,), rng)
+    if kind == "change":
+        return _endless(CHANGES["cylinder" if family == "cylinder" else "electric"], rng)
+    return _endless((None,), rng)
 
 
 def _alternating(first: Iterator[Any], second: Iterator[Any]) -> Iterator[Any]:
@@ -216,9 +223,8 @@ def _changed(name: str, family: str, machine: Any, change: str, rng: np.random.G
     """The same machine recorded twice; in between something has grown, or nothing has."""
     effects = _rooms(family)[1]
     if family == "cylinder":
-        grown = {"friction": "valve_lag", "load": "direction_asymmetry", "slack": "valve_deadband"}
         before: tuple[Planted, ...] = ()
-        later = () if change == "nothing" else (effects.plant(machine, grown[change], "typical", machine.names, rng),)
+        later = () if change == NOTHING else (effects.plant(machine, change, "typical", machine.names, rng),)
     else:
         before = (_ordinary(machine, rng),)
         later = _grown(machine, change, before[0], rng)
@@ -228,12 +234,12 @@ def _changed(name: str, family: str, machine: Any, change: str, rng: np.random.G
 
 def _grown(machine: Any, change: str, friction: Planted, rng: np.random.Generator) -> tuple[Planted, ...]:
     """What is there later and was not before, in all joints; a load on the last one."""
-    if change == "nothing":
+    if change == NOTHING:
         return ()
-    if change == "load":
+    if change == "payload":
         return (electric_effects.payload(machine, float(rng.uniform(0.3, 0.8))),)
-    if change == "slack":
-        return (electric_effects.plant(machine, "backlash", "typical", machine.names, rng),)
+    if change == "backlash":
+        return (electric_effects.plant(machine, change, "typical", machine.names, rng),)
     factor = float(rng.uniform(1.6, 2.5))
     settings = {j: {"coulomb": fields["coulomb"] * factor} for j, fields in friction.settings.items()}
     parameters = {
@@ -249,14 +255,23 @@ def describe(case: Case) -> dict[str, Any]:
     found: dict[str, Any] = {"family": case.family, "joints": list(machine.names), "kinds": list(machine.kinds)}
     found["rate_hz"], found["jitter"] = machine.logger.rate_hz, machine.logger.jitter
     if case.family == "cylinder":
-        return found | {"stops": machine.stops, "natural_lag_s": float(machine.axes["lag"][0])}
+        return found | {
+            "stops": machine.stops,
+            "natural_lag_s": float(machine.axes["lag"][0]),
+            "neutral": [float(value) for value in machine.axes["neutral"]],
+            "speed_per_command": [float(v) / machine.radius_of(j) for j, v in enumerate(machine.top_speed)],
+        }
     scale = machine.logger.effort_scale
     return found | {
         "coupling": machine.coupling,
         "drive": "duty" if machine.joints["by_duty"].any() else "torque",
         "stated": sorted(machine.states) if case.family == "servo" else [],
         "effort_unit": "A" if (scale != 1.0).any() else "N·m",
-        "torque_nm": [float(value) for value in machine.torque],
+        "typical_torque": [float(value) for value in machine.torque],
+        "inertia": [float(value) for value in machine.inertia],
+        "gravity": [float(value) for value in machine.gravity],
+        "kp": [float(value) for value in machine.joints["kp"]],
+        "kd": [float(value) for value in machine.joints["kd"] + machine.joints["back_emf"]],
     }
 
 

@@ -146,14 +146,15 @@ def plant(
         level = -level
     half = rng.uniform(*SCATTER)
     settings, parameters = {}, {}
-    shared = None
     for name in joints:
-        own = level * rng.uniform(1.0 - half, 1.0 + half)
-        if recipe.machine:
-            shared = shared or recipe.build(machine, machine.names.index(name), level, rng)
-            settings[name], parameters[name] = shared
-        else:
-            settings[name], parameters[name] = recipe.build(machine, machine.names.index(name), own, rng)
+        if recipe.machine and settings:  # one number for all
+            first = next(iter(settings))
+            settings[name], parameters[name] = settings[first], parameters[first]
+            continue
+        own = level if recipe.machine else level * rng.uniform(1.0 - half, 1.0 + half)
+        fields, numbers = recipe.build(machine, machine.names.index(name), own, rng)
+        settings[name] = {field: float(value) for field, value in fields.items()}
+        parameters[name] = {what: None if value is None else float(value) for what, value in numbers.items()}
     everywhere = tuple(joints) == machine.names
     scope = "machine" if everywhere else "joint" if len(joints) == 1 else "group"
     return Planted(

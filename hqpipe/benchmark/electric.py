@@ -82,6 +82,10 @@ class ElectricMachine:
     coupling: str
     sensing: dict[str, float] = field(default_factory=dict)  # field/number of the joint → value
 
+    def latency(self) -> float:
+        """s from the host's command to the mean torque that answers it: current loop, and half of a firmware tick."""
+        return float(self.joints["lag"][0]) + 0.5 * self.every * STEP
+
     def xml(self, load: float = 1.0, timestep: float = STEP) -> str:
         """MJCF with the load's mass times `load`."""
         own = [self.sensing.get(f"load_factor/{j}", 1.0) for j in range(len(self.links))]
@@ -144,8 +148,9 @@ def _felt(links: tuple[Link, ...], serial: bool) -> tuple[np.ndarray, np.ndarray
     chain = JointChain(serial_arm(links, STEP) if serial else pendulums(links, STEP))
     inertia, gravity = np.zeros(len(links)), np.zeros(len(links))
     spread = np.random.default_rng(0)
-    for _ in range(POSTURES):
-        posture = np.array([0.1 if link.slides else np.pi / 2 for link in links]) * spread.uniform(-1, 1, len(links))
+    for number in range(POSTURES):
+        share = spread.uniform(-1, 1, len(links)) if number else np.ones(len(links))
+        posture = np.array([0.1 if link.slides else np.pi / 2 for link in links]) * share
         inertia = np.maximum(inertia, np.diag(chain.inertia(posture)))
         gravity = np.maximum(gravity, np.abs(chain.gravity(posture)))
     return inertia, gravity
@@ -167,7 +172,7 @@ def _machine(
     joints = neutral_joints(count)
     joints["kp"] = inertia * bandwidth**2
     joints["kd"] = 2.0 * damping * inertia * bandwidth
-    joints["lag"] = rng.uniform(4.0e-4, 1.5e-3)
+    joints["lag"] = rng.uniform(1.0e-4, 3.0e-4)  # s, current loops of 500 to 1500 Hz
     joints["torque_constant"] = rng.uniform(0.3, 1.2, count) if hobby else rng.uniform(1.0, 8.0, count)
     armature = np.array([link.armature for link in links])
     joints["rotor"] = np.where(armature > 0.0, (1.0 - OUTPUT_SHARE) * armature, SMALL_ROTOR * inertia)
@@ -200,7 +205,7 @@ def _machine(
         inertia=inertia,
         gravity=gravity,
         supply=(volts, 0.0),
-        every=int(rng.choice([1, 2, 4])),
+        every=int(rng.choice([1, 2])),
         logger=logger,
         trials=trials,
         states=frozenset(what for what in ("drive", "load") if rng.random() < 0.55 and not (what == "load" and serial)),

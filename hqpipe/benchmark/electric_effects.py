@@ -175,7 +175,7 @@ def _temperature(machine: ElectricMachine, j: int, size: float, rng: Any) -> tup
 
 
 def payload(machine: ElectricMachine, size: float) -> Planted:
-    """A heavier load at the end of the last link: what changes between two recordings of the same machine."""
+    """A load on the last link that is heavier by `size` times its mass: what changes between two recordings."""
     name, link = machine.names[-1], machine.links[-1]
     layer = "servo" if machine.family == "servo" else "joint_motion"
     numbers: Numbers = {"mass_kg": size * link.load_mass, "com_m": link.length}
@@ -271,7 +271,9 @@ def plant(
     settings, parameters = {}, {}
     for name in joints:
         own = level if recipe.machine else level * rng.uniform(1.0 - half, 1.0 + half)
-        settings[name], parameters[name] = recipe.build(machine, machine.names.index(name), own, rng)
+        fields, numbers = recipe.build(machine, machine.names.index(name), own, rng)
+        settings[name] = {field: float(value) for field, value in fields.items()}
+        parameters[name] = {what: None if value is None else float(value) for what, value in numbers.items()}
     if recipe.layer == "sensing":
         layer = "sensing"
     else:

@@ -129,8 +129,8 @@ def _logged(machine: ElectricMachine, trial: Motion, command: np.ndarray, kept: 
     log, rng = machine.logger, np.random.default_rng([trial.seed, 99])
     time = sample_times(trial.seconds, log.rate_hz, log.jitter, rng)
     fine = np.arange(len(kept)) * KEPT_S
-    # A row of the loop holds the state before its step, so that the host's command of that instant stands beside it.
-    frames = np.clip(np.floor(time / STEP + 1e-6).astype(np.int64), 0, len(command) - 1)
+    # Commands bear the time at which the drive acts on them, so that a sound drive has no delay.
+    frames = np.clip(np.floor((time - machine.latency()) / STEP + 0.5).astype(np.int64), 0, len(command) - 1)
     found: dict[str, np.ndarray] = {"time": time}
     for j, name in enumerate(machine.names):
         columns = {
@@ -163,7 +163,7 @@ def _effort(
 ) -> np.ndarray:
     log = machine.logger
     late = machine.sensing.get(f"skew_s/{j}", 0.0)
-    clean = np.interp(time - late, fine, _lagged(torque, 0.1 / log.rate_hz))
+    clean = np.interp(time - late, fine, _lagged(torque, 0.03 / log.rate_hz))
     effort = (clean + rng.normal(0.0, 1.0, len(time)) * log.effort_noise[j]) * log.effort_scale[j]
     return np.abs(effort) if machine.sensing.get(f"unsigned/{j}", 0.0) > 0.0 else effort
 
@@ -185,8 +185,9 @@ def stated(machine: ElectricMachine, trial: Motion) -> Mapping[str, Any]:
     """`drive` and `load` of a trial for logset.yaml, as far as the machine states them."""
     found: dict[str, Any] = {}
     if "drive" in machine.states and machine.family == "servo":
-        damped = machine.joints["kd"] + machine.joints["back_emf"]
         kp = machine.joints["kp"] * trial.gain
+        # The loop's own latency takes a little of the damping, as it would in a test of the drive.
+        damped = machine.joints["kd"] + machine.joints["back_emf"] - kp * machine.latency()
         found["drive"] = {
             name: {"kp": float(f"{kp[j]:.6g}"), "kd": float(f"{damped[j]:.6g}")} for j, name in enumerate(machine.names)
         }
