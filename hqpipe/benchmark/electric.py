@@ -24,6 +24,12 @@ RATES = {
 }  # Hz, of the logs
 COUNTS = (4096, 4096, 16384, 65536)  # counts a turn: hobby servos have 12 bits, industrial encoders 14 to 16 and more
 AXES = ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
+GEARED = (
+    8.0,
+    20.0,
+)  # reflected inertia over that of the links, so that coupling stays moderate; assumption: light arms, high ratios
+IN_TURN = 0.5  # share of the trials of serial machines in which one joint moves at a time
+TURN_S = 4.0  # s, the least that a joint moves in its turn
 JITTERY = 0.25  # share of the cases whose clock jitters
 OUTPUT_SHARE = 0.3  # of a geared joint's armature that turns with the load, where its transmission is soft; assumption
 SMALL_ROTOR = 0.03  # of the load's inertia: what a direct drive adds, within what a stated load is known to; assumption
@@ -106,7 +112,7 @@ def draw_servo(rng: np.random.Generator) -> ElectricMachine:
         axis = (AXES[n % len(AXES)] if rng.random() < 0.5 else AXES[1]) if serial else AXES[1]
         mass, length = scale * shrink * rng.uniform(0.8, 1.2), lever * shrink**0.5 * rng.uniform(0.85, 1.15)
         links.append(Link(axis, length, 0.1 * mass, mass if not serial or n == count - 1 else 0.0, 0.0))
-    ratio = rng.uniform(3.0, 8.0) if serial else 0.0
+    ratio = rng.uniform(*GEARED) if serial else 0.0
     body = _geared(tuple(links), serial, ratio)
     by_duty = hobby and rng.random() < 0.5
     return _machine("servo", body, serial, "moderate" if serial else "none", hobby, by_duty, rng)
@@ -129,7 +135,7 @@ def draw_arm(rng: np.random.Generator) -> ElectricMachine:
         mass = heavy * shrink * rng.uniform(0.8, 1.2)
         load = rng.uniform(0.2, 0.6) * heavy * shrink if n == count - 1 else 0.0
         links.append(Link(axis, reach * shrink**0.4, mass, load, 0.0, n in slide))
-    ratio = 0.0 if count == 1 else rng.uniform(0.1, 0.4) if strong else rng.uniform(2.0, 6.0)
+    ratio = 0.0 if count == 1 else rng.uniform(0.1, 0.4) if strong else rng.uniform(*GEARED)
     body = _geared(tuple(links), count > 1, ratio)
     label = "none" if count == 1 else "strong" if strong else "moderate"
     return _machine("arm", body, count > 1, label, False, False, rng)
@@ -192,7 +198,7 @@ def _machine(
     kinds = tuple("prismatic" if link.slides else "revolute" for link in links)
     logger = _logger(family, kinds, torque, by_duty, hobby, joints["torque_constant"], rng)
     several = family == "servo" and rng.random() < 0.3
-    trials = draw_trials(count, several, several and not serial, logger.rate_hz, rng)
+    trials = draw_trials(count, several, several and not serial, logger.rate_hz, rng, turns=IN_TURN if serial else 0.0)
     return ElectricMachine(
         family=family,
         names=_names(family, count, rng),
@@ -226,13 +232,19 @@ def _names(family: str, count: int, rng: np.random.Generator) -> tuple[str, ...]
 
 
 def draw_trials(
-    count: int, gains: bool, loads: bool, rate_hz: float, rng: np.random.Generator, motions: tuple[str, ...] = ()
+    count: int,
+    gains: bool,
+    loads: bool,
+    rate_hz: float,
+    rng: np.random.Generator,
+    motions: tuple[str, ...] = (),
+    turns: float = 0.0,
 ) -> tuple[Motion, ...]:
     """Three to six trials, one or two of them held out.
 
     Args:
         count: of the joints. gains, loads: whether they differ between trials. rate_hz: of the log.
-        motions: names to choose from; none for all.
+        motions: names to choose from; none for all. turns: share of the trials in which one joint moves at a time.
     """
     number = int(rng.integers(3, 7))
     held = set(rng.permutation(number)[: 1 if number < 5 else 2].tolist())
@@ -247,7 +259,9 @@ def draw_trials(
         load = float(rng.choice([0.6, 1.0, 1.0, 1.4])) if loads else 1.0
         split = "heldout" if n in held else "fit"
         seed = int(rng.integers(1, 2**31 - 1))
-        found.append(Motion(f"trial_{n + 1}.parquet", split, seconds, seed, chosen, gain, load))
+        in_turn = turns > 0.0 and rng.random() < turns
+        seconds = max(seconds, TURN_S * count) if in_turn else seconds
+        found.append(Motion(f"trial_{n + 1}.parquet", split, seconds, seed, chosen, gain, load, in_turn))
     return tuple(found)
 
 

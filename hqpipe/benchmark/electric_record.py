@@ -9,7 +9,7 @@ import numpy as np
 
 from hqpipe.benchmark.drives import run_joints
 from hqpipe.benchmark.electric import OUTPUT_SHARE, STEP, ElectricMachine
-from hqpipe.benchmark.motions import course
+from hqpipe.benchmark.motions import BLEND_S, Range, course, smooth
 from hqpipe.benchmark.planted import Motion
 from hqpipe.sim.joint_chain import JointChain
 
@@ -28,13 +28,24 @@ def commanded(machine: ElectricMachine, trial: Motion) -> tuple[np.ndarray, np.n
     columns = []
     for j, room in enumerate(machine.rooms):
         rng = np.random.default_rng([trial.seed, j])
-        columns.append(course(trial.names[j], time, room, rng))
+        columns.append(_in_turn(trial, j, time, room, rng) if trial.turns else course(trial.names[j], time, room, rng))
     if machine.family == "arm":
         return time, np.column_stack([_jerk_limited(column) for column in columns])
     frame = np.minimum(
         (np.floor(time * machine.logger.host_hz + 1e-9) / machine.logger.host_hz / STEP).round(), len(time)
     )
     return time, np.column_stack(columns)[frame.astype(np.int64)]
+
+
+def _in_turn(trial: Motion, j: int, time: np.ndarray, room: Range, rng: np.random.Generator) -> np.ndarray:
+    """(T,) of joint `j`, which moves in its share of the time, from the middle, and comes back to it."""
+    count = len(trial.names)
+    start, stop = (round(len(time) * k / count) for k in (j, j + 1))
+    result = np.full(len(time), room.middle)
+    moving = course(trial.names[j], time[: stop - start], room, rng)
+    fade = smooth(np.clip((time[stop - start] - time[: stop - start]) / BLEND_S, 0.0, 1.0)) if stop < len(time) else 1.0
+    result[start:stop] = room.middle + fade * (moving - room.middle)
+    return result
 
 
 def _jerk_limited(column: np.ndarray) -> np.ndarray:

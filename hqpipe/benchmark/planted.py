@@ -64,6 +64,7 @@ class Motion:
         file: its name. split: "fit" or "heldout". seconds: length. seed: of the motion and the noise.
         names: of the motion of each joint, `hqpipe.benchmark.motions.MOTIONS`.
         gain, load: factors on the gains of the position loop and on the load's mass in this trial.
+        turns: the joints move one after the other, in equal shares of the time, and rest before and after.
     """
 
     file: str
@@ -73,3 +74,4 @@ class Motion:
     names: tuple[str, ...]
     gain: float = 1.0
     load: float = 1.0
+    turns: bool = False
