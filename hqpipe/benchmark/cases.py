@@ -144,15 +144,16 @@ def _names(family: str, outside: bool) -> list[str]:
 
 def _wishes(family: str, kind: str, rng: np.random.Generator) -> Iterator[Any]:
     """What the cases of a kind are about: (effect, size), a number of effects, a change, or nothing."""
+    recipes = _rooms(family)[1].RECIPES
     if kind == "single":
+        sized = [name for name in _names(family, False) if len(recipes[name].sizes) > 1]
         return _alternating(
             _endless([(name, "typical") for name in _names(family, False)], rng),
-            _endless([(name, size) for name in _names(family, False) for size in SIZES[::2]], rng),
+            _endless([(name, size) for name in sized for size in SIZES[::2]], rng),
         )
     if kind == "mixture":
         return _endless((2, 2, 3), rng)
     if kind == "place":
-        recipes = _rooms(family)[1].RECIPES
         return _endless([(name, "typical") for name in _names(family, False) if not recipes[name].machine], rng)
     if kind == "outside":
         return _endless([(name, "typical") for name in _names(family, True)], rng)

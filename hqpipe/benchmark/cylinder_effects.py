@@ -108,7 +108,7 @@ RECIPES: dict[str, CylinderRecipe] = {
         CylinderRecipe("valve_lag", (0.035, 0.08, 0.2), _lag),
         CylinderRecipe("flow_saturation", (0.9, 0.75, 0.5), _saturation),
         CylinderRecipe("direction_asymmetry", (0.04, 0.12, 0.25), _asymmetry, signed=True),
-        CylinderRecipe("supply_droop", (0.1, 0.25, 0.45), _droop, pressures=False, machine=True),
+        CylinderRecipe("supply_droop", (0.15, 0.4, 0.65), _droop, pressures=False, machine=True),
         CylinderRecipe("gain_drift", (0.05, 0.15, 0.3), _drift, signed=True),
         CylinderRecipe("orifice_flow", (0.15, 0.3, 0.5), _orifice, pressures=True),
         CylinderRecipe("load_dependence", (0.4,), _load_only, outside=True, pressures=False),
