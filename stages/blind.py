@@ -36,12 +36,19 @@ def blind() -> None:
     "kinds",
     multiple=True,
     metavar="KIND",
-    help="Make only this kind: none, single, mixture, place, outside, or faint (for the limit of detection); "
-    "repeatable.  [default: all but faint]",
+    help="Make only this kind: none, single, mixture, place, outside; of the quadruped faint (for the limit of detection), "
+    "of the others change (recorded twice); repeatable.  [default: all but faint and change]",
+)
+@click.option(
+    "--machine",
+    type=click.Choice(["quadruped", "servo", "arm", "cylinder", "joints"]),
+    default="quadruped",
+    show_default=True,
+    help="What is simulated; joints are servos, arms and cylinders in turn.",
 )
 @click.option("--out", type=Folder(file_okay=False), required=True, help="Folder for the cases.")
 @_WORKERS
-def make(count: int, seed: int, kinds: tuple[str, ...], out: Path, workers: int, as_json: bool) -> None:
+def make(count: int, seed: int, kinds: tuple[str, ...], machine: str, out: Path, workers: int, as_json: bool) -> None:
     """Simulate machines with and without effects; the answers lie apart from their logs.
 
     Complete cases are kept, so that the same command goes on where it was interrupted.
@@ -50,7 +57,7 @@ def make(count: int, seed: int, kinds: tuple[str, ...], out: Path, workers: int,
     from hqpipe.stages.terminal import show
 
     with stage_progress("blind make") as progress, stdout_to_stderr():
-        made = make_cases(count, seed, out, workers, progress, kinds)
+        made = make_cases(count, seed, out, workers, progress, kinds, machine)
     if as_json:
         answer(folder=str(out), cases=count, made=made)
     show(f"{count} cases in {out}, {made} of them made now; next: hqpipe blind score {out}")

@@ -13,17 +13,27 @@ from hqpipe.system import durable
 from hqpipe.system.processes import in_processes
 
 ROBOT = "hydraulic_quadruped"  # the cases are overrides of this machine
+QUADRUPED = "quadruped"
 FORMAT, ANSWERS = "hqpipe-blind/1", "answers.json"
 TRUTH, HALF_MADE = "truth", ".half"
 Progress = Callable[[float, float, str], None]
 
 
-def make(count: int, seed: int, out: Path, workers: int, progress: Progress, kinds: Sequence[str] = ()) -> int:
+def make(
+    count: int,
+    seed: int,
+    out: Path,
+    workers: int,
+    progress: Progress,
+    kinds: Sequence[str] = (),
+    machine: str = QUADRUPED,
+) -> int:
     """Write `out/case_NNN`, `out/truth/case_NNN` and `out/answers.json`; complete cases are kept.
 
     Args:
         count: how many cases. seed: of everything. out: folder. workers: processes; the result does not depend on them.
-        kinds: of `hqpipe.plant.cases`; none for the usual mixture.
+        kinds: of `hqpipe.plant.cases` or `hqpipe.benchmark.cases`; none for the usual mixture.
+        machine: "quadruped", or one of `hqpipe.benchmark.cases`.
 
     Returns:
         How many cases had to be made.
@@ -31,19 +41,29 @@ def make(count: int, seed: int, out: Path, workers: int, progress: Progress, kin
     Raises:
         UsageError: the folder holds other cases, or a kind does not exist.
     """
-    from hqpipe.plant.cases import cases
-
-    planned = cases(count, seed, kinds)
+    planned, make_one = _plan(count, seed, kinds, machine)
     out.mkdir(parents=True, exist_ok=True)
-    _write_answers(out, count, seed, kinds, planned)
+    _write_answers(out, count, seed, kinds, planned, machine)
     shutil.rmtree(out / HALF_MADE, ignore_errors=True)
     missing = [case for case in planned if not (out / case.name).is_dir()]
     progress(count - len(missing), count, "")
     if missing:
         calls = {case.name: (case, out) for case in missing}
-        in_processes(make_case, calls, workers, lambda done, name: progress(count - len(missing) + done, count, name))
+        in_processes(make_one, calls, workers, lambda done, name: progress(count - len(missing) + done, count, name))
     shutil.rmtree(out / HALF_MADE, ignore_errors=True)
     return len(missing)
+
+
+def _plan(count: int, seed: int, kinds: Sequence[str], machine: str) -> tuple[Sequence[Any], Callable[..., None]]:
+    """The cases, and what simulates one of them."""
+    if machine == QUADRUPED:
+        from hqpipe.plant.cases import cases
+
+        return cases(count, seed, kinds), make_case
+    from hqpipe.benchmark.cases import cases as joint_cases
+    from hqpipe.stages.blind_joints import make_joint_case
+
+    return joint_cases(count, seed, machine, kinds), make_joint_case
 
 
 def make_case(case: Any, out: Path) -> None:
@@ -77,7 +97,7 @@ def truth_sets(case: Any) -> dict[str, tuple[str, ...]]:
     return sets
 
 
-def _truth_folders(case: Any) -> dict[str, Any]:
+def truth_folders(case: Any) -> dict[str, Any]:
     """What answers.json says of `truth_sets`: folders with all, one or all but one of the effects left out."""
     base, names = f"{TRUTH}/{case.name}", [planted.effect for planted in case.planted]
     if len(names) < 2:
@@ -112,17 +132,25 @@ def answer(case: Any) -> dict[str, Any]:
             }
             for p in case.planted
         ],
-        "truth": _truth_folders(case),
+        "truth": truth_folders(case),
     }
 
 
-def _write_answers(out: Path, count: int, seed: int, kinds: Sequence[str], planned: Sequence[Any]) -> None:
-    asked = {"kinds": sorted(set(kinds))} if kinds else {}
-    content = {"format": FORMAT, "cases": count, "seed": seed, **asked, "answers": [answer(case) for case in planned]}
+def _write_answers(
+    out: Path, count: int, seed: int, kinds: Sequence[str], planned: Sequence[Any], machine: str
+) -> None:
+    from hqpipe.stages.blind_joints import joint_answer
+
+    asked: dict[str, Any] = {"kinds": sorted(set(kinds))} if kinds else {}
+    if machine != QUADRUPED:
+        asked["machine"] = machine
+    answers = [answer(case) if machine == QUADRUPED else joint_answer(case) for case in planned]
+    content = {"format": FORMAT, "cases": count, "seed": seed, **asked, "answers": answers}
     text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
     path = out / ANSWERS
     if path.is_file() and path.read_text(encoding="utf-8") != text:
         asked_for = "".join(f" --kind {kind}" for kind in sorted(set(kinds)))
+        asked_for += "" if machine == QUADRUPED else f" --machine {machine}"
         message = f"{path} belongs to other cases than --cases {count} --seed {seed}{asked_for} of this version"
         raise UsageError(message, file=path, field="--out", fix="give another --out, or remove the folder")
     durable.write_file(path, text)

@@ -1,0 +1,162 @@
+"""The effects that hydraulic cylinders can have, at sizes that scale with the machine; commands run from −1 to 1."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hqpipe.benchmark.cylinder import STEP, CylinderMachine
+from hqpipe.benchmark.cylinder_record import references
+from hqpipe.benchmark.planted import SIZES, Planted
+
+Numbers = dict[str, float | None]
+Build = Callable[[CylinderMachine, int, float, np.random.Generator], tuple[dict[str, float], Numbers]]
+SCATTER = (0.05, 0.15)  # as of the electric machines
+
+
+@dataclass(frozen=True)
+class CylinderRecipe:
+    """How an effect is planted.
+
+    Attributes:
+        name: of the effect. sizes: small, typical, large; or one number. build: as in `hqpipe.benchmark.electric_effects`.
+        outside: no library holds it. pressures: True if it needs them logged, False if they must not be, None if either.
+        machine: belongs to all joints by nature. signed: has either sign, the same in all joints.
+    """
+
+    name: str
+    sizes: tuple[float, ...]
+    build: Build
+    outside: bool = False
+    pressures: bool | None = None
+    machine: bool = False
+    signed: bool = False
+
+
+def _deadband(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+    return {"overlap": size}, {"half_width": size}
+
+
+def _delay(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+    delay = max(round(size / STEP), 1) * STEP
+    return {"delay_s": delay}, {"delay_s": delay}
+
+
+def _lag(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+    return {"lag": size}, {"time_constant_s": size}
+
+
+def _saturation(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+    needed = [np.quantile(np.abs(references(machine, trial)[1][:, j]), 0.95) for trial in machine.trials]
+    limit = size * float(max(needed)) / float(machine.top_speed[j])
+    return {"limit": limit}, {"limit": limit}
+
+
+def _asymmetry(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+    return {"asymmetry": size}, {"ratio": size}
+
+
+def _droop(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+    flow = sum(room.speed * float(axis["area_a"]) for room, axis in zip(machine.rooms, machine.axes, strict=True))
+    slope, recovery = flow / (size * machine.supply[0]), float(rng.uniform(0.05, 0.4))
+    return {"pump_slope": slope, "pump_capacity": slope * recovery}, {"droop": None, "recovery_s": recovery}
+
+
+def _drift(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+    longest = max(trial.seconds for trial in machine.trials)
+    return {"drift": size / longest}, {"rate_per_s": size / longest}
+
+
+def _orifice(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+    radius = machine.radius_of(j) if machine.kinds[j] == "revolute" else 1.0
+    force = machine.supply[0] * float(machine.axes["area_a"][j])
+    return {"load_share": size}, {"effort_max_nm": force * radius}
+
+
+def _load_only(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+    return {"load_share": size}, {}
+
+
+def _sticking(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+    return {"stiction": size}, {}
+
+
+def _play(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+    return {"play": size}, {}
+
+
+def _lost_frames(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+    return {"lost_frames": size}, {}
+
+
+def _temperature(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+    return {"jump_from": rng.uniform(0.35, 0.65), "jump_gain": 1.0 - size}, {}
+
+
+def _hunting(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+    return {"hunting": size, "hunting_hz": rng.uniform(0.1, 0.6)}, {}
+
+
+RECIPES: dict[str, CylinderRecipe] = {
+    recipe.name: recipe
+    for recipe in (
+        CylinderRecipe("valve_deadband", (0.02, 0.06, 0.15), _deadband),
+        CylinderRecipe("command_delay", (0.01, 0.03, 0.08), _delay),
+        CylinderRecipe("valve_lag", (0.035, 0.08, 0.2), _lag),
+        CylinderRecipe("flow_saturation", (0.9, 0.75, 0.5), _saturation),
+        CylinderRecipe("direction_asymmetry", (0.04, 0.12, 0.25), _asymmetry, signed=True),
+        CylinderRecipe("supply_droop", (0.15, 0.4, 0.65), _droop, pressures=False, machine=True),
+        CylinderRecipe("gain_drift", (0.05, 0.15, 0.3), _drift, signed=True),
+        CylinderRecipe("orifice_flow", (0.15, 0.3, 0.5), _orifice, pressures=True),
+        CylinderRecipe("load_dependence", (0.4,), _load_only, outside=True, pressures=False),
+        CylinderRecipe("sticking_valve", (0.08,), _sticking, outside=True),
+        CylinderRecipe("hysteresis", (0.06,), _play, outside=True),
+        CylinderRecipe("dropped_frames", (0.15,), _lost_frames, outside=True),
+        CylinderRecipe("temperature_jump", (0.25,), _temperature, outside=True),
+        CylinderRecipe("gain_hunting", (0.25,), _hunting, outside=True),
+    )
+}
+
+
+def possible(machine: CylinderMachine, outside: bool = False) -> list[str]:
+    """Keys of the recipes that show on this machine's logs."""
+    pressures = machine.logger.pressures
+    return [
+        key for key, recipe in RECIPES.items() if recipe.outside == outside and recipe.pressures in (None, pressures)
+    ]
+
+
+def plant(
+    machine: CylinderMachine,
+    key: str,
+    size: str | None,
+    joints: Sequence[str],
+    rng: np.random.Generator,
+    ordinary: bool = False,
+) -> Planted:
+    """An effect of a size in some joints, scattered between them."""
+    recipe = RECIPES[key]
+    sized = len(recipe.sizes) > 1
+    level = recipe.sizes[SIZES.index(size or "typical")] if sized else recipe.sizes[0]
+    level *= rng.uniform(0.85, 1.15)
+    if recipe.signed and rng.random() < 0.5:
+        level = -level
+    half = rng.uniform(*SCATTER)
+    settings, parameters = {}, {}
+    for name in joints:
+        if recipe.machine and settings:  # one number for all
+            first = next(iter(settings))
+            settings[name], parameters[name] = settings[first], parameters[first]
+            continue
+        own = level if recipe.machine else level * rng.uniform(1.0 - half, 1.0 + half)
+        fields, numbers = recipe.build(machine, machine.names.index(name), own, rng)
+        settings[name] = {field: float(value) for field, value in fields.items()}
+        parameters[name] = {what: None if value is None else float(value) for what, value in numbers.items()}
+    everywhere = tuple(joints) == machine.names
+    scope = "machine" if everywhere else "joint" if len(joints) == 1 else "group"
+    return Planted(
+        key, "valve", recipe.outside, tuple(joints), scope, size if sized else None, parameters, settings, ordinary
+    )

@@ -1,0 +1,100 @@
+"""Running hydraulic cylinders and recording them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hqpipe.benchmark.cylinder import STEP, CylinderMachine
+from hqpipe.benchmark.electric_record import sample_times
+from hqpipe.benchmark.hydraulics import run_cylinders
+from hqpipe.benchmark.motions import course
+from hqpipe.benchmark.planted import Motion
+
+KEPT_S = 1.0e-3
+KEEP = round(KEPT_S / STEP)
+SPEED_LAG = 5.0e-3  # s, of a speed that is derived from the position in the sensor; assumption
+
+
+def references(machine: CylinderMachine, trial: Motion) -> tuple[np.ndarray, np.ndarray]:
+    """(T, J) m and m/s that the host follows."""
+    time = np.arange(round(trial.seconds / KEPT_S)) * KEPT_S
+    fine = np.arange(round(trial.seconds / STEP)) * STEP
+    places, speeds = [], []
+    for j, room in enumerate(machine.rooms):
+        place = course(trial.names[j], time, room, np.random.default_rng([trial.seed, j]))
+        speed = np.clip(np.gradient(place, KEPT_S), -room.speed, room.speed)
+        places.append(np.interp(fine, time, place))
+        speeds.append(np.interp(fine, time, speed))
+    return np.column_stack(places), np.column_stack(speeds)
+
+
+def record(machine: CylinderMachine, trial: Motion) -> dict[str, np.ndarray]:
+    """The columns of a trial as the machine's logger writes them."""
+    reference, speed = references(machine, trial)
+    count = len(machine.names)
+    axes = machine.axes.copy()
+    axes["jump_from"] = np.minimum(axes["jump_from"] * trial.seconds, 1e9)  # given as a share of the trial
+    lost = np.zeros(reference.shape, dtype=np.bool_)
+    for j in range(count):
+        if share := machine.sensing.get(f"lost_frames/{j}", 0.0):
+            lost[:, j] = _lost(len(lost), share, np.random.default_rng([trial.seed, j, 7]))
+    late = np.array([round(machine.sensing.get(f"delay_s/{j}", 0.0) / STEP) for j in range(count)])
+    kept = np.empty((len(reference) // KEEP, count, 6))
+    run_cylinders(
+        axes,
+        np.array(machine.supply),
+        reference,
+        speed,
+        lost,
+        late,
+        np.full(count, machine.logger.resolution),
+        STEP,
+        round(1.0 / machine.logger.host_hz / STEP),
+        KEEP,
+        reference[0].copy(),
+        kept,
+    )
+    return _logged(machine, trial, kept)
+
+
+def _lost(steps: int, share: float, rng: np.random.Generator) -> np.ndarray:
+    """(T,) True in stretches of 60 to 250 ms, in `share` of the time."""
+    lost, at = np.zeros(steps, dtype=np.bool_), 0
+    while at < steps:
+        at += round(rng.exponential(0.15 * (1.0 - share) / share) / STEP)
+        length = round(rng.uniform(0.06, 0.25) / STEP)
+        lost[at : at + length] = True
+        at += length
+    return lost
+
+
+def _logged(machine: CylinderMachine, trial: Motion, kept: np.ndarray) -> dict[str, np.ndarray]:
+    from scipy.signal import lfilter
+
+    log, rng = machine.logger, np.random.default_rng([trial.seed, 99])
+    time = sample_times(trial.seconds, log.rate_hz, log.jitter, rng)
+    fine = np.arange(len(kept)) * KEPT_S
+    row = np.clip(np.floor(time / KEPT_S + 1e-6).astype(np.int64), 0, len(kept) - 1)
+    found: dict[str, np.ndarray] = {"time": time}
+    share = 1.0 - np.exp(-KEPT_S / SPEED_LAG)
+    for j, name in enumerate(machine.names):
+        radius = machine.radius_of(j)
+        place = np.interp(time, fine, kept[:, j, 0]) + rng.normal(0.0, log.noise, len(time))
+        place = np.round(place / log.resolution) * log.resolution
+        if machine.kinds[j] == "revolute":
+            place = place - 0.5 * machine.axes["stroke"][j]
+        found[f"joint/{name}/position"] = place / radius
+        if log.speed:
+            speed = lfilter([share], [1.0, share - 1.0], kept[:, j, 1])
+            noise = rng.normal(0.0, 0.005 * machine.top_speed[j], len(time))
+            found[f"joint/{name}/velocity"] = (np.interp(time, fine, speed) + noise) / radius
+        found[f"joint/{name}/valve_command"] = kept[row, j, 4]
+        if log.pressures:
+            a = np.interp(time, fine, kept[:, j, 2]) + rng.normal(0.0, log.pressure_noise, len(time))
+            b = np.interp(time, fine, kept[:, j, 3]) + rng.normal(0.0, log.pressure_noise, len(time))
+            found[f"joint/{name}/pressure_a"], found[f"joint/{name}/pressure_b"] = np.abs(a), np.abs(b)
+            force = a * machine.axes["area_a"][j] - b * machine.axes["area_b"][j]
+            found[f"joint/{name}/effort"] = force * (radius if machine.kinds[j] == "revolute" else 1.0)
+    if log.supply:
+        found["supply/pressure"] = np.interp(time, fine, kept[:, 0, 5]) + rng.normal(0.0, log.pressure_noise, len(time))
+    return found

@@ -1,0 +1,53 @@
+"""Withheld cases of servos, arms and cylinders: their log sets, and what answers.json says of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from hqpipe.system import durable
+
+REFERENCE = "_reference"
+"""Ends the name of the folder with the earlier recording of a case of kind "change"."""
+
+
+def make_joint_case(case: Any, out: Path) -> None:
+    """Simulate one case, its machines without effects and its reference; nothing half-made is left under its name."""
+    from hqpipe.benchmark.cases import write
+    from hqpipe.logs.writer import LogSetWriter
+    from hqpipe.stages.blind_make import HALF_MADE, TRUTH, truth_sets
+
+    half = out / HALF_MADE / case.name
+    write(case, half / "logs", LogSetWriter)
+    for name, left_out in truth_sets(case).items():
+        write(case, half / TRUTH / name, LogSetWriter, left_out)
+    truth, reference = out / TRUTH / case.name, out / f"{case.name}{REFERENCE}"
+    if (half / TRUTH).is_dir():
+        truth.parent.mkdir(parents=True, exist_ok=True)
+        durable.move_into_place(half / TRUTH, truth)
+    else:
+        durable.remove(truth)
+    if case.reference is not None:
+        write(case, half / "reference", LogSetWriter, before=True)
+        durable.move_into_place(half / "reference", reference)
+    durable.move_into_place(half / "logs", out / case.name)  # last, because a case that has its name is complete
+
+
+def joint_answer(case: Any) -> dict[str, Any]:
+    """What is wrong in a case, JSON-able."""
+    from hqpipe.benchmark.cases import describe
+    from hqpipe.stages.blind_make import truth_folders
+
+    found = {
+        "case": case.name,
+        "kind": case.kind,
+        **describe(case),
+        "ordinary_friction": any(one.ordinary for one in case.planted),
+        "effects": [one.answer() for one in case.planted],
+        "truth": truth_folders(case),
+    }
+    if case.reference is not None:
+        found["reference"] = f"{case.name}{REFERENCE}"
+        found["change"] = case.change
+        found["effects_of_reference"] = [one.answer() for one in case.reference]
+    return found

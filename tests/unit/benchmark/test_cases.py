@@ -1,0 +1,219 @@
+"""Withheld cases of servos, arms and cylinders: always the same, readable, and with effects that show in the logs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import subprocess
+import sys
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hqpipe.benchmark import cylinder, cylinder_effects, cylinder_record, electric, electric_effects, electric_record
+from hqpipe.benchmark.cases import EXCLUSIVE, FAMILIES, FRICTION, KINDS, cases, write
+from hqpipe.errors import UsageError
+from hqpipe.logs.log_set import read_log_set
+from hqpipe.logs.writer import LogSetWriter
+from hqpipe.stages.blind_joints import joint_answer, make_joint_case
+from hqpipe.stages.blind_make import make, truth_sets
+
+ROOMS = {
+    "servo": (electric, electric_effects, electric_record.record),
+    "arm": (electric, electric_effects, electric_record.record),
+    "cylinder": (cylinder, cylinder_effects, cylinder_record.record),
+}
+EFFECTS = [
+    (family, key)
+    for family, (_, effects, _) in ROOMS.items()
+    for key, recipe in effects.RECIPES.items()
+    if family == "cylinder" or family in recipe.families
+]
+
+
+def short(case, seconds: float = 3.0):
+    """The case with two short trials, which are enough to be read."""
+    trials = tuple(
+        replace(trial, seconds=seconds, split=split)
+        for trial, split in zip(case.machine.trials[:2], ("fit", "heldout"), strict=True)
+    )
+    earlier = tuple(replace(trial, seed=trial.seed + 1) for trial in trials)
+    return replace(case, machine=replace(case.machine, trials=trials), earlier=earlier)
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {p.relative_to(folder).as_posix(): hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.rglob("*.*")}
+
+
+def drawn(family: str, key: str, seed: int = 0):
+    """A machine that shows an effect, and the generator to plant it with."""
+    room, effects, _ = ROOMS[family]
+    for attempt in range(500):
+        rng = np.random.default_rng([seed, attempt])
+        machine = getattr(room, f"draw_{family}")(rng)
+        if key in effects.possible(machine, effects.RECIPES[key].outside) and len(machine.names) < 4:
+            return machine, rng
+    raise AssertionError(f"no {family} shows {key}")
+
+
+def test_same_seed_same_answers_and_another_seed_others():
+    first, again, other = (json.dumps([joint_answer(c) for c in cases(18, s)]) for s in (5, 5, 6))
+    assert first == again != other
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_same_seed_same_bytes(tmp_path, family):
+    for name in "ab":
+        write(short(cases(3, 5, family)[1]), tmp_path / name, LogSetWriter)
+    assert digests(tmp_path / "a") == digests(tmp_path / "b")
+
+
+def test_kinds_and_families_come_in_their_shares():
+    many = cases(120, 3)
+    assert Counter(case.kind for case in many) == {kind: round(120 * share) for kind, share in KINDS.items()}
+    assert Counter(case.family for case in many) == dict.fromkeys(FAMILIES, 40)
+
+
+def test_each_kind_holds_what_its_name_says():
+    for case in cases(90, 4):
+        about = [one for one in case.planted if not one.ordinary]
+        assert len({one.effect for one in case.planted}) == len(case.planted)
+        assert len(about) in {"none": (0,), "mixture": (2, 3)}.get(case.kind, (1,))
+        assert {one.outside for one in about} <= {case.kind == "outside"}
+        assert case.kind != "place" or (about[0].scope == "joint" and len(case.machine.names) > 1)
+        assert not any(pair <= {one.effect for one in about} for pair in EXCLUSIVE)
+        assert all(one.effect == FRICTION and one.scope == "machine" for one in case.planted if one.ordinary)
+
+
+def test_half_of_the_electric_cases_have_ordinary_friction():
+    others = [
+        case
+        for case in cases(300, 2)
+        if case.family != "cylinder"
+        and case.kind in ("single", "place", "outside")
+        and FRICTION not in {one.effect for one in case.planted if not one.ordinary}
+    ]
+    share = np.mean([any(one.ordinary for one in case.planted) for case in others])
+    assert 0.4 < share < 0.6
+
+
+def test_numbers_scatter_between_joints():
+    spreads = []
+    for case in cases(60, 7, "arm", ("single",)):
+        for one in case.planted:
+            values = [numbers["coefficient"] for numbers in one.parameters.values() if "coefficient" in numbers]
+            if len(values) > 2:
+                spreads.append((max(values) - min(values)) / np.mean(values))
+    assert spreads and max(spreads) < 0.32 and np.mean(spreads) > 0.05
+
+
+@pytest.mark.parametrize("kind", ["none", "single", "mixture", "place", "outside", "change"])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_log_sets_are_read_and_say_nothing_of_the_effect(tmp_path, family, kind):
+    case = short(cases(2, 11, family, (kind,))[0])
+    make_joint_case(case, tmp_path)
+    log_set = read_log_set(tmp_path / case.name)
+    assert log_set.joints == case.machine.names
+    assert {trial.split for trial in log_set.trials} == {"fit", "heldout"}
+    text = (tmp_path / case.name / "logset.yaml").read_text(encoding="utf-8")
+    assert not any(one.effect in text for one in case.planted)
+    truth = joint_answer(case)["truth"]
+    for path in [truth["all"], *truth["without"].values(), *truth["only"].values()]:
+        assert path is None or read_log_set(tmp_path / path).joints == case.machine.names
+    if kind == "change":
+        assert read_log_set(tmp_path / f"{case.name}_reference").joints == case.machine.names
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_truth_without_effects_is_the_sound_machine(tmp_path, family):
+    case = short(cases(4, 9, family, ("mixture",))[0])
+    make_joint_case(case, tmp_path)
+    write(replace(case, planted=()), tmp_path / "sound", LogSetWriter)
+    assert digests(tmp_path / "truth" / case.name / "all") == digests(tmp_path / "sound")
+    assert set(truth_sets(case)) == {path.name for path in (tmp_path / "truth" / case.name).iterdir()}
+
+
+@pytest.mark.parametrize(("family", "key"), EFFECTS)
+def test_an_effect_of_typical_size_changes_the_log_by_more_than_the_sensor_noise(family, key):
+    room, effects, record = ROOMS[family]
+    machine, rng = drawn(family, key)
+    planted = effects.plant(machine, key, "typical", machine.names, rng)
+    faulty, largest = room.with_settings(machine, planted.settings), 0.0
+    for trial in machine.trials:
+        sound, other = record(machine, trial), record(faulty, trial)
+        for j, name in enumerate(machine.names):
+            assert all(np.isfinite(column).all() for column in other.values())
+            if family == "cylinder":
+                noise = 2.0**0.5 * (machine.logger.noise + machine.logger.resolution) / machine.radius_of(j)
+                channel = "position"
+            elif family == "servo":
+                noise, channel = machine.logger.resolution[j], "position"
+            else:
+                noise, channel = 2.0**0.5 * machine.logger.effort_noise[j] * machine.logger.effort_scale[j], "effort"
+            change = other[f"joint/{name}/{channel}"] - sound[f"joint/{name}/{channel}"]
+            largest = max(largest, float(np.sqrt(np.mean(change**2))) / noise)
+    assert largest > (1.2 if family == "arm" else 2.0)  # in the fault's own trials the noise is drawn alike
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_servo_follows_its_command(seed):
+    machine = electric.draw_servo(np.random.default_rng([seed, 40]))
+    for trial in machine.trials:
+        columns = electric_record.record(replace(machine, logger=replace(machine.logger, jitter=0.0)), trial)
+        for name, room in zip(machine.names, machine.rooms, strict=True):
+            error = columns[f"joint/{name}/position"] - columns[f"joint/{name}/position_command"]
+            assert np.sqrt(np.mean(error**2)) < 0.5 * room.swing
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_sound_cylinder_moves_in_proportion_to_its_command(seed):
+    machine = cylinder.draw_cylinder(np.random.default_rng([seed, 41]))
+    while machine.stops:
+        seed += 100
+        machine = cylinder.draw_cylinder(np.random.default_rng([seed, 41]))
+    columns = cylinder_record.record(machine, machine.trials[0])
+    lag = np.median(np.diff(columns["time"]))
+    for name in machine.names:
+        travel = columns[f"joint/{name}/position"]
+        command = columns[f"joint/{name}/valve_command"]
+        # integral of the command, which needs no differentiation of the position
+        rows = np.column_stack([np.cumsum(command) * lag, columns["time"], np.ones_like(command), command])
+        left = travel - rows @ np.linalg.lstsq(rows, travel, rcond=None)[0]
+        assert np.sqrt(np.mean(left**2)) < 0.05 * np.ptp(travel)
+
+
+def test_friction_really_sticks():
+    machine, _ = drawn("servo", "coulomb_friction", 3)
+    strong = {name: {"coulomb": 50.0 * machine.torque[j]} for j, name in enumerate(machine.names)}
+    columns = electric_record.record(electric.with_settings(machine, strong), machine.trials[0])
+    for name in machine.names:
+        assert np.ptp(columns[f"joint/{name}/position"]) <= 2.0 * machine.logger.resolution.max()
+
+
+def test_made_cases_are_kept_and_other_machines_are_refused(tmp_path, monkeypatch):
+    from hqpipe.benchmark import cases as module
+
+    small = [short(case, 2.0) for case in cases(3, 5, "joints", ("none",))]
+    monkeypatch.setattr(module, "cases", lambda *_: small)
+    monkeypatch.setattr(
+        "hqpipe.stages.blind_make.in_processes", lambda task, calls, *_: [task(*c) for c in calls.values()]
+    )
+    assert make(3, 5, tmp_path, 1, lambda *_: None, ("none",), "joints") == 3
+    assert make(3, 5, tmp_path, 1, lambda *_: None, ("none",), "joints") == 0
+    with pytest.raises(UsageError, match="belongs to other cases"):
+        make(3, 5, tmp_path, 1, lambda *_: None, ("none",), "arm")
+
+
+def test_unknown_kinds_are_refused():
+    with pytest.raises(UsageError, match="--kind singel.* did you mean 'single'"):
+        cases(3, 1, "joints", ("singel",))
+
+
+def test_nothing_that_is_judged_is_imported():
+    code = "import sys, hqpipe.benchmark.cases, hqpipe.benchmark.electric_record; print(*sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    judged = ("gap", "identify", "layers", "effects", "kernels", "sysid", "actuators")
+    assert not [name for name in loaded if name.startswith(tuple(f"hqpipe.{room}" for room in judged))]
