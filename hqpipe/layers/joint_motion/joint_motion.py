@@ -16,7 +16,6 @@ from hqpipe.layers.joint_motion.output import has_output
 from hqpipe.logs.trajectory import LogSet
 
 LEAST_TRIAL = 64  # samples: shorter trials have no filtered sample
-LEAST_WINDOW_S = 0.1  # over which persistence is asked; the window of the other layers
 
 
 @dataclass(frozen=True, eq=False)

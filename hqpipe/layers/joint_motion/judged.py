@@ -16,7 +16,7 @@ from hqpipe.layers.joint_motion.disturbances import bursts
 from hqpipe.layers.joint_motion.first_fit import blocks, least_squares, robust_fit, standard_errors
 from hqpipe.layers.joint_motion.instruments import endogeneity, projected, simulated
 from hqpipe.layers.joint_motion.model import MotionModel
-from hqpipe.layers.joint_motion.motion import Motion, ParallelFilter, motion_of
+from hqpipe.layers.joint_motion.motion import ParallelFilter, motion_of
 from hqpipe.layers.joint_motion.output import AMPERE, Output, output_of
 from hqpipe.layers.joint_motion.records import Filters, Part, Record, part_of, usable_samples
 from hqpipe.layers.joint_motion.sign_of_torque import Signs, lost_signs, never_negative
@@ -330,6 +330,22 @@ def _noise(data: Prepared, dt: float, part: Part, heldout: bool, coefficients: n
     return min(float(np.sqrt(torque**2 + acceleration**2 + velocity**2)), residual)
 
 
+def _scale(data: Prepared, dt: float) -> tuple[Scale, np.ndarray, float]:
+    """Sizes of the joint's signals, (K,) root mean squares of the columns, and that of the residual of all columns together."""
+    fit = data.parts[0]
+    kept, measured = fit.columns[fit.keep], fit.output[fit.keep]
+    scale = Scale(
+        torque=max(float(np.std(measured)), np.finfo(float).tiny),
+        largest=float(np.quantile(np.abs(measured), TOP)),
+        speed=float(np.sqrt(np.mean(fit.velocity[fit.keep] ** 2))),
+        travel=max(float(np.std(fit.position[fit.keep])), np.finfo(float).tiny),
+        seconds=float(np.median([len(r.output) for r in data.records])) * dt,
+        step=dt,
+    )
+    residual = float(np.sqrt(np.mean((measured - kept @ least_squares(kept, measured)) ** 2)))
+    return scale, np.sqrt(np.mean(kept**2, axis=0)), residual
+
+
 def _model(
     machine: MovingMachine,
     joint: str,
@@ -344,10 +360,8 @@ def _model(
     fit = data.parts[0]
     if both_ways(fit, data.columns):
         notes.append("a constant torque and a friction that differs by direction are the same in these logs")
-    base_columns = data.group("inertia", "offset", "gravity")
     found, _, _ = _first(data, "inertia", "offset", "gravity", "coulomb", "viscous")
-    inertia, viscous = float(found[0]), float(found[-1])
-    friction = float(found[-2])
+    inertia, friction, viscous = found[[0, -2, -1]].tolist()
     if inertia < 0.0 and friction < 0.0:
         raise Unjudged("its torque acts against its motion: one of the two has the wrong sign")
     first, _, _ = _first(data, "inertia", "offset", "gravity")
@@ -355,30 +369,16 @@ def _model(
     known_load = bool(output.moment) and output.unit != AMPERE
     if known_load:
         start["gravity_angle_rad"] = float(np.arctan2(start["gravity_cos_nm"], start["gravity_sin_nm"]))
-    kept = fit.columns[fit.keep]
-    torque = max(float(np.std(fit.output[fit.keep])), np.finfo(float).tiny)
-    largest = float(np.quantile(np.abs(fit.output[fit.keep]), TOP))
-    scale = Scale(
-        torque,
-        largest,
-        float(np.sqrt(np.mean(fit.velocity[fit.keep] ** 2))),
-        max(float(np.std(fit.position[fit.keep])), np.finfo(float).tiny),
-        float(np.median([len(r.output) for r in data.records])) * machine.dt,
-        machine.dt,
-    )
-    size = np.sqrt(np.mean(kept**2, axis=0))
-    measured = fit.output[fit.keep]
-    residual = float(np.sqrt(np.mean((measured - kept @ least_squares(kept, measured)) ** 2)))
+    scale, size, residual = _scale(data, machine.dt)
     effects = effects_of(output, data.columns, scale, size, known_load, lambda name: name not in without)
-    effects, said = distinguished(effects, fit, data.columns, base_columns)
+    effects, said = distinguished(effects, fit, data.columns, data.group("inertia", "offset", "gravity"))
     step = data.low_pass.step * machine.dt
-    length = window_s or max(LEAST_WINDOW_S, data.low_pass.length * machine.dt)
-    back = max(1, round(length / step))
+    back = max(1, round((window_s or max(LEAST_WINDOW_S, data.low_pass.length * machine.dt)) / step))
     return MotionModel(
         joint=joint,
         unit=output.unit,
         dt=step,
-        base=base_parameters(output, data.columns, start, largest, machine.dt),
+        base=base_parameters(output, data.columns, start, scale.largest, machine.dt),
         effects=effects,
         fit=data.parts[0].samples(back),
         heldout=data.parts[1].samples(back),
@@ -394,6 +394,3 @@ def _model(
         load=(output.moment, output.inertia) if known_load else (0.0, 0.0),
         back=back,
     )
-
-
-__all__ = ["Motion", "Prepared", "Unjudged", "judge"]

@@ -176,3 +176,21 @@ def test_the_coupling_of_an_arm_is_a_shape_and_no_named_cause(joint):
     shapes = [e.name for e in model.effects if "other joints" in e.signal]
     assert fitted(model, shapes)[1][1] < 0.1 * base
     assert min(named.values()) > 0.85 * base, named
+
+
+def test_hysteresis_is_a_shape_and_no_named_cause():
+    """An elastic element that slips after 0.15 rad, which no named effect is."""
+    runs = []
+    for seed in (1, 2):
+        c = reference(15, seed)
+        q, tau = simulate(c, inertia=1.5, load=gravity, torque_noise=0.1, count=2e-5, seed=seed)
+        deflection = 0.0
+        for k in range(1, len(q)):
+            deflection = float(np.clip(deflection + (q[k] - q[k - 1]) / 0.15, -1.0, 1.0))
+            tau[k] += 2.0 * deflection
+        runs.append((c, q, tau))
+    model = model_of(log_set(runs))
+    base = fitted(model, [])[1][1]
+    named = {e.name: fitted(model, [e.name])[1][1] for e in model.effects if e.named}
+    assert fitted(model, ["hysteresis_shape"])[1][1] < 0.15 * base
+    assert min(named.values()) > 0.4 * base, named
