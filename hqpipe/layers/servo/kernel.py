@@ -158,6 +158,124 @@ def _across_gap(slack: float, pull: float, gain: float, drag: float, h: float, n
 
 
 @njit(cache=True, nogil=True)
+def _remembered(
+    n: np.ndarray,
+    constants: np.ndarray,
+    drive: np.ndarray,
+    start: int,
+    first: int,
+    clock: float,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    inputs: np.ndarray,
+    rates: np.ndarray,
+    samples: int,
+) -> tuple[float, float, float]:
+    """Slack, torque in the spring and slow torque where a window starts, after up to `samples` samples of the log before it."""
+    gain, drag, dt, loop = drive[GAIN], drive[DRAG], drive[STEP], constants[_LOOP]
+    slack, spring, slow = 0.0, 0.0, 0.0
+    stiff = n[COMPLIANCE] * drag + dt * (1.0 + gain * loop * n[COMPLIANCE])
+    began = max(start - samples, first)
+    for k in range(began, max(start, began + 1)):
+        u = _held_input(inputs, first, k - n[DELAY] / dt, 1.0, loop == 0.0)
+        torque = _commanded(position[k], velocity[k], u, rates[k], clock + (k - start) * dt, gain, drag, n, constants)
+        if n[GAP] > 0.0:
+            slack = _across_gap(slack, torque - drag * velocity[k], gain, drag, dt, n, loop)
+        torque -= gain * loop * slack + drag * velocity[k]
+        if k == began:
+            spring, slow = torque, torque
+        spring = (n[COMPLIANCE] * drag * spring + dt * torque) / stiff
+        slow += dt / constants[_SLOW_S] * (torque - slow)
+    return slack, spring, slow
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _decay(drag: float, inertia: float, h: float) -> tuple[float, float]:
+    """What a step leaves of a speed, and what speed a torque gives in it."""
+    decay = np.exp(-drag * h / inertia)
+    return decay, (1.0 - decay) / drag if drag > 1e-9 * inertia / h else h / inertia
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _rubbed(v: float, gained: float, torque: float, n: np.ndarray) -> float:
+    """Speed after dry friction, which stops the joint where it can.
+
+    Args:
+        v: after the step without it. gained: speed that a torque gives in the step. torque: transmitted.
+    """
+    friction = n[COULOMB] + n[LOAD_FRICTION] * abs(torque)
+    if n[STATIC] > 0.0:
+        friction += n[STATIC] * np.exp(-((v / n[STRIBECK]) ** 2))
+    taken = gained * friction
+    if v > taken:
+        return v - taken
+    if v < -taken:
+        return v + taken
+    return 0.0
+
+
+@njit(cache=True, nogil=True)
+def _run(
+    result: np.ndarray,
+    n: np.ndarray,
+    constants: np.ndarray,
+    drive: np.ndarray,
+    start: int,
+    first: int,
+    clock: float,
+    state: tuple[float, float],
+    memory: tuple[float, float, float],
+    inputs: np.ndarray,
+    rates: np.ndarray,
+    substeps: int,
+) -> None:
+    """Simulate one window into `result` (W,), see `simulate`."""
+    q, v = state
+    slack, spring, slow = memory
+    inertia, gain, drag, dt, loop = drive[INERTIA], drive[GAIN], drive[DRAG], drive[STEP], constants[_LOOP]
+    h, width, late = dt / substeps, 1.0 / substeps, n[DELAY] / dt
+    limit = 1.0 / n[INVERSE_LIMIT] if n[INVERSE_LIMIT] > 0.0 and loop == 1.0 else np.inf
+    gravity, phase = np.hypot(n[GRAVITY_SIN], n[GRAVITY_COS]), np.arctan2(n[GRAVITY_COS], n[GRAVITY_SIN])
+    # With a spring the drive's own motion takes part of its torque and of its drag.
+    stiff = n[COMPLIANCE] * drag + h * (1.0 + gain * loop * n[COMPLIANCE])
+    passed, kept = h / stiff, n[COMPLIANCE] * drag / stiff
+    coupled = drag * passed
+    decay, kick = _decay(coupled + n[VISCOUS], inertia, h)
+    free_decay, free_kick = _decay(n[VISCOUS], inertia, h)
+    before = v
+    for i in range(len(result)):
+        k = start + i
+        for j in range(substeps):
+            u = _held_input(inputs, first, k + j * width - late, width, loop == 0.0)
+            time = clock + (i + (j + 0.5) * width) * dt
+            q += 0.5 * h * v
+            s = _commanded(q, v, u, rates[k], time, gain, drag, n, constants)
+            transmits, free = True, False
+            if n[GAP] > 0.0:
+                slack = _across_gap(slack, s - drag * v, gain, drag, h, n, loop)
+                transmits = abs(slack) >= 0.5 * n[GAP]
+                s -= gain * loop * slack
+            s = passed * s + kept * spring
+            torque = s - coupled * (1.5 * v - 0.5 * before)  # speed in the middle of the step, as it has been changing
+            before = v
+            spring = torque
+            if not transmits:
+                s, torque, spring, free = 0.0, 0.0, 0.0, True
+            elif abs(torque) > limit:
+                torque = min(max(torque, -limit), limit)
+                s, free = torque, True
+            if n[SLOW] != 0.0:
+                slow += h / constants[_SLOW_S] * (torque - slow)
+                s += n[SLOW] * (slow - torque)
+                torque += n[SLOW] * (slow - torque)
+            s -= _resistance(q, v, drive[LOAD_GRAVITY], gravity, phase, n, constants)
+            gained = free_kick if free else kick
+            v = _rubbed((free_decay if free else decay) * v + gained * s, gained, torque, n)
+            q += 0.5 * h * v
+        result[i] = q
+
+
+@njit(cache=True, nogil=True)
 def simulate(
     numbers: np.ndarray,
     constants: np.ndarray,
@@ -192,91 +310,13 @@ def simulate(
     """
     windows = len(start)
     result = np.empty((windows, samples))
-    n = numbers
-    loop = constants[_LOOP]
-    smooth = loop == 0.0
-    half = 0.5 * n[GAP]
-    gravity, phase = np.hypot(n[GRAVITY_SIN], n[GRAVITY_COS]), np.arctan2(n[GRAVITY_COS], n[GRAVITY_SIN])
-    limited = n[INVERSE_LIMIT] > 0.0 and loop == 1.0
-    limit = 1.0 / n[INVERSE_LIMIT] if limited else np.inf
-    remembers = n[GAP] > 0.0 or n[COMPLIANCE] > 0.0 or n[SLOW] != 0.0
+    remembers = numbers[GAP] > 0.0 or numbers[COMPLIANCE] > 0.0 or numbers[SLOW] != 0.0
     for m in range(windows):
-        inertia, gain, drag = trials[trial[m], INERTIA], trials[trial[m], GAIN], trials[trial[m], DRAG]
-        load_gravity, dt = trials[trial[m], LOAD_GRAVITY], trials[trial[m], STEP]
-        h, width, late = dt / substeps, 1.0 / substeps, n[DELAY] / dt
-        slack, spring, slow = 0.0, 0.0, 0.0
+        drive, memory = trials[trial[m]], (0.0, 0.0, 0.0)
         if remembers:
-            began = max(start[m] - samples, first[m])
-            for k in range(began, start[m]):
-                u = _held_input(inputs, first[m], k - late, 1.0, smooth)
-                s = _commanded(
-                    position[k], velocity[k], u, rates[k], clock[m] + (k - start[m]) * dt, gain, drag, n, constants
-                )
-                if n[GAP] > 0.0:
-                    slack = _across_gap(slack, s - drag * velocity[k], gain, drag, dt, n, loop)
-                torque = s - gain * loop * slack - drag * velocity[k]
-                if k == began:
-                    spring, slow = torque, torque
-                stiff = n[COMPLIANCE] * drag + dt * (1.0 + gain * loop * n[COMPLIANCE])
-                spring = (n[COMPLIANCE] * drag * spring + dt * torque) / stiff
-                slow += dt / constants[_SLOW_S] * (torque - slow)
-            if began == start[m]:
-                u = _held_input(inputs, first[m], start[m] - late, width, smooth)
-                s = _commanded(q0[m], v0[m], u, rates[start[m]], clock[m], gain, drag, n, constants)
-                spring = s - drag * v0[m]
-                slow = spring
-        # With a spring the drive's own motion takes part of its torque and of its drag.
-        stiff = n[COMPLIANCE] * drag + h * (1.0 + gain * loop * n[COMPLIANCE])
-        passed, kept = h / stiff, n[COMPLIANCE] * drag / stiff
-        coupled = drag * passed
-        decay, free_decay = (
-            np.exp(-(coupled + n[VISCOUS]) * h / inertia),
-            np.exp(-n[VISCOUS] * h / inertia),
-        )
-        kick = (1.0 - decay) / (coupled + n[VISCOUS]) if coupled + n[VISCOUS] > 1e-9 * inertia / h else h / inertia
-        free_kick = (1.0 - free_decay) / n[VISCOUS] if n[VISCOUS] > 1e-9 * inertia / h else h / inertia
-        q, v, before = q0[m], v0[m], v0[m]
-        for i in range(samples):
-            k = start[m] + i
-            for j in range(substeps):
-                at = k + j * width
-                u = _held_input(inputs, first[m], at - late, width, smooth)
-                time = clock[m] + (i + (j + 0.5) * width) * dt
-                q += 0.5 * h * v
-                s = _commanded(q, v, u, rates[k], time, gain, drag, n, constants)
-                transmits = True
-                if n[GAP] > 0.0:
-                    slack = _across_gap(slack, s - drag * v, gain, drag, h, n, loop)
-                    transmits = abs(slack) >= half
-                    s -= gain * loop * slack
-                s = passed * s + kept * spring
-                halfway = 1.5 * v - 0.5 * before  # speed in the middle of the step, as it has been changing
-                before = v
-                torque = s - coupled * halfway
-                spring = torque
-                fast = True
-                if not transmits:
-                    s, torque, spring, fast = 0.0, 0.0, 0.0, False
-                elif limited and abs(torque) > limit:
-                    torque = min(max(torque, -limit), limit)
-                    s, fast = torque, False
-                if n[SLOW] != 0.0:
-                    slow += h / constants[_SLOW_S] * (torque - slow)
-                    s += n[SLOW] * (slow - torque)
-                    torque += n[SLOW] * (slow - torque)
-                s -= _resistance(q, v, load_gravity, gravity, phase, n, constants)
-                friction = n[COULOMB] + n[LOAD_FRICTION] * abs(torque)
-                if n[STATIC] > 0.0:
-                    friction += n[STATIC] * np.exp(-((v / n[STRIBECK]) ** 2))
-                gained = kick if fast else free_kick
-                v = (decay if fast else free_decay) * v + gained * s
-                taken = gained * friction
-                if v > taken:
-                    v -= taken
-                elif v < -taken:
-                    v += taken
-                else:
-                    v = 0.0
-                q += 0.5 * h * v
-            result[m, i] = q
+            memory = _remembered(
+                numbers, constants, drive, start[m], first[m], clock[m], position, velocity, inputs, rates, samples
+            )
+        state = (q0[m], v0[m])
+        _run(result[m], numbers, constants, drive, start[m], first[m], clock[m], state, memory, inputs, rates, substeps)
     return result
