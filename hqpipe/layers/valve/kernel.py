@@ -13,14 +13,14 @@ from numba import njit
 
 LAYOUT = (
     "gain", "neutral", "row_offset_s", "half_width", "delay_s", "direction_delay_s", "time_constant_s", "limit",
-    "ratio", "inverse_effort_max", "droop", "recovery_s", "rate_per_s", "upper_speed", "lower_speed", "curve_1",
-    "curve_2", "geometry_1", "geometry_2", "load_sin", "load_cos", "others", "leak", "leak_position", "leak_effort",
+    "ratio", "inverse_effort_max", "droop", "recovery_s", "rate_per_s", "upper_speed", "lower_speed", "curve",
+    "geometry_1", "geometry_2", "load_sin", "load_cos", "others", "leak", "leak_position", "leak_effort",
     "period_s", "damping_ratio", "dt", "command_scale", "own_demand",
 )  # fmt: skip
 (
     GAIN, NEUTRAL, ROW_OFFSET, BAND, DELAY, DELAY_BACK, LAG, LIMIT,
-    RATIO, INVERSE_EFFORT, DROOP, RECOVERY, RATE, UPPER, LOWER, CURVE_1,
-    CURVE_2, GEOMETRY_1, GEOMETRY_2, LOAD_SIN, LOAD_COS, OTHERS, LEAK, LEAK_POSITION, LEAK_EFFORT,
+    RATIO, INVERSE_EFFORT, DROOP, RECOVERY, RATE, UPPER, LOWER, CURVE,
+    GEOMETRY_1, GEOMETRY_2, LOAD_SIN, LOAD_COS, OTHERS, LEAK, LEAK_POSITION, LEAK_EFFORT,
     PERIOD, DAMPING, DT, SCALE, OWN_DEMAND,
 ) = range(len(LAYOUT))  # fmt: skip
 
@@ -70,7 +70,7 @@ def speed_of(p: np.ndarray, opening: float, s: np.ndarray, k: int, sag: float) -
     """Velocity in the steady state for an opening at sample `k`; `sag` is the relative loss of supply pressure."""
     size = abs(opening) / p[SCALE]
     flow = opening + p[RATIO] * abs(opening)
-    flow *= 1.0 + p[CURVE_1] * size + p[CURVE_2] * size * size
+    flow *= 1.0 + p[CURVE] * size
     flow *= 1.0 + p[GEOMETRY_1] * s[Z, k] + p[GEOMETRY_2] * s[Z, k] * s[Z, k]
     flow += abs(flow) * (p[LOAD_SIN] * s[SIN, k] + p[LOAD_COS] * s[COS, k])
     flow *= 1.0 + p[OTHERS] * s[OTHER_OPENING, k]

@@ -105,8 +105,13 @@ def _flow_side(size: Sizes) -> tuple[Effect, ...]:
 
 
 def _generic(size: Sizes) -> tuple[Effect, ...]:
-    def shape(name: str, signal: str, *parameters: Parameter) -> Effect:
-        return Effect(name, parameters, named=False, signal=signal)
+    def shape(name: str, signal: str, *parameters: Parameter, excludes: frozenset[str] = frozenset()) -> Effect:
+        return Effect(name, parameters, named=False, signal=signal, excludes=excludes)
+
+    def one_way(name: str, parameter: str, other: str) -> Effect:
+        """A speed limit of one direction, as a counterbalance valve sets it; both together are flow_saturation."""
+        limit = Parameter(parameter, speed, never, size.speed, **limits)
+        return shape(name, "direction", limit, excludes=frozenset({other}))
 
     def share(name: str, spread: float, most: float = 3.0, starts: tuple[float, ...] = ()) -> Parameter:
         return Parameter(name, "1", 0.0, spread, -most, most, starts)
@@ -115,12 +120,13 @@ def _generic(size: Sizes) -> tuple[Effect, ...]:
     never = FAST * size.speed
     limits = {"low": 0.02 * size.speed, "high": never, "starts": (1.2 * size.speed, 0.7 * size.speed)}
     found = [
-        shape("flow_curve", "command", share("curve_1", 0.3), share("curve_2", 0.3)),
+        # Below −0.5 the flow would fall as the valve opens.
+        shape("flow_curve", "command", Parameter("curve", "1", 0.0, 0.2, -0.5, 3.0)),
         shape("linkage", "position", share("geometry_1", 0.1), share("geometry_2", 0.1)),
         shape("position_load", "position", share("load_sin", 0.1), share("load_cos", 0.1)),
         shape("dead_time_by_direction", "direction", Parameter("direction_delay_s", "s", 0.0, 0.01, -0.2, 0.2)),
-        shape("lowering_speed", "direction", Parameter("lower_speed", speed, never, size.speed, **limits)),
-        shape("lifting_speed", "direction", Parameter("upper_speed", speed, never, size.speed, **limits)),
+        one_way("lowering_speed", "lower_speed", "lifting_speed"),
+        one_way("lifting_speed", "upper_speed", "lowering_speed"),
         shape(
             "leakage",
             "position",
