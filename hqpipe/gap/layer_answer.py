@@ -13,7 +13,7 @@ from hqpipe.gap.gap_entry import gap_entry
 from hqpipe.gap.groups import scope_of
 from hqpipe.gap.joint_scale import pooled
 from hqpipe.gap.layer_causes import SENSING, UNSIGNED, LayerCause, layer_of
-from hqpipe.gap.layer_errors import LayerErrors
+from hqpipe.gap.layer_errors import RAN_AWAY, LayerErrors
 from hqpipe.gap.layer_experiment import next_experiment
 from hqpipe.gap.layer_verdict import LayerEvidence
 from hqpipe.gap.left_out import LeftOut
@@ -205,6 +205,11 @@ def _remarks(errors: LayerErrors, evidence: LayerEvidence) -> list[str]:
             f"{', '.join(bare)}: no held-out trial, so that the errors are those of the fitted trials, which flatter the "
             "model; hold a trial out"
         )
+    for joint in errors.joints:
+        if (share := joint.ran_away) > 0.0:
+            remarks.append(
+                f"{joint.name}: the prediction runs away in {share:.1%} of the samples, which count {RAN_AWAY:g} spreads"
+            )
     before, persistence = pooled(evidence.before, scale), pooled(evidence.persistence, scale)
     if before > persistence:
         remarks.append(

@@ -168,7 +168,8 @@ def _familiar(found: LayerFound, then: LayerJoints) -> np.ndarray:
         old, new = past[joint.model.joint], joint.model.heldout if len(joint.model.heldout.time) else joint.model.fit
         error = np.mean(joint.base.error[: len(old.time)] ** 2)
         moved, moves = (float(np.mean((part.output - part.held) ** 2)) for part in (old, new))
-        levels.append(FAMILIAR * error * (max(moves / moved, 1.0) if moved > 0.0 else 1.0))
+        level = FAMILIAR * error * (max(moves / moved, 1.0) if moved > 0.0 else 1.0)
+        levels.append(level if np.isfinite(level) else 0.0)
     return np.array(levels)
 
 

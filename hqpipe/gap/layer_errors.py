@@ -20,6 +20,9 @@ from hqpipe.identify.found import Fitted, JointFound, LayerFound
 from hqpipe.identify.model import Samples
 from hqpipe.logs.trajectory import LogSet
 
+RAN_AWAY = (
+    10.0  # spreads of the joint that a prediction without a number counts; assumption: worse than any that has one
+)
 _SAMPLES = 20  # of a trial, to tell its noise from differences of up to the eighth order; assumption
 
 
@@ -39,8 +42,16 @@ class JudgedJoint:
         return self.found.model.heldout if self.heldout else self.found.model.fit
 
     def error(self, fitted: Fitted) -> np.ndarray:
-        """(N,) of a set of effects."""
-        return fitted.heldout if self.heldout else fitted.error
+        """(N,) of a set of effects; a prediction that ran away counts `RAN_AWAY` spreads."""
+        error = fitted.heldout if self.heldout else fitted.error
+        known = np.isfinite(error)
+        return error if known.all() else np.where(known, error, RAN_AWAY * self.scale)
+
+    @property
+    def ran_away(self) -> float:
+        """Share of the samples at which the prediction without or with the causes is no number."""
+        parts = [f.heldout if self.heldout else f.error for f in (self.found.base, self.found.named)]
+        return float(np.mean(~np.isfinite(parts).all(axis=0)))
 
     def mean_square(self, fitted: Fitted) -> float:
         return float(np.mean(self.error(fitted) ** 2))

@@ -134,6 +134,15 @@ def test_notes_of_several_joints_are_one_warning_and_left_joints_are_told():
     assert [(item["joints"], item["kind"]) for item in content["left_out"]] == [(["foot"], "not_judged")]
 
 
+def test_a_prediction_that_runs_away_is_told():
+    model = toy("hip", 0, seconds=6.0)
+    made = made_up(model, 1.0, 1.0)
+    made.base.heldout[:60] = np.nan
+    content = layer_diagnosis(None, log_set([model]), layer_found(made)).content
+    assert any("the prediction runs away in 5.0% of the samples" in text for text in content["warnings"])
+    assert content["gap"]["before"] > content["gap"]["after"]
+
+
 def test_a_lost_sign_is_a_cause_of_its_own():
     model = toy("hip", 0, seconds=6.0)
     model.unsigned = True
