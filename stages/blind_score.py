@@ -106,7 +106,7 @@ def diagnose_case(case: Path, output: Path, without: tuple[str, ...], reference:
 
     half = durable.new_folder(output)
     try:
-        earlier = None if reference is None else _earlier(reference, without)
+        earlier = None if reference is None else _earlier(reference)
         write_diagnosis(diagnose(read_log_set(case), without=without, earlier=earlier), half)
     except Exception as error:  # one case that cannot be diagnosed is a miss of the score, not its end
         if system_failure(error):
@@ -115,12 +115,12 @@ def diagnose_case(case: Path, output: Path, without: tuple[str, ...], reference:
     durable.move_into_place(half, output)
 
 
-def _earlier(reference: Path, without: tuple[str, ...]) -> Any:
+def _earlier(reference: Path) -> Any:
     """The earlier record of a machine, as `hqpipe diagnose --reference` takes it from logs."""
-    from hqpipe.gap.since_logs import earlier_logs
+    from hqpipe.gap.since import EarlierLogs
     from hqpipe.logs.log_set import read_log_set
 
-    return earlier_logs(read_log_set(reference), None, without)
+    return EarlierLogs(read_log_set(reference))
 
 
 def truth_gaps(

@@ -19,7 +19,7 @@ from hqpipe.gap.verdict import FLOOR_MARGIN, MIN_EXPLAINED, SIGNIFICANCE, UNPRED
 from hqpipe.identify.found import Fitted
 
 PREDICTABLE = 0.10  # of the squared gap that a flexible model may still predict in an explained one; assumption
-MOST = 0.5  # of the squared gap that the causes must close then: a gap that stays is not explained; assumption
+MOST = 0.25  # of the squared gap that may be left then: the causes halve the gap at least; assumption
 
 
 @dataclass(frozen=True, eq=False)

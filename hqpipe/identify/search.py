@@ -19,6 +19,7 @@ from hqpipe.identify.sampling import Covariance, correlation_time, covariance
 
 _REFITTED = 4  # of the screened candidates; assumption: the best one is among them, though a slope is no fit
 _REPLACED = 2  # of the screened candidates, that are tried in the place of another effect; assumption
+_POLISHED = 2  # starts of an effect from which it is fitted; assumption: one of them is near the best minimum
 _MOST = 8  # effects in one joint; assumption: more cannot be told apart in one output
 _STARTS = 24  # combinations of starting values; assumption: more would be a search of its own
 _ROUNDS = 3  # of additions and exchanges; assumption: what still changes then is a draw
@@ -40,6 +41,14 @@ class Known:
     solution: Solution
     covariance: Covariance
     span: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Promise:
+    """A start of a fit: what it may take off the squared error, and the values."""
+
+    gain: float
+    start: np.ndarray
 
 
 @dataclass(eq=False)
@@ -148,7 +157,7 @@ class Search:
 
     def screened(self, known: Known, names: Sequence[str]) -> list[tuple[float, str]]:
         """(squared error that the slope promises, effect), the best first; those that promise nothing are left out."""
-        found = [(self._promise(known, name)[0], name) for name in names]
+        found = [(promises[0].gain, name) for name in names if (promises := self._promises(known, name))]
         return sorted(((gain, name) for gain, name in found if gain > 0.0), reverse=True)
 
     def _grown(self, best: Known) -> Known:
@@ -195,16 +204,19 @@ class Search:
         return Known(names, solution, covariance(self.fitter, solution), span)
 
     def _refit(self, known: Known, name: str) -> Solution:
-        _, start = self._promise(known, name)
-        return self._fit(known.names | {name}, start, known.covariance.noise)
+        """The best of the fits from the starts that promise most: delays, gaps and limits have several minima."""
+        promises = self._promises(known, name)[:_POLISHED] or [Promise(0.0, known.solution.values)]
+        names = known.names | {name}
+        fits = [self._fit(names, promise.start, known.covariance.noise) for promise in promises]
+        return min(fits, key=lambda solution: solution.square)
 
-    def _promise(self, known: Known, name: str) -> tuple[float, np.ndarray]:
-        """What the slope along an effect promises to take off the squared error, and the values to start a fit from.
+    def _promises(self, known: Known, name: str) -> list[Promise]:
+        """What each start of an effect promises, the best first.
 
-        The slope is a secant from neutral to each combination of starting values, less what the free parameters can do.
+        The slope is a secant from neutral to a combination of starting values, less what the free parameters can do.
         """
         values, error, span = known.solution.values, known.solution.error, known.span
-        best, start = 0.0, values
+        found = []
         for combination in self._combinations(name):
             moved = values.copy()
             moved[self._places(name)] = combination
@@ -215,15 +227,14 @@ class Search:
             size = float(change @ change)
             if size <= 0.0:
                 continue
-            share = -float(change @ error) / size
             low, high = self._shares(name, combination)
-            share = float(np.clip(share, low, high))
+            share = float(np.clip(-float(change @ error) / size, low, high))
             gain = -2.0 * share * float(change @ error) - share**2 * size
-            if gain > best:
+            if gain > 0.0:
                 first = self._places(name)[0]
                 moved[first] = self.fitter.neutral[first] + share * (combination[0] - self.fitter.neutral[first])
-                best, start = gain, np.clip(moved, self.fitter.low, self.fitter.high)
-        return best, start
+                found.append(Promise(gain, np.clip(moved, self.fitter.low, self.fitter.high)))
+        return sorted(found, key=lambda promise: -promise.gain)
 
     def _shares(self, name: str, combination: np.ndarray) -> tuple[float, float]:
         """How far along the secant the first parameter may go."""
