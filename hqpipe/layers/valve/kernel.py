@@ -46,6 +46,26 @@ def held_mean(command: np.ndarray, first: int, last: int, start: float, length: 
 
 
 @njit(cache=True, nogil=True, inline="always")
+def driving(p: np.ndarray, command: np.ndarray, first: int, last: int, at: float, length: float) -> float:
+    """The command that reaches the valve from sample `at` on, for `length` samples; each direction after its own dead time."""
+    delay, apart = (p[ROW_OFFSET] + p[DELAY]) / p[DT], p[DELAY_BACK] / p[DT]
+    driven = held_mean(command, first, last, at - (delay + apart), length)
+    if apart == 0.0:
+        return driven
+    other = held_mean(command, first, last, at - (delay - apart), length)
+    return p[NEUTRAL] + max(driven - p[NEUTRAL], 0.0) + min(other - p[NEUTRAL], 0.0)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def shares(lag: float, h: float) -> tuple[float, float]:
+    """Share of the way to a held target that a first-order lag goes in h s, at the end and on average."""
+    if lag == 0.0:
+        return 1.0, 1.0
+    share = 1.0 - np.exp(-h / lag)
+    return share, 1.0 - lag / h * share
+
+
+@njit(cache=True, nogil=True, inline="always")
 def beyond(excess: float, corner: float) -> float:
     """max(excess, 0) with a parabola of half width `corner` round the edge."""
     if corner == 0.0 or excess >= corner:
@@ -105,37 +125,22 @@ def run_blocks(
         kept: (B,) sample from which its velocity is kept: before it the block settles.
         substeps: per sample.
     """
-    dt = p[DT]
-    h, length = dt / substeps, 1.0 / substeps
-    early = (p[ROW_OFFSET] + p[DELAY] + p[DELAY_BACK]) / dt
-    late = (p[ROW_OFFSET] + p[DELAY] - p[DELAY_BACK]) / dt
-    share, mean = 1.0, 1.0
-    if p[LAG] > 0.0:
-        share = 1.0 - np.exp(-h / p[LAG])
-        mean = 1.0 - p[LAG] / h * share
+    h, length = p[DT] / substeps, 1.0 / substeps
+    share, mean = shares(p[LAG], h)
     recovering = 1.0 - np.exp(-h / max(p[RECOVERY], 1e-9))
     omega = 2.0 * np.pi / max(p[PERIOD], 1e-9)
     damped = 1.0 / (1.0 + 2.0 * p[DAMPING] * omega * h + (omega * h) ** 2)
     for b in range(start.shape[0]):
-        spool = held_mean(command, first[b], last[b], start[b] - early, length)
+        spool = driving(p, command, first[b], last[b], start[b], length)
         sag, moving, rising, begun = 0.0, 0.0, 0.0, False
         for k in range(start[b], stop[b]):
             total = 0.0
             measured = p[DROOP] * signals[LOSS, k]
             for i in range(substeps):
-                driven = held_mean(command, first[b], last[b], k + i * length - early, length)
-                if p[DELAY_BACK] != 0.0:
-                    other = held_mean(command, first[b], last[b], k + i * length - late, length)
-                    driven = p[NEUTRAL] + max(driven - p[NEUTRAL], 0.0) + min(other - p[NEUTRAL], 0.0)
-                if p[LAG] > 0.0:
-                    seen = spool + mean * (driven - spool)
-                    spool += share * (driven - spool)
-                else:
-                    seen = driven
-                opening = opened(p, seen)
-                if measured != 0.0:
-                    sag = measured
-                v = speed_of(p, opening, signals, k, sag)
+                driven = driving(p, command, first[b], last[b], k + i * length, length)
+                seen = driven if p[LAG] == 0.0 else spool + mean * (driven - spool)
+                spool += share * (driven - spool)
+                v = speed_of(p, opened(p, seen), signals, k, measured if measured != 0.0 else sag)
                 if p[DROOP] != 0.0:
                     demand = signals[OTHER_SPEED, k] + p[OWN_DEMAND] * signals[FREE, k] * abs(v)
                     sag += recovering * (p[DROOP] * demand - sag)

@@ -142,22 +142,12 @@ def record_of(trials: Sequence[Trial], j: int, scales: Scales, linear: bool, ali
     effort, unit = _load(parts, j, joined, linear)
     position = joined(lambda t: t.position[:, j])
     time = joined(lambda t: t.time - t.time[0] + t.start)
-    signals = np.zeros((9, len(position)))
+    supply = scales.supply > 0.0 and all(SUPPLY in t.extra for t in parts)
+    signals = _other_joints(joined, j, scales, alike, supply, len(position))
     z = (position - scales.middle) / scales.half_travel
     signals[kernel.TIME], signals[kernel.Z], signals[kernel.EFFORT] = time, z, effort
     signals[kernel.FREE] = 1.0
     signals[kernel.SIN], signals[kernel.COS] = (z, z * z) if linear else (np.sin(position), np.cos(position))
-    others = np.arange(len(scales.speeds)) != j
-    sizes = np.maximum(np.array(scales.commands), 1e-300)
-    supply = scales.supply > 0.0 and all(SUPPLY in t.extra for t in parts)
-    if others.any():
-        signals[kernel.OTHER_OPENING] = joined(
-            lambda t: (np.abs(t.valve_command - scales.rests) / sizes)[:, others].mean(axis=1)
-        )
-    if supply:
-        signals[kernel.LOSS] = joined(lambda t: np.clip(1.0 - t.extra[SUPPLY] / scales.supply, 0.0, 1.0))
-    elif others.any():
-        signals[kernel.OTHER_SPEED] = joined(lambda t: (np.abs(t.velocity) * alike)[:, others].sum(axis=1))
     return Record(
         dt=dt,
         files=files,
@@ -175,6 +165,22 @@ def record_of(trials: Sequence[Trial], j: int, scales: Scales, linear: bool, ali
         supply=supply,
         signals=signals,
     )
+
+
+def _other_joints(joined, j: int, scales: Scales, alike: np.ndarray, supply: bool, samples: int) -> np.ndarray:
+    """(9, N) signals, of which what the other joints and the supply do is filled in."""
+    signals = np.zeros((9, samples))
+    others = np.arange(len(scales.speeds)) != j
+    sizes = np.maximum(np.array(scales.commands), 1e-300)
+    if others.any():
+        signals[kernel.OTHER_OPENING] = joined(
+            lambda t: (np.abs(t.valve_command - scales.rests) / sizes)[:, others].mean(axis=1)
+        )
+    if supply:
+        signals[kernel.LOSS] = joined(lambda t: np.clip(1.0 - t.extra[SUPPLY] / scales.supply, 0.0, 1.0))
+    elif others.any():
+        signals[kernel.OTHER_SPEED] = joined(lambda t: (np.abs(t.velocity) * alike)[:, others].sum(axis=1))
+    return signals
 
 
 def _load(parts, j: int, joined, linear: bool) -> tuple[np.ndarray, str]:
