@@ -62,7 +62,7 @@ def answer(search: Search, best: Known) -> JointFound:
 
 
 def _confirmed(search: Search, named: Known) -> Known:
-    """The causes without those that make the prediction of the held-out trials worse: a claim that they contradict is withdrawn.
+    """The causes without those with which the held-out trials are predicted worse: a claim that they contradict is withdrawn.
 
     They choose nothing else, and what is left is never made to look better by it.
     """
