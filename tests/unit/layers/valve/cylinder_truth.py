@@ -40,7 +40,7 @@ def load(x, weight, spring):
 def simulate(
     command, dt, area_ratio=1.0, overlap=0.0, spool_s=5e-3, delay=0.0, droop=0.0, weight=0.0, spring=0.0, start=0.25
 ):
-    """(T,) position of the rod, m.
+    """(T,) position of the rod, m, and supply pressure, Pa.
 
     Args:
         command: (T,) −1 … 1, held for dt s. area_ratio: of the piston's two sides. overlap: of the command. spool_s: its lag.
@@ -60,7 +60,7 @@ def simulate(
 
     time = np.arange(len(command)) * dt
     found = solve_ivp(slope, (0.0, time[-1]), [start, 0.0, SUPPLY], "RK23", time, max_step=0.5 * dt, rtol=1e-4)
-    return np.clip(found.y[0], 0.0, STROKE)
+    return np.clip(found.y[0], 0.0, STROKE), found.y[2]
 
 
 def strokes(seconds, dt, seed, levels, pause=0.0, hold=(0.3, 1.2)):
@@ -73,11 +73,11 @@ def strokes(seconds, dt, seed, levels, pause=0.0, hold=(0.3, 1.2)):
     return np.concatenate(parts)[: round(seconds / dt)]
 
 
-def log_set(commands, dt, noise=5e-5, neutral=0.0, kind="prismatic", **machine):
-    """A log set of one cylinder that records positions alone; the last command's trial is held out."""
+def log_set(commands, dt, noise=5e-5, neutral=0.0, kind="prismatic", gauge=False, **machine):
+    """A log set of one cylinder that records positions, and with `gauge` its supply; the last trial is held out."""
     trials = []
     for i, command in enumerate(commands):
-        position = simulate(command, dt, **machine)
+        position, supply = simulate(command, dt, **machine)
         position = position + noise * np.random.default_rng(i).standard_normal(len(position))
         trajectory = Trajectory(
             time=np.arange(len(command)) * dt,
@@ -87,6 +87,7 @@ def log_set(commands, dt, noise=5e-5, neutral=0.0, kind="prismatic", **machine):
             effort=load(position, 0.0, machine["spring"])[:, None] if "spring" in machine else None,
             valve_command=(command + neutral)[:, None],
             velocity_source="differentiated",
+            extra={"supply/pressure": supply} if gauge else {},
         )
         trials.append(Trial(f"trial_{i}.parquet", "heldout" if i == len(commands) - 1 else "fit", None, trajectory))
     return LogSet(

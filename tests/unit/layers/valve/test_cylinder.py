@@ -68,6 +68,14 @@ def test_a_supply_that_sags_with_the_flow_of_the_only_joint():
     assert fit < 1.5 * NOISE
 
 
+def test_a_logged_supply_pressure_says_by_itself_what_it_costs():
+    model = joint(droop=0.4, gauge=True)
+    values, (fit, _) = fitted(model, "supply_droop", "valve_lag")
+    assert [p.name for e in model.effects for p in e.parameters if e.name == "supply_droop"] == ["droop"]
+    assert values["droop"] == pytest.approx(1.0, rel=0.05)
+    assert fit < 1.5 * NOISE
+
+
 def test_a_weight_makes_the_direction_count():
     model = joint(weight=6000.0)
     values, _ = fitted(model, "direction_asymmetry")

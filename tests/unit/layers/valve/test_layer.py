@@ -160,7 +160,7 @@ def test_without_held_out_trials_there_are_no_such_samples(logs):
 @pytest.mark.parametrize("inverted", [1.0, -1.0])
 def test_the_rest_of_a_command_that_is_mostly_at_one_end(inverted):
     command = np.tile(np.concatenate([np.full(400, 0.8), np.full(250, -0.8)]), 5)
-    position = simulate(command, DT)
+    position, _ = simulate(command, DT)
     velocity = differentiate(inverted * position[:, None], DT)[:, 0]
     assert rest_command(command, velocity) == pytest.approx(0.0, abs=0.05)
 
