@@ -369,13 +369,15 @@ def _sizes(fit: Sequence[Trajectory], j: int, mode: str, flow: Flow) -> dict[str
         rms([t.velocity[:, j] for t in fit]),
         float(np.std(np.concatenate([t.position[:, j] for t in fit]))),
     )
+    drawn = rms([_drawn(t, mode, flow) for t in fit])
     return {
         scales.SECOND: 1.0,
         scales.NONE: 1.0,
         scales.COMMAND: rms([_errors(t, mode)[:, j] for t in fit]),
         scales.EFFORT: effort,
         scales.VELOCITY: velocity,
-        scales.SLOWNESS: 1.0 / rms([_drawn(t, mode, flow) for t in fit]),
+        scales.SLOWNESS: 1.0 / drawn,
+        scales.FLOW: drawn,
         scales.ANGLE: angle + 1e-12,
         scales.DAMPING: effort / velocity,
         scales.STIFFNESS: effort / (angle + 1e-12),
