@@ -174,7 +174,7 @@ def write_logs(
     m, dt = Machine(**changed), 1.0 / rate_hz
     settling, samples = round(SETTLING_S / dt), round((SETTLING_S + seconds) / dt)
     torque_mode = mode == "torque"
-    size = amplitude or (90.0 if torque_mode else 0.28)
+    size = amplitude or (90.0 if torque_mode else 0.22)
     command = "effort_command" if torque_mode else "position_command"
     with LogSetWriter(folder, base="fixed", control_mode=mode, effort_source="load_cell", rate_hz=rate_hz) as writer:
         for i in range(trials):
