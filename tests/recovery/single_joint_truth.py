@@ -54,7 +54,7 @@ class Machine(NamedTuple):
 
 
 WEAK_SUPPLY = {"pump_slope": 1.6e-11, "accumulator": 2.4e-12}  # 0.15 s, and half the pressure at 5 rad/s
-LIMITED_PUMP = {"pump_flow": 3.5e-5, "pump_slope": 1e-10, "accumulator": 4e-12}
+LIMITED_PUMP = {"pump_flow": 2.5e-5, "pump_slope": 1e-10, "accumulator": 3e-12}
 
 
 @njit(cache=True)

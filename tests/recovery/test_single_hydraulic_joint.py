@@ -53,7 +53,7 @@ def test_a_pump_that_gives_all_it_can(tmp_path):
     content = answer(tmp_path, **LIMITED_PUMP)
     assert content["verdict"] == "explained" and "supply_droop" in names(content)
     wanted = LIMITED_PUMP["pump_flow"] / FLOW_PER_SPEED
-    assert number(content, "supply_droop", "pump_velocity_rad_s") == pytest.approx(wanted, rel=0.2)
+    assert number(content, "supply_droop", "pump_velocity_rad_s") == pytest.approx(wanted, rel=0.25)
 
 
 def test_without_the_right_name_the_gap_is_not_called_explained(tmp_path):
@@ -84,9 +84,7 @@ def test_delay(tmp_path, mode):
     content = answer(tmp_path, mode, delay=0.006)
     assert near_the_floor(content) and "command_delay" in names(content)
     assert not {"supply_droop", "direction_asymmetry", "torque_bias"} & names(content)
-    assert number(content, "command_delay", "delay_s") == pytest.approx(
-        0.007, abs=0.0015
-    )  # with the spool's 2 ms or a part
+    assert 0.0055 < number(content, "command_delay", "delay_s") < 0.009  # alone, or with the spool's lag of 2 ms in it
 
 
 def test_a_stiff_supply_is_no_cause(tmp_path):
