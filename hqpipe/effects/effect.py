@@ -16,12 +16,13 @@ CORE, FRICTION, SLIDING, SUPPLY, COMMAND_SIDE, ALL_INPUTS = (  # of the loops, s
 )
 
 # What a bound or a start value is a multiple of; the numbers come from the fit trials.
-SECOND, COMMAND, EFFORT, VELOCITY, SLOWNESS, DAMPING, STIFFNESS, ANGLE, NONE = (
+SECOND, COMMAND, EFFORT, VELOCITY, SLOWNESS, FLOW, DAMPING, STIFFNESS, ANGLE, NONE = (
     "second",
     "command",
     "effort",
     "velocity",
     "slowness",
+    "flow",
     "damping",
     "stiffness",
     "angle",
@@ -44,7 +45,7 @@ class Parameter:
             command.
         scale: what `lower`, `upper` and `starts` are multiples of: second, command (RMS of the position error,
             torque command or valve command), effort and velocity (RMS), slowness (one over the RMS of the
-            machine's total speed), damping (effort over velocity), stiffness (effort over travel), angle
+            machine's total speed), flow (that RMS), damping (effort over velocity), stiffness (effort over travel), angle
             (standard deviation of the position) or none.
         lower, upper: bounds of the search.
         starts: where fits begin; several where an effect can be inactive over all data and then has no gradient.
@@ -61,6 +62,7 @@ class Parameter:
         modes: control modes in which it is fitted; in others it stays neutral.
         least: of an inverse torque, times the largest torque logged: below it in every joint the effect is no fault,
             because every machine has that much of it.
+        built_from: size from which a machine is likely to be built so, see `Effect.stands_for`.
     """
 
     name: str
@@ -78,6 +80,7 @@ class Parameter:
     modes: tuple[str, ...] = MODES
     neutral: float = 0.0
     anew: str | None = None
+    built_from: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -99,6 +102,8 @@ class Effect:
         machine: one set of parameters for the whole machine by nature.
         least_joints: how many joints a log needs to show it.
         needs_effort: it shows only where the torque was recorded.
+        stands_for: effect that is named instead where a joint's logs cannot tell the two apart and a number of the other one
+            has the size that machines are built with (`Parameter.built_from`).
     """
 
     name: str
@@ -115,3 +120,4 @@ class Effect:
     machine: bool = False
     least_joints: int = 1
     needs_effort: bool = False
+    stands_for: str | None = None

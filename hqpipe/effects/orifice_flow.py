@@ -22,7 +22,16 @@ EFFECT = Effect(
 
 
 @njit(cache=True, nogil=True, inline="always")
-def orifice(opening: float, effort: float, inverse_limit: float, loss: float, mean: float, lean: float) -> float:
+def balance(areas: float, inverse_limit: float) -> float:
+    """Torque, N·m, at which the pressures of both sides are equal, so that nothing leaks from one to the other; arguments as
+    of `orifice`. Mean pressure: half of the supply."""
+    return areas / inverse_limit if inverse_limit > 0.0 else 0.0
+
+
+@njit(cache=True, nogil=True, inline="always")
+def orifice(
+    opening: float, effort: float, inverse_limit: float, loss: float, mean: float, lean: float, areas: float
+) -> float:
     """Flow per opening, 1 for an unloaded valve at full supply.
 
     Args:
@@ -33,9 +42,11 @@ def orifice(opening: float, effort: float, inverse_limit: float, loss: float, me
         mean: what the chambers' mean pressure is off by from half the supply, relative to that; only read beside `lean`.
         lean: share by which the chamber is stiffer that an opening above 0 feeds, 0 for equal chambers, whose mean pressure
             is half of the supply at any time.
+        areas: (A₊ − A₋)/(A₊ + A₋) of the sides whose pressures raise and lower the torque: the supply moves a larger load with
+            the larger side; 0 for equal ones.
     """
     load = effort * inverse_limit
-    signed = load if opening > 0.0 else -load
+    signed = load / (1.0 + areas) if opening > 0.0 else -load / (1.0 - areas)
     if lean == 0.0:
         return np.sqrt(max(1.0 - loss - signed, 0.0))
     fed = 0.5 + (0.5 * lean if opening > 0.0 else -0.5 * lean)

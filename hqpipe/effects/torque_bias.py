@@ -13,4 +13,5 @@ EFFECT = Effect(
     source="zero drift of load cells and pressure transducers (data sheets)",
     experiment="hang the leg freely in several poses and compare with its weight",
     modes=(POSITION, TORQUE),
+    stands_for="direction_asymmetry",
 )

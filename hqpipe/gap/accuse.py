@@ -35,6 +35,7 @@ from hqpipe.gap.sharing import pool_groups, seek_consensus
 from hqpipe.gap.signs import SignedLogs
 from hqpipe.gap.since import Earlier
 from hqpipe.gap.spans import Spans, search_spans
+from hqpipe.gap.supply import without_steady
 from hqpipe.gap.unchanged import drop_unchanged, familiar_error, only_needed
 from hqpipe.gap.worth import close_gap, drop_outweighed, drop_slight, drop_trifles
 from hqpipe.logs.joint_kinds import PRISMATIC
@@ -43,7 +44,7 @@ from hqpipe.sysid.noise import difference_noise
 
 BLURRED = ("backlash",)  # a size is noise round zero torque, which looks like slack once the sign is restored
 FILTERED_ROWS = 1.25  # a logged speed later than that was filtered, which would pass for a lag of the valve; assumption
-SHARED = "supply_droop"  # the effect that reads what other joints do
+SHARED = "supply_droop"  # the effect that reads what other joints draw, too
 RUBBING = "viscous_friction"  # the effect that shows to which instant a row's torque belongs
 EARLIER_OR_LATER = (0.0, -0.25, 0.25, -0.5, 0.5)
 """Samples: a torque may be that of an instant, or a mean of the step before or behind it."""
@@ -129,6 +130,7 @@ def accuse(
     mode, joints = log_set.control_mode, log_set.joints
     effort = log_set.trials[0].trajectory.effort is not None
     names = library(mode, log_set.effort_source, len(joints), without, effort, changes=earlier is not None)
+    names = without_steady(names, log_set)
     data, speed, late = prepare(log_set, names, steps, signed, effort_limit, earlier, workers)
     states = search_joints(data, names, workers, progress)
     base = Rest(_machine(states, mode, speed, chosen=False), log_set, steps)

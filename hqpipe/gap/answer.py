@@ -31,6 +31,9 @@ from hqpipe.sysid.window_choice import WindowChoice
 
 LAYER = "actuator"
 EXPLAINED = 0.25  # of the squared error above the noise may be left in an explained gap; assumption
+NEAR_FLOOR = 2.0
+"""Error left over the noise floor, both RMS, from which a gap is not called explained, whatever share of it was closed:
+something of the size of what the noise does, or more, is still missing. Assumption."""
 UNLIKE = 3.0  # held-out over fitted RMSE beyond which the trials are unlike each other; assumption
 UNSIGNED_EVEN, UNSIGNED_STEEPNESS = 0.7, 10.0  # error ratio of the sign search at even odds, and how fast they grow
 MISSES = 1.5  # RMSE over the noise floor from which it is told that a reference itself misses its machine; assumption
@@ -95,7 +98,8 @@ def answer(
         _cause(cause, part * found.shrink.each[i], part * (found.shrink.each_ci95[i] + [0.0, room]), log_set)
         for i, cause in enumerate(found.causes)
     ]
-    verdict = _verdict(bool(causes), bool(gap_before.any()), unexplained, left)
+    far = full > NEAR_FLOOR * pooled(found.floor, found.scale)
+    verdict = _verdict(bool(causes), bool(gap_before.any()), unexplained, left, far)
     passing = {joint for cause in found.passing for joint in cause.joints}
     where = [_place(p, log_set) for p in (telling(places[0], passing) if gap_before.any() else [])]
     remaining = [_place(p, log_set) for p in (telling(places[1]) if unexplained else [])]
@@ -128,10 +132,10 @@ def _matters(evidence: Evidence, found: Accusation) -> np.ndarray:
     return evidence.gap & (evidence.error - evidence.floor > (MATERIAL * size) ** 2)
 
 
-def _verdict(causes: bool, gap: bool, unexplained: bool, left: float) -> str:
+def _verdict(causes: bool, gap: bool, unexplained: bool, left: float, far: bool) -> str:
     if not causes:
         return "unknown" if gap else "no_gap"
-    return "explained" if not unexplained or left <= EXPLAINED else "partly_explained"
+    return "explained" if not unexplained or (left <= EXPLAINED and not far) else "partly_explained"
 
 
 def _before_signs(found: Accusation, evidence: Evidence) -> float:

@@ -14,10 +14,11 @@ record moves what is fitted by −H⁻¹ Jᵀ J_then δ (implicit function theor
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hqpipe.effects import EFFECTS
 from hqpipe.effects.effect import Parameter
 from hqpipe.effects.layout import slot
 from hqpipe.gap.bootstrap import BLOCK_S
@@ -116,6 +117,8 @@ def certainty(data: JointData, fit: SetFit, effect: str, unchanged: dict[int, fl
 def covariance_of(data: JointData, fit: SetFit) -> Covariance:
     """Of the free numbers of a fit, with what the earlier record is uncertain by where there is one."""
     signals, then = data.fit.signals, data.then
+    if then is None:
+        fit = _without_idle(fit)
     residual = residual_windows(fit.row, signals)
     guess = np.sqrt(np.maximum(np.diag(np.linalg.pinv(fit.hessian)), 0.0) * max(fit.loss, 1e-300))
     ties = [group[group >= 0] for group in fit.tied] if fit.tied.shape[1:] != (0,) else []
@@ -134,6 +137,22 @@ def covariance_of(data: JointData, fit: SetFit) -> Covariance:
     if then is not None and len(then.columns) and np.isfinite(now).all():
         now, change = _with_then(data, fit, jacobian, residual, bread, now)
     return Covariance(fit.free, values, record, now, change, blocks)
+
+
+def _without_idle(fit: SetFit) -> SetFit:
+    """The fit less the shape parameters that lie at their lower bound and do nothing there: such a number is not free, and
+    beside it others would seem not to be known."""
+    idle = [
+        column
+        for name in fit.effects
+        if name in EFFECTS
+        for column, p in zip(columns(name), EFFECTS[name].parameters, strict=True)
+        if not p.counts and p.lower == p.neutral == fit.row[column]
+    ]
+    kept = np.flatnonzero(~np.isin(fit.free, idle))
+    hessian = fit.hessian[np.ix_(kept, kept)] if len(fit.hessian) else fit.hessian
+    tied = fit.tied[kept] if len(fit.tied) else fit.tied
+    return replace(fit, free=fit.free[kept], hessian=hessian, tied=tied)
 
 
 def _moved(row: np.ndarray, column: int, tied: Sequence[int], size: float) -> tuple[np.ndarray, float]:

@@ -29,6 +29,7 @@ Flow = tuple[np.ndarray | float, np.ndarray | float]
 """What a joint's speed, and what the opening of its valve (1/s per unit of the command's error), count in the flow that
 it draws from the supply, in rad/s; of all joints, or (J,)."""
 BY_SPEED: Flow = (1.0, 0.0)
+LITTLE, AT_TIMES = 0.3, 0.1  # of the RMS flow, and of the time; a sine is below that for 0.14 of it; assumptions
 SLOPE_ROWS = 3  # of the speed's slope: its noise must be none of the sample in the middle; assumption
 COMMAND_CHANNEL = {"position": "position_command", "torque": "effort_command", "valve": "valve_command"}
 
@@ -169,7 +170,15 @@ def joint_data(
         noise=noise,
         scale=joint_scale([output_of(t, mode, speed)[:, j] for t in fit]),
         linear=linear,
+        held={} if _rests(fit, mode, flow) else {slot("supply_droop", "pump_velocity_rad_s"): 0.0},
     )
+
+
+def _rests(trials: Sequence[Trajectory], mode: str, flow: Flow) -> bool:
+    """Whether little is drawn from the supply at times: only then a flow that the pump keeps up with shows beside a loss that
+    is always there, which is no more than another gain."""
+    drawn = np.concatenate([_drawn(t, mode, flow) for t in trials])
+    return bool(np.mean(drawn < LITTLE * np.sqrt(np.mean(drawn**2))) >= AT_TIMES)
 
 
 def cut(
@@ -369,13 +378,15 @@ def _sizes(fit: Sequence[Trajectory], j: int, mode: str, flow: Flow) -> dict[str
         rms([t.velocity[:, j] for t in fit]),
         float(np.std(np.concatenate([t.position[:, j] for t in fit]))),
     )
+    drawn = rms([_drawn(t, mode, flow) for t in fit])
     return {
         scales.SECOND: 1.0,
         scales.NONE: 1.0,
         scales.COMMAND: rms([_errors(t, mode)[:, j] for t in fit]),
         scales.EFFORT: effort,
         scales.VELOCITY: velocity,
-        scales.SLOWNESS: 1.0 / rms([_drawn(t, mode, flow) for t in fit]),
+        scales.SLOWNESS: 1.0 / drawn,
+        scales.FLOW: drawn,
         scales.ANGLE: angle + 1e-12,
         scales.DAMPING: effort / velocity,
         scales.STIFFNESS: effort / (angle + 1e-12),

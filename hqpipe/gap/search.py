@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from hqpipe.gap.bootstrap import BLOCK_S
-from hqpipe.gap.changes import CANDIDATES, in_order
+from hqpipe.gap.changes import CANDIDATES, columns, in_order
 from hqpipe.gap.set_fit import JointFitter, Names, SetFit, is_poor
 
 MOST_EFFECTS = 5  # per joint; more have never been told apart on logs of a minute; assumption
@@ -114,8 +114,20 @@ class JointSearch:
             self.fit((a, b), [first if first.loss <= second.loss else second], PAIR_ITERATIONS)
         best = self._grow()
         best = self.completed(self._settled(self._exchanged(best)))
-        best = self.completed(self.eliminate(best))
+        best = self._as_built(self.completed(self.eliminate(best)))
         return JointResult(self.fitter.data.joint, base, best, self.with_support(best), singles, len(self._tried))
+
+    def _as_built(self, fit: SetFit) -> SetFit:
+        """The set with what machines are built with in the place of effects that cannot be told from it."""
+        for name in fit.effects:
+            usual = CANDIDATES[name].stands_for
+            if usual not in self.library or usual in fit.effects:
+                continue
+            without = self.without(fit, name)
+            other = self._refined(self.fit((*without.effects, usual), [without]))
+            if self._alike(other, fit, without)[0] and _is_built(other, usual):
+                return self._as_built(self.eliminate(other))
+        return fit
 
     def _settled(self, fit: SetFit) -> SetFit:
         """The set and those with one effect less, fitted until they settle: they decide what is accepted."""
@@ -292,12 +304,23 @@ class JointSearch:
         for name in self.library:
             if name not in fit.effects:
                 other = self.fit((*kept, name), [without])
-                _, z = self.gain(other, fit)
-                share = (other.error - fit.error) / max(without.error - fit.error, 1e-300)
+                alike, z = self._alike(other, fit, without)
                 told = self.fitter.data.then is not None and z >= RIVAL_Z and other.error > TOLD * fit.error
-                if (share < RIVAL and not told) or (z < RIVAL_Z and share < DOUBTFUL):
+                if alike and not told:
                     rivals.append(name)
         return replace(support, rivals=tuple(rivals))
+
+    def _alike(self, other: SetFit, fit: SetFit, without: SetFit) -> tuple[bool, float]:
+        """Whether the held-out trials cannot tell one effect from another, and z of the difference."""
+        _, z = self.gain(other, fit)
+        share = (other.error - fit.error) / max(without.error - fit.error, 1e-300)
+        return share < RIVAL or (z < RIVAL_Z and share < DOUBTFUL), z
+
+
+def _is_built(fit: SetFit, effect: str) -> bool:
+    """Whether a number of an effect has the size that machines are built with."""
+    numbers = zip(columns(effect), CANDIDATES[effect].parameters, strict=True)
+    return any(p.built_from and abs(fit.row[column]) >= p.built_from for column, p in numbers)
 
 
 def _against_noise(fall: np.ndarray, left: np.ndarray) -> float:

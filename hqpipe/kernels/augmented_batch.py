@@ -17,11 +17,12 @@ from hqpipe.effects.load_dependent_friction import load_friction
 from hqpipe.effects.orifice_flow import orifice
 from hqpipe.effects.position_dependent_stiffness import displaced, exchanged, stiffness
 from hqpipe.effects.stribeck_friction import sticking
-from hqpipe.effects.supply_droop import sag
+from hqpipe.effects.supply_droop import lacking, sag
 from hqpipe.effects.valve_deadband import deadband
 from hqpipe.effects.valve_lag import follow
 from hqpipe.effects.viscous_friction import viscous
 from hqpipe.kernels.augmented_columns import (
+    AREAS,
     BAND,
     BIAS,
     COMPRESSION,
@@ -43,6 +44,7 @@ from hqpipe.kernels.augmented_columns import (
     PER_OPENING,
     PER_SPEED,
     PRESLIDING,
+    PUMP,
     ROUNDING,
     SLOPE,
     STATIC,
@@ -56,6 +58,7 @@ from hqpipe.kernels.augmented_links import (
     DEAD,
     DELAYED,
     DRIFTING,
+    EVEN,
     FLOWING,
     HALF,
     INTEGRATED,
@@ -210,7 +213,7 @@ def _supply(
         for i in range(first, first + joints):
             flow[i] = demand
     for i in range(size):
-        m[LOSS, start + i] = sag(m[LOSS, start + i], flow[i], p[DROOP, i], d[RECOVERED, i])
+        m[LOSS, start + i] = sag(m[LOSS, start + i], lacking(flow[i], p[PUMP, i]), p[DROOP, i], d[RECOVERED, i])
     if links[STIFFENED]:
         for i in range(size):
             k = start + i
@@ -268,8 +271,8 @@ def _core(
         for i in range(size):
             effort, opening = change[i], u[i]
             loss, mean = m[LOSS, start + i], m[MEAN, start + i]
-            u[i] = opening * orifice(opening, effort, p[ORIFICE, i], loss, mean, d[LEAN, i])
-            change[i] = p[K4, i] * impact(effort, opening) - p[K2, i] * effort
+            u[i] = opening * orifice(opening, effort, p[ORIFICE, i], loss, mean, d[LEAN, i], p[AREAS, i])
+            change[i] = p[K4, i] * impact(effort, opening) - p[K2, i] * (effort - d[EVEN, i])
     else:
         for i in range(size):
             effort = change[i]

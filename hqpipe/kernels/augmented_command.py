@@ -10,13 +10,14 @@ from hqpipe.effects.direction_asymmetry import asymmetric
 from hqpipe.effects.flow_saturation import saturate
 from hqpipe.effects.gain_drift import drifted
 from hqpipe.effects.integral_action import integrate, wound_up_for
-from hqpipe.effects.orifice_flow import orifice
+from hqpipe.effects.orifice_flow import balance, orifice
 from hqpipe.effects.position_dependent_stiffness import displaced, lean, stiffness, uneven
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_deadband import deadband
 from hqpipe.effects.valve_lag import follow, lag_share, mean_share
 from hqpipe.effects.viscous_friction import relaxation
 from hqpipe.kernels.augmented_columns import (
+    AREAS,
     ASYMMETRY,
     BAND,
     BEHIND,
@@ -121,7 +122,7 @@ def held(p: np.ndarray, s: Signals, work: Work, trial: int) -> float:
     if p[HELD] >= 0.0 and s.mode == POSITION and s.time[first] == 0.0:
         return wound_up_for(s.command[first] - s.position[first], p[KI], p[WINDUP], p[HELD])
     soft, offset = softened(p[K3], p[COMPLIANCE], p[DT]), 0.0 if s.mode == POSITION else p[OFFSET]
-    prompt = p[SKEW] == 0.0 and p[DELAY] == 0.0
+    prompt, even = p[SKEW] == 0.0 and p[DELAY] == 0.0, balance(p[AREAS], p[ORIFICE])
     for k in range(first, last):
         wanted, here = s.command[k], s.position[k] if s.mode == POSITION else s.effort[k]
         if not prompt:
@@ -131,7 +132,7 @@ def held(p: np.ndarray, s: Signals, work: Work, trial: int) -> float:
         work.sequence[k] = wanted - here + offset
         work.stiff[k] = soft * stiffness(p[SLOPE], s.position[k] - p[MIDDLE])
         velocity = displaced(s.velocity[k], work.middling[k], p[COMPRESSION])
-        work.other[k] = work.stiff[k] * (p[K2] * (s.effort[k] - p[OFFSET]) + p[K3] * velocity)
+        work.other[k] = work.stiff[k] * (p[K2] * (s.effort[k] - p[OFFSET] - even) + p[K3] * velocity)
     limit = 1.0 / max(p[WINDUP], 1e-300)
     low, high, start = -limit, limit, min(max(work.held[trial], -limit), limit)
     for _ in range(HELD_PASSES):
@@ -168,7 +169,11 @@ def _missing(p: np.ndarray, s: Signals, work: Work, first: int, last: int, start
         change -= work.other[k]
         if bent_flow:
             effort = s.effort[k] - p[OFFSET]
-            flow = p[K1] * opening * orifice(opening, effort, p[ORIFICE], work.sagged[k], work.middling[k], leaning)
+            flow = (
+                p[K1]
+                * opening
+                * orifice(opening, effort, p[ORIFICE], work.sagged[k], work.middling[k], leaning, p[AREAS])
+            )
             change += work.stiff[k] * (flow + p[K4] * impact(effort, opening))
         else:
             change += work.stiff[k] * p[K1] * opening

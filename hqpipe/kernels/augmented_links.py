@@ -6,10 +6,12 @@ from typing import Final
 
 import numpy as np
 
+from hqpipe.effects.orifice_flow import balance
 from hqpipe.effects.position_dependent_stiffness import lean, uneven
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import lag_share, mean_share
 from hqpipe.kernels.augmented_columns import (
+    AREAS,
     ASYMMETRY,
     BAND,
     BEHIND,
@@ -58,8 +60,10 @@ BLOCK: Final = 384  # joints (32 quadrupeds): measured; the columns in use of a 
 ) = range(15)
 LINKS: Final = 15
 # columns that follow from a row of parameters
-(WHOLE, PART, SHARE, MEAN_SHARE, TOP, ONE_WAY, PER_S, RECOVERED, HALF, SOFT, LEAN, RELAXED, MEAN_RELAXED) = range(13)
-DERIVED: Final = 13
+(WHOLE, PART, SHARE, MEAN_SHARE, TOP, ONE_WAY, PER_S, RECOVERED, HALF, SOFT, LEAN, RELAXED, MEAN_RELAXED, EVEN) = range(
+    14
+)
+DERIVED: Final = 14
 
 
 def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -82,6 +86,7 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         derived[RECOVERED, j] = lag_share(row[RECOVERY], row[DT])
         derived[ONE_WAY, j] = row[ASYMMETRY] + uneven(row[SLOPE], row[UNEVEN])
         derived[LEAN, j] = lean(row[SLOPE])
+        derived[EVEN, j] = balance(row[AREAS], row[ORIFICE])
         derived[SOFT, j] = softened(row[K3], row[COMPLIANCE], row[DT])
     derived[TOP] = 1.0 / np.maximum(p[SATURATION], 1e-300)
     derived[PER_S] = p[DRIFT] * p[DT]

@@ -9,13 +9,14 @@ from hqpipe.effects.backlash import transmitted, wound_up
 from hqpipe.effects.command_delay import delayed
 from hqpipe.effects.coulomb_friction import coulomb, direction, kept_after, stuck
 from hqpipe.effects.load_dependent_friction import load_friction
-from hqpipe.effects.orifice_flow import orifice
+from hqpipe.effects.orifice_flow import balance, orifice
 from hqpipe.effects.position_dependent_stiffness import displaced, lean, stiffness
 from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import follow, mean_share
 from hqpipe.effects.viscous_friction import viscous
 from hqpipe.kernels.augmented_columns import (
+    AREAS,
     CLEAR,
     COMPLIANCE,
     COMPRESSION,
@@ -135,14 +136,15 @@ def _turn(p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, first: int,
     """Direction of the friction before each sample of a trial."""
     bent, offset, middle, slope = p[ORIFICE] != 0.0 or p[DROOP] != 0.0, p[OFFSET], p[MIDDLE], p[SLOPE]
     k1, k2, k3, k4, soft, turned = p[K1], p[K2], p[K3], p[K4], softened(p[K3], p[COMPLIANCE], p[DT]), 0.0
+    even = balance(p[AREAS], p[ORIFICE])
     for k in range(first, last):
         work.sequence[k] = turned
         velocity, u = work.speed[k], opened[k]
         inner = unloaded(p, s.effort[k] - offset, work.moving[k], turned, work.slow[k])
         passed = 1.0
         if bent:
-            passed = orifice(u, inner, p[ORIFICE], work.sagged[k], work.middling[k], lean(slope))
-        change = k1 * u * passed - k2 * inner + k4 * impact(inner, u)
+            passed = orifice(u, inner, p[ORIFICE], work.sagged[k], work.middling[k], lean(slope), p[AREAS])
+        change = k1 * u * passed - k2 * (inner - even) + k4 * impact(inner, u)
         change -= k3 * displaced(velocity, work.middling[k], p[COMPRESSION])
         change *= soft * stiffness(slope, s.position[k] - middle)
         turned = slid(p, turned, change, inner + change, velocity, work.slid[k])
@@ -154,6 +156,7 @@ def _take_up(p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, half: fl
     """Where a slack chain stands before each sample of a trial, and the direction of the friction on its piston's side."""
     bent, rubbed, offset, clear = p[ORIFICE] != 0.0 or p[DROOP] != 0.0, rubs(p), p[OFFSET], p[CLEAR]
     k1, k2, k3, k4, slope, middle = p[K1], p[K2], p[K3], p[K4], p[SLOPE], p[MIDDLE]
+    even = balance(p[AREAS], p[ORIFICE])
     soft, turned, lost = softened(k3, p[COMPLIANCE], p[DT]), 0.0, 0.0
     wound = wound_up(0.0, s.effort[first], half, clear)
     for k in range(first, last):
@@ -165,8 +168,8 @@ def _take_up(p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, half: fl
             effort = transmitted(wound - lost, half) + lost
         passed = 1.0
         if bent:
-            passed = orifice(u, effort, p[ORIFICE], work.sagged[k], work.middling[k], lean(slope))
-        change = k1 * u * passed - k2 * effort + k4 * impact(effort, u)
+            passed = orifice(u, effort, p[ORIFICE], work.sagged[k], work.middling[k], lean(slope), p[AREAS])
+        change = k1 * u * passed - k2 * (effort - even) + k4 * impact(effort, u)
         change -= k3 * displaced(velocity, work.middling[k], p[COMPRESSION])
         wound += soft * stiffness(slope, s.position[k] - middle) * change
         if rubbed:

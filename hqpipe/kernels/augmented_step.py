@@ -15,13 +15,14 @@ from numba import njit
 from hqpipe.effects.backlash import transmitted, wound_up
 from hqpipe.effects.coulomb_friction import kept_after
 from hqpipe.effects.integral_action import integrate
-from hqpipe.effects.orifice_flow import orifice
+from hqpipe.effects.orifice_flow import balance, orifice
 from hqpipe.effects.position_dependent_stiffness import displaced, exchanged, lean, stiffness
 from hqpipe.effects.stribeck_friction import sticking
-from hqpipe.effects.supply_droop import sag
+from hqpipe.effects.supply_droop import lacking, sag
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import follow, lag_share, mean_share
 from hqpipe.kernels.augmented_columns import (
+    AREAS,
     BIAS,
     CLEAR,
     COMPLIANCE,
@@ -44,6 +45,7 @@ from hqpipe.kernels.augmented_columns import (
     PER_OPENING,
     PER_SPEED,
     PRESLIDING,
+    PUMP,
     RECOVERY,
     SLOPE,
     STATIC,
@@ -81,13 +83,13 @@ def wake(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: floa
     if half > 0.0:
         memory[WOUND] = wound_up(torque + half * np.sign(torque), torque, half, p[CLEAR]) + lost
     opened = q_des - q + p[BIAS]
-    memory[LOSS] = p[DROOP] * demand
+    memory[LOSS] = max(p[DROOP] * lacking(demand, p[PUMP]), 0.0)
     memory[MEAN] = -memory[LOSS]
     memory[INTEGRAL] = 0.0
     if p[KI] != 0.0:
         limit = 1.0 / max(p[WINDUP], 1e-300)
-        needed = p[K2] * inner + p[K3] * displaced(qd, memory[MEAN], p[COMPRESSION])
-        passed = orifice(needed, inner, p[ORIFICE], memory[LOSS], memory[MEAN], lean(p[SLOPE]))
+        needed = p[K2] * (inner - balance(p[AREAS], p[ORIFICE])) + p[K3] * displaced(qd, memory[MEAN], p[COMPRESSION])
+        passed = orifice(needed, inner, p[ORIFICE], memory[LOSS], memory[MEAN], lean(p[SLOPE]), p[AREAS])
         held = needed / max(p[K1] * passed, 1e-300) - opened
         memory[INTEGRAL] = min(max(held, -limit), limit)
     memory[SPOOL] = opened + memory[INTEGRAL]
@@ -112,15 +114,19 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     opened, moved = u, qd
     u, qd = follow(memory[FED], opened, mean), follow(memory[PISTON], moved, mean)
     memory[FED], memory[PISTON] = follow(memory[FED], opened, share), follow(memory[PISTON], moved, share)
-    memory[LOSS] = sag(memory[LOSS], demand, p[DROOP], lag_share(p[RECOVERY], dt))
+    memory[LOSS] = sag(memory[LOSS], lacking(demand, p[PUMP]), p[DROOP], lag_share(p[RECOVERY], dt))
     memory[MEAN] = exchanged(memory[MEAN], memory[LOSS], q_des - q, p[EXCHANGE], dt)
     half = 0.5 * p[GAP] * p[K3] / dt
     inner = transmitted(memory[WOUND], half)
     slow = sticking(qd, p[STRIBECK], p[EXPONENT]) if p[STATIC] != 0.0 else 0.0
     lost = friction(p, inner, qd, memory[TURNED], slow)
     effort = transmitted(memory[WOUND] - lost, half) + lost
-    passed = orifice(u, effort, p[ORIFICE], memory[LOSS], memory[MEAN], lean(p[SLOPE]))
-    change = p[K1] * u * passed - p[K2] * effort - p[K3] * displaced(qd, memory[MEAN], p[COMPRESSION])
+    passed = orifice(u, effort, p[ORIFICE], memory[LOSS], memory[MEAN], lean(p[SLOPE]), p[AREAS])
+    change = (
+        p[K1] * u * passed
+        - p[K2] * (effort - balance(p[AREAS], p[ORIFICE]))
+        - p[K3] * displaced(qd, memory[MEAN], p[COMPRESSION])
+    )
     change += p[K4] * impact(effort, u)
     change *= softened(p[K3], p[COMPLIANCE], dt) * stiffness(p[SLOPE], q - p[MIDDLE])
     memory[WOUND] = clip(memory[WOUND] + change, p[LIMIT])

@@ -23,13 +23,14 @@ from numba import njit
 from hqpipe.effects.backlash import transmitted, wound_up
 from hqpipe.effects.command_delay import delayed
 from hqpipe.effects.integral_action import integrate
-from hqpipe.effects.orifice_flow import orifice
+from hqpipe.effects.orifice_flow import balance, orifice
 from hqpipe.effects.position_dependent_stiffness import displaced, exchanged, lean, stiffness
-from hqpipe.effects.supply_droop import sag
+from hqpipe.effects.supply_droop import lacking, sag
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import follow, lag_share, mean_share
 from hqpipe.kernels.augmented_columns import (
     ALL,
+    AREAS,
     CLEAR,
     COMMAND,
     COMPLIANCE,
@@ -50,6 +51,7 @@ from hqpipe.kernels.augmented_columns import (
     MOTION,
     OFFSET,
     ORIFICE,
+    PUMP,
     RECOVERY,
     SKEW,
     SLIDE,
@@ -94,10 +96,10 @@ def _supply(p: np.ndarray, s: Signals, work: Work) -> None:
         return
     share = lag_share(p[RECOVERY], p[DT])
     for trial in range(s.bounds.shape[0] - 1):
-        loss = p[DROOP] * s.demand[s.bounds[trial]]  # as if that had been drawn for long
+        loss = max(p[DROOP] * lacking(s.demand[s.bounds[trial]], p[PUMP]), 0.0)  # as if that had been drawn for long
         mean = -loss
         for k in range(s.bounds[trial], s.bounds[trial + 1]):
-            loss = sag(loss, s.demand[k], p[DROOP], share)
+            loss = sag(loss, lacking(s.demand[k], p[PUMP]), p[DROOP], share)
             mean = exchanged(mean, loss, _opened(s, k), p[EXCHANGE], p[DT])
             work.sagged[k], work.middling[k] = loss, mean
     lay_out(work.sagged, s.first, work.loss)
@@ -154,6 +156,7 @@ def _full(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
     k1, k2, k3, k4, limit = p[K1], p[K2], p[K3], p[K4], p[LIMIT]
     inverse, slope, leaning, half = p[ORIFICE], p[SLOPE], lean(p[SLOPE]), 0.5 * p[GAP] * p[K3] / p[DT]
     soft, middle, compression = softened(k3, p[COMPLIANCE], p[DT]), p[MIDDLE], p[COMPRESSION]
+    areas, even = p[AREAS], balance(p[AREAS], p[ORIFICE])
     state = work.state
     for k in range(s.steps):
         opening, velocity, offset, row = work.opening[k], work.velocity[k], work.offset[k], out[k]
@@ -161,8 +164,8 @@ def _full(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
         for w in range(state.shape[0]):
             u = opening[w]
             effort = transmitted(state[w], half)
-            passed = orifice(u, effort, inverse, loss[w], mean[w], leaning)
-            change = k1 * u * passed - k2 * effort - k3 * displaced(velocity[w], mean[w], compression)
+            passed = orifice(u, effort, inverse, loss[w], mean[w], leaning, areas)
+            change = k1 * u * passed - k2 * (effort - even) - k3 * displaced(velocity[w], mean[w], compression)
             change += k4 * impact(effort, u)
             following = clip(state[w] + soft * stiffness(slope, offset[w] - middle) * change, limit)
             state[w] = following
@@ -173,6 +176,7 @@ def _full(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
 def _slack(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
     """Core and output where friction acts on the piston's side of a slack chain."""
     half, soft, leaning = 0.5 * p[GAP] * p[K3] / p[DT], softened(p[K3], p[COMPLIANCE], p[DT]), lean(p[SLOPE])
+    even = balance(p[AREAS], p[ORIFICE])
     for w in range(work.state.shape[0]):
         state, turned = work.state[w], work.turned[w]
         inner = transmitted(state, half)
@@ -180,8 +184,8 @@ def _slack(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
         for k in range(s.steps):
             u, velocity = work.opening[k, w], work.velocity[k, w]
             effort = transmitted(state - lost, half) + lost
-            passed = orifice(u, effort, p[ORIFICE], work.loss[k, w], work.mean[k, w], leaning)
-            change = p[K1] * u * passed - p[K2] * effort
+            passed = orifice(u, effort, p[ORIFICE], work.loss[k, w], work.mean[k, w], leaning, p[AREAS])
+            change = p[K1] * u * passed - p[K2] * (effort - even)
             change -= p[K3] * displaced(velocity, work.mean[k, w], p[COMPRESSION])
             change += p[K4] * impact(effort, u)
             state = clip(state + soft * stiffness(p[SLOPE], work.offset[k, w] - p[MIDDLE]) * change, p[LIMIT])
@@ -198,6 +202,7 @@ def _torque_loop(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None
     k1, k2, k3, limit, dt = p[K1], p[K2], p[K3], p[LIMIT], p[DT]
     half, soft, leaning = 0.5 * p[GAP] * k3 / dt, softened(k3, p[COMPLIANCE], dt), lean(p[SLOPE])
     share, mean = lag_share(p[LAG], dt), mean_share(p[LAG], dt)
+    even = balance(p[AREAS], p[ORIFICE])
     for w in range(work.state.shape[0]):
         state, spool, integral = work.state[w], work.spool[w], work.integral[w]
         start, lost, rubbed = s.time[s.first[w]], 0.0, rubs(p)
@@ -212,8 +217,8 @@ def _torque_loop(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None
             integral = integrate(integral, error, p[KI], p[WINDUP], dt)
             u = shape_opening(p, follow(spool, driven, mean), start + k * dt)
             spool = follow(spool, driven, share)
-            passed = orifice(u, effort, p[ORIFICE], work.loss[k, w], work.mean[k, w], leaning)
-            change = k1 * u * passed - k2 * effort
+            passed = orifice(u, effort, p[ORIFICE], work.loss[k, w], work.mean[k, w], leaning, p[AREAS])
+            change = k1 * u * passed - k2 * (effort - even)
             change -= k3 * displaced(work.velocity[k, w], work.mean[k, w], p[COMPRESSION])
             state = clip(state + soft * stiffness(p[SLOPE], work.offset[k, w] - p[MIDDLE]) * change, limit)
             if rubbed:
@@ -231,7 +236,7 @@ def _speed(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
         for k in range(s.steps):
             at = s.first[w] + k
             u = work.opening[k, w]
-            flow = p[K1] * u * orifice(u, s.effort[at], p[ORIFICE], work.loss[k, w], 0.0, 0.0)
+            flow = p[K1] * u * orifice(u, s.effort[at], p[ORIFICE], work.loss[k, w], 0.0, 0.0, 0.0)
             out[k, w] = flow - p[K2] * s.effort[at] - p[COMPLIANCE] * s.rate[at]
 
 

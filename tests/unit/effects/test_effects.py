@@ -61,7 +61,7 @@ SUFFIXES = {
     "_nm": "N·m",
     "_s": "s",
 }
-SCALES = {"second", "command", "effort", "velocity", "damping", "stiffness", "angle", "none", "slowness"}
+SCALES = {"second", "command", "effort", "velocity", "damping", "stiffness", "angle", "none", "slowness", "flow"}
 
 
 def test_names_are_those_of_the_specification():
@@ -174,23 +174,25 @@ def test_delay_interpolates_and_holds_the_ends():
 
 
 def test_orifice_without_load_passes_all_and_brakes_only_the_loaded_side():
-    assert orifice(0.1, 0.0, 1e-3, 0.0, 0.0, 0.0) == orifice(-0.1, 0.0, 1e-3, 0.0, 0.0, 0.0) == 1.0
-    assert orifice(0.1, 300.0, 0.0, 0.0, 0.0, 0.0) == 1.0
-    assert orifice(0.1, 360.0, 1e-3, 0.0, 0.0, 0.0) == pytest.approx(np.sqrt(0.64))
-    assert orifice(-0.1, -360.0, 1e-3, 0.0, 0.0, 0.0) == pytest.approx(np.sqrt(0.64))
-    assert orifice(-0.1, 360.0, 1e-3, 0.0, 0.0, 0.0) == pytest.approx(np.sqrt(1.36))
-    assert orifice(0.1, 2000.0, 1e-3, 0.0, 0.0, 0.0) == 0.0, "no flow backwards"
-    assert orifice(0.1, 0.0, 0.0, 0.36, 0.0, 0.0) == pytest.approx(0.8), "a sagging supply"
+    assert orifice(0.1, 0.0, 1e-3, 0.0, 0.0, 0.0, 0.0) == orifice(-0.1, 0.0, 1e-3, 0.0, 0.0, 0.0, 0.0) == 1.0
+    assert orifice(0.1, 300.0, 0.0, 0.0, 0.0, 0.0, 0.0) == 1.0
+    assert orifice(0.1, 360.0, 1e-3, 0.0, 0.0, 0.0, 0.0) == pytest.approx(np.sqrt(0.64))
+    assert orifice(-0.1, -360.0, 1e-3, 0.0, 0.0, 0.0, 0.0) == pytest.approx(np.sqrt(0.64))
+    assert orifice(-0.1, 360.0, 1e-3, 0.0, 0.0, 0.0, 0.0) == pytest.approx(np.sqrt(1.36))
+    assert orifice(0.1, 2000.0, 1e-3, 0.0, 0.0, 0.0, 0.0) == 0.0, "no flow backwards"
+    assert orifice(0.1, 0.0, 0.0, 0.36, 0.0, 0.0, 0.0) == pytest.approx(0.8), "a sagging supply"
 
 
 def test_unequal_chambers_feel_the_supply_only_where_they_are_fed():
     loss, half = 0.2, 0.5
     for leaning, stiffer, softer in ((1.0, 0.1, -0.1), (-1.0, -0.1, 0.1)):
-        assert orifice(stiffer, 0.0, 0.0, loss, 0.0, leaning) == pytest.approx(np.sqrt(1.0 - 2.0 * loss)), "fed"
-        assert orifice(softer, 0.0, 0.0, loss, 0.0, leaning) == pytest.approx(1.0), "drained"
-    settled = orifice(0.1, 0.0, 0.0, loss, -loss, half), orifice(-0.1, 0.0, 0.0, loss, -loss, half)
+        assert orifice(stiffer, 0.0, 0.0, loss, 0.0, leaning, 0.0) == pytest.approx(np.sqrt(1.0 - 2.0 * loss)), "fed"
+        assert orifice(softer, 0.0, 0.0, loss, 0.0, leaning, 0.0) == pytest.approx(1.0), "drained"
+    settled = orifice(0.1, 0.0, 0.0, loss, -loss, half, 0.0), orifice(-0.1, 0.0, 0.0, loss, -loss, half, 0.0)
     assert settled == pytest.approx((np.sqrt(1.0 - loss),) * 2), "once the mean pressure has followed"
-    assert orifice(0.1, 300.0, 1e-3, 0.0, 0.0, half) == pytest.approx(orifice(0.1, 300.0, 1e-3, 0.0, 0.0, 0.0))
+    assert orifice(0.1, 300.0, 1e-3, 0.0, 0.0, half, 0.0) == pytest.approx(
+        orifice(0.1, 300.0, 1e-3, 0.0, 0.0, 0.0, 0.0)
+    )
 
 
 def test_mean_pressure_follows_the_supply_as_the_oil_is_exchanged():
