@@ -16,7 +16,7 @@ from hqpipe.gap.joint_state import Progress
 from hqpipe.gap.layer_diagnosis import apply_layer, diagnose_layer
 from hqpipe.gap.layer_intake import position_checks
 from hqpipe.gap.levels import BLIND
-from hqpipe.gap.routing import ACTUATOR, Route, route, route_since
+from hqpipe.gap.routing import ACTUATOR, JOINT_MOTION, Route, has_law, route, route_since
 from hqpipe.gap.since import Earlier, EarlierLogs
 from hqpipe.gap.since_logs import earlier_logs
 from hqpipe.logs.trajectory import LogSet
@@ -73,7 +73,7 @@ def diagnose(
     intake = intake_of(log_set, window_s, without, record)
     first = diagnose_actuator(intake, log_set.joints, without, effort_limit, workers, halves, record)
     blind = errs_as_persistence(first)
-    if name is None or intake.reasons or not (blind or chosen.beside):
+    if name is None or intake.reasons or not blind:
         return first
     then, told = earlier if isinstance(earlier, EarlierLogs) else None, list(intake.warnings)
     rest = {"left_out": intake.left_out, "warnings": told}
@@ -81,7 +81,7 @@ def diagnose(
         second = diagnose_layer(name, intake.signed.raw, window_s, without, workers, halves, then, **rest)
     except IdentificationError as error:
         return _with_warnings(first, [f"layer {name}: {error}"])
-    return _both(first, second, blind)
+    return _in_its_place(first, second)
 
 
 def _layer_alone(
@@ -93,8 +93,16 @@ def _layer_alone(
     progress: Progress | None,
     earlier: EarlierLogs | None,
 ) -> Diagnosis:
-    """The answer of a layer, its logs looked through as far as that needs no torque."""
-    logs, left_out, warnings = position_checks(log_set)
+    """The answer of a layer, its logs looked through as far as their channels allow."""
+    if name == JOINT_MOTION and has_law(log_set):
+        intake = intake_of(log_set, None, without)
+        if intake.reasons:
+            return Diagnosis(
+                not_identifiable(intake.log_set, list(intake.warnings), intake.advice, earlier, intake.left_out)
+            )
+        logs, left_out, warnings = intake.signed.raw, list(intake.left_out), list(intake.warnings)
+    else:
+        logs, left_out, warnings = position_checks(log_set)
     return diagnose_layer(
         name, logs, window_s, without, workers, progress, earlier, left_out=left_out, warnings=warnings
     )
@@ -108,18 +116,12 @@ def errs_as_persistence(found: Diagnosis) -> bool:
     return size["after"] ** 2 >= BLIND * size["persistence"] ** 2
 
 
-def _both(first: Diagnosis, second: Diagnosis, blind: bool) -> Diagnosis:
-    """One answer of two layers: that of the actuator where its law holds, that of the other where it does not."""
+def _in_its_place(first: Diagnosis, second: Diagnosis) -> Diagnosis:
+    """The answer of a layer where the law of the actuator does not hold, with the gap of both."""
     if second.content["gap"] is None:
-        return _with_warnings(
-            first, [text for text in second.content["warnings"] if text not in first.content["warnings"]]
-        )
+        told = first.content["warnings"]
+        return _with_warnings(first, [text for text in second.content["warnings"] if text not in told])
     law = [first.law] if first.law is not None else []
-    if not blind:
-        content = first.content | {"gaps": [*law, second.content["gap"]]}
-        size = second.content["gap"]["normalised"]
-        tells = size["after"] ** 2 < BLIND * size["persistence"] ** 2
-        return _with_warnings(replace(first, content=content), [_summary(second.content)] if tells else [])
     content = second.content | {"gaps": [second.content["gap"], *law]}
     return _with_warnings(replace(second, content=content), [_no_law(law, second.content["gap"]["layer"])], first=True)
 
@@ -132,20 +134,6 @@ def _no_law(law: Sequence[dict[str, Any]], layer: str) -> str:
         f"the law from command to torque (layer {ACTUATOR}) errs by {size['after']:.0%} of the joints' spread even with its "
         f"effects, holding the torque by {size['persistence']:.0%}: it is not the law of this machine, so that the answer is "
         f"that of layer {layer}"
-    )
-
-
-def _summary(content: dict[str, Any]) -> str:
-    """What a second layer says, in a sentence."""
-    gap, parts = content["gap"]["normalised"], []
-    for cause in content["causes"]:
-        numbers = [f"{key} {p['value']:.3g} {p['unit']}" for key, p in cause["parameters"].items()]
-        parts.append(
-            f"{cause['effect']} in {', '.join(cause['joints'])}" + (f" ({', '.join(numbers)})" if numbers else "")
-        )
-    return (
-        f"layer {content['gap']['layer']}, besides: {content['verdict'].replace('_', ' ')}, {gap['before']:.2%} → "
-        f"{gap['after']:.2%} of the joints' spread" + (f"; {'; '.join(parts)}" if parts else "")
     )
 
 

@@ -16,9 +16,6 @@ from hqpipe.logs.columns import joint_column
 from hqpipe.logs.trajectory import LogSet
 
 ACTUATOR, SERVO, JOINT_MOTION, VALVE = "actuator", "servo", "joint_motion", "valve"
-VALVE_BY_LAYER = (
-    True  # False: valve mode by the chain of effects of `hqpipe.effects`, as the other modes of the actuator
-)
 GIVEN_BY_THE_DRIVE = ("current", "estimate")
 """Sources of a torque that moves the joint and all that rubs in it, so that it can be compared with the motion."""
 FREE_BODY = ("base/", "foot/")  # columns of a machine that stands or walks: torques of its joints also carry its body
@@ -29,14 +26,12 @@ class Route:
     """What is asked of a log set.
 
     Attributes:
-        actuator: whether the law from command to torque is.
-        layers: of `hqpipe.layers`; the first that has what it needs answers.
-        beside: whether that one is asked also where the law holds; otherwise only where it does not.
+        actuator: whether the law from command to torque is, the four coefficients of a hydraulic drive or a force loop.
+        layers: of `hqpipe.layers`; the first that has what it needs answers, beside the law only where that does not hold.
     """
 
     actuator: bool
     layers: tuple[str, ...] = ()
-    beside: bool = False
 
 
 def route(log_set: LogSet) -> Route:
@@ -48,14 +43,16 @@ def route(log_set: LogSet) -> Route:
     mode, channels = log_set.control_mode, _channels(log_set)
     commanded = mode is not None and COMMAND_CHANNEL[mode] in channels
     if mode == "valve" and commanded:
-        return Route(False, (VALVE,)) if VALVE_BY_LAYER else Route(True)
+        return Route(False, (VALVE,))
     moved = (JOINT_MOTION,) if not stands_free(log_set) else ()
     if "effort" in channels and commanded:
         fixed = mode == "position" or all((trial.base or log_set.base) == "fixed" for trial in log_set.trials)
         source = log_set.effort_source
-        if moved and fixed and (source in GIVEN_BY_THE_DRIVE or (source is None and mode == "position")):
-            return Route(True, moved, beside=source is not None)
-        return Route(True)
+        if moved and fixed and source in GIVEN_BY_THE_DRIVE:
+            return Route(
+                False, moved
+            )  # an electric drive, whose firmware makes the torque: no hydraulic law to ask for
+        return Route(True, moved if fixed and source is None and mode == "position" else ())
     layers = moved if {"effort", "current"} & set(channels) else ()
     if "effort" not in channels and ("position_command" in channels or _has_drive(log_set, channels)):
         layers = (*layers, SERVO)
@@ -69,6 +66,13 @@ def route(log_set: LogSet) -> Route:
         field=joint_column("<name>", "effort"),
         fix="record the joint torque, the motor current, or the command of the joints",
     )
+
+
+def has_law(log_set: LogSet) -> bool:
+    """Whether a command and the torque that comes of it are logged."""
+    channels = _channels(log_set)
+    mode = log_set.control_mode
+    return "effort" in channels and mode is not None and COMMAND_CHANNEL[mode] in channels
 
 
 def route_since(log_set: LogSet) -> Route:

@@ -20,6 +20,7 @@ from hqpipe.identify.sampling import Covariance, correlation_time, covariance
 _REFITTED = 4  # of the screened candidates; assumption: the best one is among them, though a slope is no fit
 _REPLACED = 2  # of the screened candidates, that are tried in the place of another effect; assumption
 _POLISHED = 2  # starts of an effect from which it is fitted; assumption: one of them is near the best minimum
+_PRIOR_HOLDS = 0.5  # of the variance that a prior was weighed with, below which the fit is made again; assumption
 _MOST = 8  # effects in one joint; assumption: more cannot be told apart in one output
 _STARTS = 24  # combinations of starting values; assumption: more would be a search of its own
 _ROUNDS = 3  # of additions and exchanges; assumption: what still changes then is a draw
@@ -197,7 +198,15 @@ class Search:
         return positions(self.model, [name])[len(self.model.base) :]
 
     def _fit(self, names: Names, start: np.ndarray, noise: float) -> Solution:
-        return self.fitter.fit(positions(self.model, list(names)), start, noise)
+        """A fit whose priors weigh as the errors that it leaves ask for.
+
+        Args:
+            noise: variance of the errors that are expected.
+        """
+        free = positions(self.model, list(names))
+        found = self.fitter.fit(free, start, noise)
+        left = found.square / max(len(found.error), 1)
+        return self.fitter.fit(free, found.values, left) if left < _PRIOR_HOLDS * noise else found
 
     def _known(self, names: Names, solution: Solution) -> Known:
         span, _ = np.linalg.qr(solution.jacobian)
