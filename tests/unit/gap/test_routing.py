@@ -40,7 +40,7 @@ SHAPE = np.zeros((2000, 1))
         ({"source": "current"}, Route(False, ("joint_motion",))),
         ({"source": "estimate", "base": None}, Route(False, ("joint_motion",))),
         ({"source": "current", "base": "floating"}, Route(True)),
-        ({}, Route(True, ("joint_motion",), False)),
+        ({}, Route(True, ("joint_motion",))),
         ({"effort": None}, Route(False, ("servo",))),
         ({"effort": None, "current": SHAPE}, Route(False, ("joint_motion", "servo"))),
         ({"mode": None, "position_command": None}, Route(False, ("joint_motion",))),
