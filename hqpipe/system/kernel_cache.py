@@ -11,7 +11,7 @@ from pathlib import Path
 VARIABLE = "NUMBA_CACHE_DIR"
 """Names the folder to numba; what a user sets here is kept."""
 
-_COMPILED = ("benchmark", "effects", "kernels", "plant", "sim")
+_COMPILED = ("benchmark", "effects", "kernels", "layers", "plant", "sim")
 
 
 def set_folder() -> None:
