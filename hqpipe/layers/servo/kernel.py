@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+import hqpipe.system.checked_cache  # noqa: F401 (before any function is compiled)
+
 NAMES = (
     "gravity_sin",
     "gravity_cos",

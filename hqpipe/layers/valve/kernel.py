@@ -11,6 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+import hqpipe.system.checked_cache  # noqa: F401 (before any function is compiled)
+
 LAYOUT = (
     "gain", "neutral", "row_offset_s", "half_width", "delay_s", "direction_delay_s", "time_constant_s", "limit",
     "ratio", "inverse_effort_max", "droop", "recovery_s", "rate_per_s", "upper_speed", "lower_speed", "curve",
