@@ -33,9 +33,9 @@ class Signs:
     share: float
 
     def restored(self, record: Record, columns: Columns) -> Record:
-        """The record with signed torque; samples whose sign is within the error are no evidence."""
+        """The record with signed torque; large torques whose sign is in doubt are no evidence, near zero a sign matters little."""
         predicted = self.predicted(record.view, columns)
-        clear = np.abs(predicted) > self.error
+        clear = (np.abs(predicted) > self.error) | (record.output <= self.error)
         return replace(record, output=np.sign(predicted) * record.output, usable=record.usable & clear)
 
     def predicted(self, view: View, columns: Columns) -> np.ndarray:
