@@ -61,7 +61,8 @@ class JointFound:
 
     Attributes:
         base: without any effect. named: with the causes alone: what is left unexplained is its error. full: with the generic
-            shapes that the logs ask for besides: what could be predicted at all.
+            shapes that the logs ask for besides: what could be predicted at all. In all of them stands what the rest of the
+            machine does to the joint, where the logs ask for it.
         causes: the largest first. without: cause → the joint with all causes but this one, fitted again.
         probabilities: effect → probability, of all that were considered, generic shapes included.
         gains: effect → ln of how much more probable the logs are with it than without it, beside the set that was found.

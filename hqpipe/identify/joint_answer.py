@@ -31,11 +31,13 @@ def answer(search: Search, best: Known) -> JointFound:
     Args:
         best: the set that it reached.
     """
-    shapes = frozenset(name for name in best.names if not search.effects[name].named)
-    named = _worth_naming(search, _only(search, best, best.names - shapes))
+    context = frozenset(name for name in best.names if search.effects[name].context)
+    shapes = frozenset(name for name in best.names if not search.effects[name].named) - context
+    base = _only(search, best, context)
+    named = _worth_naming(search, _only(search, best, best.names - shapes), base)
     while True:
         core = _joined(search, named, shapes)
-        found = {name: _probability(search, core, name) for name in sorted(named.names)}
+        found = {name: _probability(search, core, name) for name in _causes(search, named)}
         doubtful = {name: probability for name, (probability, *_) in found.items() if probability <= BELIEVED}
         if not doubtful:
             break
@@ -43,11 +45,11 @@ def answer(search: Search, best: Known) -> JointFound:
     search.rank_beside(core)
     probabilities = _considered(search, {name: probability for name, (probability, *_) in found.items()})
     claimed, named = named, _confirmed(search, named)
-    without = {name: search.without(named, name) for name in named.names}
+    without = {name: search.without(named, name) for name in _causes(search, named)}
     causes = sorted(without, key=lambda name: -without[name].solution.square)
     return JointFound(
         model=search.model,
-        base=fitted(search, search.base),
+        base=fitted(search, base),
         named=fitted(search, named),
         full=fitted(search, min(best, core, key=lambda known: known.solution.square)),
         causes=tuple(JointCause(n, found[n][0], _numbers(search, named, n), found[n][1]) for n in causes),
@@ -61,15 +63,46 @@ def answer(search: Search, best: Known) -> JointFound:
     )
 
 
+def _causes(search: Search, known: Known) -> list[str]:
+    """The named effects of a set."""
+    return sorted(name for name in known.names if search.effects[name].named)
+
+
+def _worth_naming(search: Search, named: Known, base: Known) -> Known:
+    """The set without the effects that close too little of the gap, each of the others exchanged where that is as good.
+
+    What counts is the error on groups of fit samples, each predicted from the others.
+
+    Args:
+        named: named effects and context. base: the context alone.
+    """
+    floor = len(named.solution.error) * search.model.noise[0] ** 2
+    gap = max(_left_out(search, base) - floor, 0.0)
+    if _left_out(search, named) >= float(np.sum((search.model.fit.held - search.model.fit.output) ** 2)):
+        return base  # what predicts no better than holding the output explains nothing
+    while causes := _causes(search, named):
+        squares = {name: _left_out(search, search.without(named, name)) for name in causes}
+        name = min(squares, key=lambda name: squares[name])
+        square = _left_out(search, named)
+        if squares[name] - square >= max(LEAST_GAIN * square, LEAST_SHARE * gap):
+            break
+        named = search.improved(search.without(named, name), shapes=False)
+    return named
+
+
+def _left_out(search: Search, known: Known) -> float:
+    return left_out_square(search.fitter, known.solution)
+
+
 def _confirmed(search: Search, named: Known) -> Known:
     """The causes without those with which the held-out trials are predicted worse: a claim that they contradict is withdrawn.
 
     They choose nothing else, and what is left is never made to look better by it.
     """
-    while named.names:
+    while causes := _causes(search, named):
         with_all = _heldout_square(search, named)
-        worse = {n: with_all - _heldout_square(search, search.without(named, n)) for n in sorted(named.names)}
-        name = max(worse, key=lambda n: worse[n])
+        worse = {name: with_all - _heldout_square(search, search.without(named, name)) for name in causes}
+        name = max(worse, key=lambda name: worse[name])
         if worse[name] <= 0.0:
             break
         named = search.without(named, name)
@@ -81,29 +114,6 @@ def _heldout_square(search: Search, known: Known) -> float:
         return 0.0
     error = search.model.error(known.solution.values, True)
     return float(error @ error)
-
-
-def _worth_naming(search: Search, named: Known) -> Known:
-    """The set without the effects that close too little of the gap, each of the others exchanged where that is as good.
-
-    What counts is the error on groups of fit samples, each predicted from the others.
-    """
-    floor = len(named.solution.error) * search.model.noise[0] ** 2
-    gap = max(_left_out(search, search.base) - floor, 0.0)
-    if _left_out(search, named) >= float(np.sum((search.model.fit.held - search.model.fit.output) ** 2)):
-        return search.base  # what predicts no better than holding the output explains nothing
-    while named.names:
-        squares = {name: _left_out(search, search.without(named, name)) for name in sorted(named.names)}
-        name = min(squares, key=lambda name: squares[name])
-        square = _left_out(search, named)
-        if squares[name] - square >= max(LEAST_GAIN * square, LEAST_SHARE * gap):
-            break
-        named = search.improved(search.without(named, name), shapes=False)
-    return named
-
-
-def _left_out(search: Search, known: Known) -> float:
-    return left_out_square(search.fitter, known.solution)
 
 
 def _joined(search: Search, named: Known, shapes: Names) -> Known:
@@ -175,7 +185,7 @@ def _considered(search: Search, probabilities: Mapping[str, float]) -> dict[str,
 
 def _shapes(search: Search, best: Known, named: Known) -> dict[str, float]:
     """Signal → share of the squared error with the causes alone that the generic shapes of that signal close."""
-    shapes = sorted(name for name in best.names if not search.effects[name].named)
+    shapes = sorted(best.names - named.names)
     left = named.solution.square
     found: dict[str, float] = {}
     known = best

@@ -43,6 +43,8 @@ class Effect:
         name: as in the table of effects. parameters: freed together.
         named: False for a generic shape, which stands for what no effect of the library describes; what it closes is unknown.
         signal: of a generic shape, the signal on which the error depends, e.g. "position".
+        context: of a generic shape, that it is what the rest of the machine does to the joint, which is no gap of the joint:
+            where the logs ask for it, it stands beside the base and beside the causes.
         excludes: names of effects that mean the same in these logs, of which at most one is in a set.
         common: whether as many joints have it as not, as friction; others are as likely as one effect a joint makes them.
     """
@@ -51,6 +53,7 @@ class Effect:
     parameters: tuple[Parameter, ...]
     named: bool = True
     signal: str = ""
+    context: bool = False
     excludes: frozenset[str] = frozenset()
     common: bool = False
 

@@ -120,7 +120,9 @@ def effects_of(
         Effect("load_dependent_friction", (Parameter("coefficient", "1", 0.0, LOAD_FRICTION, 0.0, 1.0),)),
         Effect("direction_asymmetry", (Parameter("ratio", "1", 0.0, ASYMMETRY, -1.0, 1.0),)),
         Effect("channel_skew", (_skew(scale),)),
-        Effect("gain_drift", (Parameter("rate_per_s", "1/s", 0.0, DRIFT / scale.seconds),)),
+        Effect(
+            "torque_by_time", (Parameter("rate_per_s", "1/s", 0.0, DRIFT / scale.seconds),), named=False, signal="time"
+        ),
     ]
     if known_load:
         found += [
@@ -135,7 +137,7 @@ def effects_of(
                 Parameter(f"coefficient_{i + 1}", output.unit, 0.0, min(SHAPE * torque / max(size[k], 1e-300), most))
                 for i, k in enumerate(columns[group])
             )
-            found.append(Effect(name, own, named=False, signal=signal))
+            found.append(Effect(name, own, named=False, signal=signal, context=name.startswith("other_joints")))
     return tuple(effect for effect in found if keeps(effect.name))
 
 

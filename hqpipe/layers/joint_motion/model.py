@@ -74,7 +74,7 @@ class MotionModel:
             rows, time = part.columns, part.time
         torque = self._torque(values, rows)
         scale = 1.0 + self._value(values, "torque_scale", "ratio")
-        drift = self._value(values, "gain_drift", "rate_per_s")
+        drift = self._value(values, "torque_by_time", "rate_per_s")
         if drift != 0.0 or scale != 1.0:
             torque = torque * (scale * (1.0 + drift * time))
         return torque if skew == 0.0 else _shifted(torque, part, skew / self.dt)

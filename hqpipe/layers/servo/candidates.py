@@ -14,12 +14,8 @@ from hqpipe.identify.model import Effect, Parameter
 from hqpipe.layers.servo.scale import Scale
 from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
 
-POSITION_SHAPE, SPEED_SHAPE, COMMAND_SHAPE, SLOW_SHAPE = (
-    "torque_by_position",
-    "torque_by_speed_squared",
-    "torque_by_command_rate",
-    "slow_share_of_torque",
-)
+POSITION_SHAPE, SPEED_SHAPE, COMMAND_SHAPE = "torque_by_position", "torque_by_speed_squared", "torque_by_command_rate"
+SLOW_SHAPE, DIRECTION_SHAPE, TIME_SHAPE = "slow_share_of_torque", "torque_by_direction", "torque_by_time"
 _DELAY = 0.015  # s; assumption: one or two cycles of a 50–100 Hz servo bus, or a dozen of a fieldbus
 _LONGEST_DELAY = 0.2  # s; assumption: a drive that answers later than this is refused by no one, but no servo
 _FRICTION = 0.1  # of the largest torque; dry friction of geared servo drives is 5–15 % of rated torque (Armstrong 1991)
@@ -151,8 +147,6 @@ def _drive(scale: Scale, size: Size) -> list[Effect]:
         found.append(Effect("voltage_sag", (sag,)))
     if not scale.duty and scale.load and not scale.free_gain:
         found.append(Effect("gain_error", (Parameter("ratio", "1", 0.0, _GAIN, -0.95, 5.0),)))
-    found.append(Effect("direction_asymmetry", (Parameter("ratio", "1", 0.0, _GAIN, -0.95, 0.95),)))
-    found.append(Effect("gain_drift", (Parameter("rate_per_s", "1/s", 0.0, _DRIFT, -0.2, 0.2),)))
     return found
 
 
@@ -168,6 +162,8 @@ def _shapes(scale: Scale, size: Size) -> list[Effect]:
         Effect(POSITION_SHAPE, position, named=False, signal="position"),
         Effect(SPEED_SHAPE, (square,), named=False, signal="velocity"),
         Effect(SLOW_SHAPE, (share,), named=False, signal=signal),
+        Effect(DIRECTION_SHAPE, (Parameter("ratio", "1", 0.0, _GAIN, -0.95, 0.95),), named=False, signal="direction"),
+        Effect(TIME_SHAPE, (Parameter("rate_per_s", "1/s", 0.0, _DRIFT, -0.2, 0.2),), named=False, signal="time"),
     ]
     if not scale.duty:
         # Forward only: a command that comes late looks the same with the opposite sign.

@@ -8,7 +8,14 @@ import numpy as np
 
 from hqpipe.identify.model import Effect, Parameter, Samples
 from hqpipe.layers.servo import kernel
-from hqpipe.layers.servo.candidates import COMMAND_SHAPE, POSITION_SHAPE, SLOW_SHAPE, SPEED_SHAPE
+from hqpipe.layers.servo.candidates import (
+    COMMAND_SHAPE,
+    DIRECTION_SHAPE,
+    POSITION_SHAPE,
+    SLOW_SHAPE,
+    SPEED_SHAPE,
+    TIME_SHAPE,
+)
 from hqpipe.layers.servo.scale import Scale
 from hqpipe.layers.servo.tracks import Tracks, Windows, state_noise
 
@@ -29,8 +36,8 @@ _COLUMN = {
     ("torque_limit", "share_cut_off"): kernel.INVERSE_LIMIT,
     ("voltage_sag", "ohm"): kernel.SAG,
     ("position_bias", "rad"): kernel.BIAS,
-    ("direction_asymmetry", "ratio"): kernel.ASYMMETRY,
-    ("gain_drift", "rate_per_s"): kernel.DRIFT,
+    (DIRECTION_SHAPE, "ratio"): kernel.ASYMMETRY,
+    (TIME_SHAPE, "rate_per_s"): kernel.DRIFT,
     (POSITION_SHAPE, "degree_1"): kernel.SHAPE_1,
     (POSITION_SHAPE, "degree_2"): kernel.SHAPE_2,
     (SPEED_SHAPE, "coefficient"): kernel.SQUARE,

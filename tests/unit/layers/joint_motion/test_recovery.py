@@ -80,7 +80,7 @@ def test_torque_constant_that_drifts():
     runs = [simulate(c, inertia=1.5, load=gravity, dry=lambda v, load: 1.0) for c in commands]
     t = np.arange(len(commands[0])) / 1000
     drifting = [(c, q, tau * (1 + 0.01 * t)) for c, (q, tau) in zip(commands, runs, strict=True)]
-    found, _, _ = fitted(model_of(log_set(drifting)), [DRY, "gain_drift"])
+    found, _, _ = fitted(model_of(log_set(drifting)), [DRY, "torque_by_time"])
     assert found["rate_per_s"] == pytest.approx(0.01, rel=0.1)
 
 
