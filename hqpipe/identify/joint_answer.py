@@ -31,9 +31,8 @@ def answer(search: Search, best: Known) -> JointFound:
     Args:
         best: the set that it reached.
     """
-    context = frozenset(name for name in best.names if search.effects[name].context)
-    shapes = frozenset(name for name in best.names if not search.effects[name].named) - context
-    base = _only(search, best, context)
+    base = _context(search, best)
+    shapes = frozenset(name for name in best.names if not search.effects[name].named) - base.names
     named = _worth_naming(search, _only(search, best, best.names - shapes), base)
     while True:
         core = _joined(search, named, shapes)
@@ -61,6 +60,14 @@ def answer(search: Search, best: Known) -> JointFound:
         drifts=drifts(search, named),
         withdrawn=tuple(sorted(claimed.names - named.names)),
     )
+
+
+def _context(search: Search, best: Known) -> Known:
+    """What the rest of the machine does to the joint, if data left out of the fit and the held-out trials bear it out."""
+    context = _only(search, best, frozenset(name for name in best.names if search.effects[name].context))
+    bare = search.base
+    better = _left_out(search, context) < _left_out(search, bare)
+    return context if better and _heldout_square(search, context) <= _heldout_square(search, bare) else bare
 
 
 def _causes(search: Search, known: Known) -> list[str]:

@@ -33,7 +33,7 @@ class Signs:
     share: float
 
     def restored(self, record: Record, columns: Columns) -> Record:
-        """The record with signed torque; a large one whose sign is in doubt is no evidence, near zero the sign matters little."""
+        """The record with signed torque; a large one whose sign is in doubt is no evidence, near zero it matters little."""
         predicted = self.predicted(record.view, columns)
         clear = (np.abs(predicted) > self.error) | (record.output <= self.error)
         return replace(record, output=np.sign(predicted) * record.output, usable=record.usable & clear)
