@@ -19,6 +19,8 @@ error. An effect with less is of no use to a simulator. The cost: a real one tha
 LEAST_SHARE = 0.01
 """Share of the squared gap, from the base's error to the noise, that a cause must close: a tenth of the gap. What remains of a
 gap that is nine tenths closed refines its causes. The cost: a real effect that small beside a large one is not named."""
+LEAST_SIZE = 0.1
+"""Size of a cause over what a data sheet of such a machine would give: a gain unequal by 1 % where 10 % are usual is none."""
 BELIEVED = 0.5  # probability from which an effect is more likely there than not
 CONFUSED = (
     0.05  # probability of a set with another effect in its place, from which the two are said to be alike; assumption
@@ -32,18 +34,17 @@ def answer(search: Search, best: Known) -> JointFound:
         best: the set that it reached.
     """
     base = _context(search, best)
-    shapes = frozenset(name for name in best.names if not search.effects[name].named) - base.names
-    named = _worth_naming(search, _only(search, best, best.names - shapes), base)
+    core = _worth_keeping(search, best, base)
     while True:
-        core = _joined(search, named, shapes)
-        found = {name: _probability(search, core, name) for name in _causes(search, named)}
+        found = {name: _probability(search, core, name) for name in _causes(search, core)}
         doubtful = {name: probability for name, (probability, *_) in found.items() if probability <= BELIEVED}
         if not doubtful:
             break
-        named = search.without(named, min(doubtful, key=lambda name: doubtful[name]))
+        core = _worth_keeping(search, search.without(core, min(doubtful, key=lambda name: doubtful[name])), base)
     search.rank_beside(core)
     probabilities = _considered(search, {name: probability for name, (probability, *_) in found.items()})
-    claimed, named = named, _confirmed(search, named)
+    claimed, core = core, _confirmed(search, core)
+    named = _only(search, core, frozenset(_causes(search, core)) | base.names)
     without = {name: search.without(named, name) for name in _causes(search, named)}
     causes = sorted(without, key=lambda name: -without[name].solution.square)
     return JointFound(
@@ -51,14 +52,14 @@ def answer(search: Search, best: Known) -> JointFound:
         base=fitted(search, base),
         named=fitted(search, named),
         full=fitted(search, min(best, core, key=lambda known: known.solution.square)),
-        causes=tuple(JointCause(n, found[n][0], _numbers(search, named, n), found[n][1]) for n in causes),
+        causes=tuple(JointCause(n, found[n][0], _numbers(search, core, n), found[n][1]) for n in causes),
         without={name: fitted(search, without[name]) for name in causes},
         probabilities=probabilities,
         gains=dict(search.gains),
         shapes=_shapes(search, core, named),
         independent=len(best.solution.error) / correlation_time(best.solution.error, search.model.fit),
-        drifts=drifts(search, named),
-        withdrawn=tuple(sorted(claimed.names - named.names)),
+        drifts=drifts(search, core),
+        withdrawn=tuple(sorted(claimed.names - core.names)),
     )
 
 
@@ -75,45 +76,54 @@ def _causes(search: Search, known: Known) -> list[str]:
     return sorted(name for name in known.names if search.effects[name].named)
 
 
-def _worth_naming(search: Search, named: Known, base: Known) -> Known:
-    """The set without the effects that close too little of the gap, each of the others exchanged where that is as good.
+def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
+    """The set without what closes too little of the gap, each of the others exchanged where that is as good.
 
     What counts is the error on groups of fit samples, each predicted from the others.
 
     Args:
-        named: named effects and context. base: the context alone.
+        known: a set that the logs ask for. base: the context alone.
     """
-    floor = len(named.solution.error) * search.model.noise[0] ** 2
+    floor = len(known.solution.error) * search.model.noise[0] ** 2
     gap = max(_left_out(search, base) - floor, 0.0)
-    if _left_out(search, named) >= float(np.sum((search.model.fit.held - search.model.fit.output) ** 2)):
+    if _left_out(search, known) >= float(np.sum((search.model.fit.held - search.model.fit.output) ** 2)):
         return base  # what predicts no better than holding the output explains nothing
-    while causes := _causes(search, named):
-        squares = {name: _left_out(search, search.without(named, name)) for name in causes}
-        name = min(squares, key=lambda name: squares[name])
-        square = _left_out(search, named)
-        if squares[name] - square >= max(LEAST_GAIN * square, LEAST_SHARE * gap):
+    while rest := sorted(known.names - base.names):
+        square = _left_out(search, known)
+        least = max(LEAST_GAIN * square, LEAST_SHARE * gap)
+        closes = {name: _left_out(search, search.without(known, name)) - square for name in rest}
+        name = min(rest, key=lambda name: (_is_sizeable(search, known, name), closes[name]))
+        if closes[name] >= least and _is_sizeable(search, known, name):
             break
-        named = search.improved(search.without(named, name), shapes=False)
-    return named
+        known = search.improved(search.without(known, name))
+    return known
+
+
+def _is_sizeable(search: Search, known: Known, name: str) -> bool:
+    """Whether an effect is as large as what a data sheet would mention; of a generic shape there is no sheet."""
+    first = int(search.places(name)[0])
+    spread = search.fitter.spread[first]
+    size = abs(float(known.solution.values[first] - search.fitter.neutral[first]))
+    return not search.effects[name].named or not np.isfinite(spread) or size >= LEAST_SIZE * spread
 
 
 def _left_out(search: Search, known: Known) -> float:
     return left_out_square(search.fitter, known.solution)
 
 
-def _confirmed(search: Search, named: Known) -> Known:
-    """The causes without those with which the held-out trials are predicted worse: a claim that they contradict is withdrawn.
+def _confirmed(search: Search, known: Known) -> Known:
+    """The set without causes with which the held-out trials are predicted worse: a claim that they contradict is withdrawn.
 
     They choose nothing else, and what is left is never made to look better by it.
     """
-    while causes := _causes(search, named):
-        with_all = _heldout_square(search, named)
-        worse = {name: with_all - _heldout_square(search, search.without(named, name)) for name in causes}
+    while causes := _causes(search, known):
+        with_all = _heldout_square(search, known)
+        worse = {name: with_all - _heldout_square(search, search.without(known, name)) for name in causes}
         name = max(worse, key=lambda name: worse[name])
         if worse[name] <= 0.0:
             break
-        named = search.without(named, name)
-    return named
+        known = search.without(known, name)
+    return known
 
 
 def _heldout_square(search: Search, known: Known) -> float:
@@ -121,16 +131,6 @@ def _heldout_square(search: Search, known: Known) -> float:
         return 0.0
     error = search.model.error(known.solution.values, True)
     return float(error @ error)
-
-
-def _joined(search: Search, named: Known, shapes: Names) -> Known:
-    """The causes with the generic shapes that the logs ask for beside them."""
-    known = named
-    for name in sorted(shapes):
-        if name in search.addable(known.names):
-            larger = search.grown_by(known, name)
-            known = larger if search.gain(larger, known) > 0.0 else known
-    return known
 
 
 def fitted(search: Search, known: Known) -> Fitted:

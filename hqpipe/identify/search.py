@@ -87,14 +87,10 @@ class Search:
                 break
         return best
 
-    def improved(self, best: Known, shapes: bool = True) -> Known:
-        """Drop what is not needed, and exchange single effects while that helps.
-
-        Args:
-            shapes: whether generic shapes may come in.
-        """
+    def improved(self, best: Known) -> Known:
+        """Drop what is not needed, and exchange single effects while that helps."""
         seen = {best.names}
-        while (better := self._better(best, shapes)) is not None and better.names not in seen:
+        while (better := self._better(best)) is not None and better.names not in seen:
             seen.add(better.names)
             best = better
         return best
@@ -111,7 +107,7 @@ class Search:
         names = known.names - {name}
         if names not in self.known:
             start = known.solution.values.copy()
-            gone = self._places(name)
+            gone = self.places(name)
             start[gone] = self.fitter.neutral[gone]
             starts = [
                 start,
@@ -173,20 +169,20 @@ class Search:
             best = option
         return best
 
-    def _better(self, best: Known, shapes: bool) -> Known | None:
+    def _better(self, best: Known) -> Known | None:
         """A more probable set with one effect less, or another one in its place."""
         for name in sorted(best.names):
             smaller = self.without(best, name)
             if self.gain(best, smaller) <= 0.0:
                 return smaller
-            for option in self.replaced(smaller, name, shapes):
+            for option in self.replaced(smaller, name):
                 if self.preference(option, best) > 0.0:
                     return option
         return None
 
-    def replaced(self, smaller: Known, name: str, shapes: bool = True) -> list[Known]:
+    def replaced(self, smaller: Known, name: str) -> list[Known]:
         """A set with each of the effects that promise most in the place of one that was taken out."""
-        others = [n for n in self.addable(smaller.names) if n != name and (shapes or self.effects[n].named)]
+        others = [other for other in self.addable(smaller.names) if other != name]
         return [self.grown_by(smaller, other) for _, other in self.screened(smaller, others)[:_REPLACED]]
 
     def _price(self, known: Known) -> float:
@@ -194,7 +190,8 @@ class Search:
         odds = sum(self.odds[name] for name in known.names)
         return occam(self.fitter, known.solution, known.covariance, places) + odds
 
-    def _places(self, name: str) -> np.ndarray:
+    def places(self, name: str) -> np.ndarray:
+        """Indices of an effect's parameters."""
         return positions(self.model, [name])[len(self.model.base) :]
 
     def _fit(self, names: Names, start: np.ndarray, noise: float) -> Solution:
@@ -228,7 +225,7 @@ class Search:
         found = []
         for combination in self._combinations(name):
             moved = values.copy()
-            moved[self._places(name)] = combination
+            moved[self.places(name)] = combination
             change = self.fitter.error(moved) - error
             if not np.isfinite(change).all():
                 continue
@@ -240,14 +237,14 @@ class Search:
             share = float(np.clip(-float(change @ error) / size, low, high))
             gain = -2.0 * share * float(change @ error) - share**2 * size
             if gain > 0.0:
-                first = self._places(name)[0]
+                first = self.places(name)[0]
                 moved[first] = self.fitter.neutral[first] + share * (combination[0] - self.fitter.neutral[first])
                 found.append(Promise(gain, np.clip(moved, self.fitter.low, self.fitter.high)))
         return sorted(found, key=lambda promise: -promise.gain)
 
     def _shares(self, name: str, combination: np.ndarray) -> tuple[float, float]:
         """How far along the secant the first parameter may go."""
-        first = self._places(name)[0]
+        first = self.places(name)[0]
         length = combination[0] - self.fitter.neutral[first]
         if length == 0.0:
             return 0.0, 1.0
