@@ -13,7 +13,7 @@ import numpy as np
 from hqpipe.identify.model import JointModel, all_parameters
 
 _STEP = 3e-3  # of the spread: long enough that a stick-slip event which moves by a substep does not decide the slope
-_TOLERANCE = 1e-6  # of the cost; assumption: far below what any decision here turns on
+_TOLERANCE = 1e-4  # of the cost, per step: half a unit of ln B at ten thousand independent samples
 _ITERATIONS = 40  # assumption: a fit that needs more does not converge
 _LEAST_DAMPING, _DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
 _SEEN = 1e-7  # of the size of the error, that a difference must reach to be told from rounding
