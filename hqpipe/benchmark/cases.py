@@ -173,13 +173,18 @@ def _case(index: int, family: str, kind: str, wish: Any, rng: np.random.Generato
     for _ in range(ATTEMPTS):
         machine = _draw(family, rng)
         if kind == "none":
-            return Case(name, family, kind, machine, ())
+            return Case(name, family, kind, machine, _with_ordinary(machine, family, ()))
         if kind == "change":
             return _changed(name, family, machine, wish, rng)
         planted = _mixed(machine, family, wish, rng) if kind == "mixture" else _one(machine, family, kind, wish, rng)
         if planted:
-            return Case(name, family, kind, machine, planted)
+            return Case(name, family, kind, machine, _with_ordinary(machine, family, planted))
     raise HqpipeError(f"{name}: no machine shows {wish} in {ATTEMPTS} draws; this is an error of hqpipe, report it")
+
+
+def _with_ordinary(machine: Any, family: str, planted: tuple[Planted, ...]) -> tuple[Planted, ...]:
+    """With what every such machine has and no layer's base model knows of."""
+    return cylinder_effects.with_spools(machine, planted) if family == "cylinder" else planted
 
 
 def _one(machine: Any, family: str, kind: str, wish: tuple[str, str], rng: np.random.Generator) -> tuple[Planted, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -119,6 +119,24 @@ RECIPES: dict[str, CylinderRecipe] = {
         CylinderRecipe("gain_hunting", (0.25,), _hunting, outside=True),
     )
 }
+
+
+def with_spools(machine: CylinderMachine, planted: tuple[Planted, ...]) -> tuple[Planted, ...]:
+    """The effects with the lag that every spool has: a valve_lag where none was planted is named rightly."""
+    lag = {name: float(value) for name, value in zip(machine.names, machine.axes["lag"], strict=True)}
+    slow = next((effect for effect in planted if effect.effect == "valve_lag"), None)
+    if slow is None:
+        parameters: dict[str, dict[str, float | None]] = {
+            name: {"time_constant_s": value} for name, value in lag.items()
+        }
+        settings = {name: {"lag": value} for name, value in lag.items()}
+        return (
+            *planted,
+            Planted("valve_lag", "valve", False, machine.names, "machine", None, parameters, settings, ordinary=True),
+        )
+    parameters = {name: {"time_constant_s": value} for name, value in lag.items()} | slow.parameters
+    everywhere = replace(slow, joints=machine.names, scope="machine", parameters=parameters)
+    return tuple(everywhere if effect is slow else effect for effect in planted)
 
 
 def possible(machine: CylinderMachine, outside: bool = False) -> list[str]:

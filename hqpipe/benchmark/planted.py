@@ -19,7 +19,7 @@ class Planted:
         size: of `SIZES`, None if it has no size.
         parameters: joint → as in diagnosis.json, None where that has no such number.
         settings: joint → field of the simulated machine → value.
-        ordinary: the friction that every such machine has, beside the effect that the case is about.
+        ordinary: what every such machine has, friction or the lag of a spool, beside the effect that the case is about.
     """
 
     effect: str
