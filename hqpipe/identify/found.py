@@ -69,7 +69,7 @@ class JointFound:
         shapes: signal of each generic shape in `full` → share of the squared held-out error of `named` that it closes.
         independent: number of samples that the fit samples are worth, their correlation accounted for.
         drifts: numbers that differ between trials by more than chance, as sentences.
-        withdrawn: effects that the fit trials ask for and with which the held-out trials are predicted worse.
+        withdrawn: effects that the fit trials ask for and that do not show in the held-out ones.
     """
 
     model: JointModel

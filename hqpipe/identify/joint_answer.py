@@ -43,7 +43,7 @@ def answer(search: Search, best: Known) -> JointFound:
         core = _worth_keeping(search, search.without(core, min(doubtful, key=lambda name: doubtful[name])), base)
     search.rank_beside(core)
     probabilities = _considered(search, {name: probability for name, (probability, *_) in found.items()})
-    claimed, core = core, _confirmed(search, core)
+    claimed, core = core, _confirmed(search, core, base)
     named = _only(search, core, frozenset(_causes(search, core)) | base.names)
     without = {name: search.without(named, name) for name in _causes(search, named)}
     causes = sorted(without, key=lambda name: -without[name].solution.square)
@@ -111,16 +111,20 @@ def _left_out(search: Search, known: Known) -> float:
     return left_out_square(search.fitter, known.solution)
 
 
-def _confirmed(search: Search, known: Known) -> Known:
-    """The set without causes with which the held-out trials are predicted worse: a claim that they contradict is withdrawn.
+def _confirmed(search: Search, known: Known, base: Known) -> Known:
+    """The set without causes that do not show in the held-out trials: a claim that they do not bear out is withdrawn.
 
     They choose nothing else, and what is left is never made to look better by it.
     """
+    if not len(search.model.heldout.trial):
+        return known
+    floor = len(search.model.heldout.trial) * search.model.noise[1] ** 2
+    least = LEAST_SHARE * max(_heldout_square(search, base) - floor, 0.0)
     while causes := _causes(search, known):
         with_all = _heldout_square(search, known)
-        worse = {name: with_all - _heldout_square(search, search.without(known, name)) for name in causes}
-        name = max(worse, key=lambda name: worse[name])
-        if worse[name] <= 0.0:
+        closes = {name: _heldout_square(search, search.without(known, name)) - with_all for name in causes}
+        name = min(causes, key=lambda name: closes[name])
+        if closes[name] > least:
             break
         known = search.without(known, name)
     return known

@@ -14,7 +14,7 @@ from hqpipe.identify.model import Effect, Parameter
 from hqpipe.layers.servo.scale import Scale
 from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
 
-POSITION_SHAPE, SPEED_SHAPE, COMMAND_SHAPE = "torque_by_position", "torque_by_speed_squared", "torque_by_command_rate"
+POSITION_SHAPE, SPEED_SHAPE = "torque_by_position", "torque_by_speed_squared"
 SLOW_SHAPE, DIRECTION_SHAPE, TIME_SHAPE = "slow_share_of_torque", "torque_by_direction", "torque_by_time"
 _DELAY = 0.015  # s; assumption: one or two cycles of a 50–100 Hz servo bus, or a dozen of a fieldbus
 _LONGEST_DELAY = 0.2  # s; assumption: a drive that answers later than this is refused by no one, but no servo
@@ -30,6 +30,10 @@ _GAIN = 0.1  # tolerance of motor constants by their data sheets
 _BIAS = 0.02  # rad, a spline tooth of a servo horn is 0.25; assumption: a mounting is set to within a tenth of it
 _BIAS_SLIDE = 0.005  # of the travel
 _DRIFT = 0.003  # 1/s; copper gains 0.4 % resistance per kelvin, a small motor heats by about a kelvin a second
+_TOLERANCE = (
+    0.02  # of a stated load or gain; assumption: kitchen scales, rulers and rounded gains are off by a per cent or two
+)
+_OUTSIDE = 0.05  # what is off by more is an effect, and not the tolerance of what was stated; assumption
 _SHARE = 0.1  # of the largest torque, that a generic shape may come to; assumption: as dry friction
 
 
@@ -61,20 +65,31 @@ class Start:
 
 
 def base_of(scale: Scale, start: Start, size: Size) -> tuple[Parameter, ...]:
-    """Base parameters in the order inertia, gain, drag, gravity, offset, duty delay, as far as they are free.
+    """Base parameters: inertia, gain, drag, share of the command's rate, gravity, offset, duty delay, as far as they are free.
 
-    Gravity is not larger than the largest drive torque, or the drive could not hold the joint. A logged duty was set up to a
-    sample before it was read, or holds for one after: when within a sample it counts is free.
+    What is stated may be off by its tolerance. Gravity is not larger than the largest drive torque, or the drive could not hold
+    the joint. The damping of a position loop acts on the speed of the joint or on that of the error, which is not known. A
+    logged duty was set up to a sample before it was read, or holds for one after: when within a sample it counts is free.
     """
     torque = size.torque
     found = []
-    if not scale.load:
+    if scale.load:
+        found.append(_tolerance("inertia", scale.inertia_unit, size.inertia))
+    else:
         found.append(Parameter("inertia", scale.inertia_unit, start.inertia, np.inf, start.least_inertia))
     if scale.free_gain:
         per = "V" if scale.duty else scale.angle
         found.append(Parameter("gain", f"{scale.torque}/{per}", start.gain, np.inf, 1e-3 * start.gain))
+    elif scale.load:
+        found.append(_tolerance("gain_tolerance", "1", 1.0))
     if scale.free_drag:
         found.append(Parameter("drag", scale.drag_unit, start.drag, np.inf, 0.0))
+    else:
+        found.append(_tolerance("drag_tolerance", "1", 1.0))
+    if not scale.duty:
+        gain = start.gain if scale.free_gain else 1.0
+        damped = float(np.median(scale.drag * (start.drag if scale.free_drag else 1.0) / (scale.gain * gain)))
+        found.append(Parameter("command_lead_s", "s", 0.0, np.inf, 0.0, 1.5 * damped, (0.0, damped)))
     if not scale.load and scale.kind != PRISMATIC:
         found.append(Parameter("gravity_sin", scale.torque, start.gravity_sin, torque, -np.inf, np.inf))
         found.append(Parameter("gravity_cos", scale.torque, start.gravity_cos, torque, -np.inf, np.inf))
@@ -82,6 +97,11 @@ def base_of(scale: Scale, start: Start, size: Size) -> tuple[Parameter, ...]:
     if scale.duty:
         found.append(Parameter("duty_delay_s", "s", 0.5 * size.dt, 0.5 * size.dt, -size.dt, size.dt))
     return tuple(found)
+
+
+def _tolerance(name: str, unit: str, size: float) -> Parameter:
+    """Of what was stated: how far it is off."""
+    return Parameter(name, unit, 0.0, _TOLERANCE * size, -_OUTSIDE * size, _OUTSIDE * size)
 
 
 def effects_of(scale: Scale, size: Size, without: Collection[str]) -> tuple[Effect, ...]:
@@ -165,8 +185,4 @@ def _shapes(scale: Scale, size: Size) -> list[Effect]:
         Effect(DIRECTION_SHAPE, (Parameter("ratio", "1", 0.0, _GAIN, -0.95, 0.95),), named=False, signal="direction"),
         Effect(TIME_SHAPE, (Parameter("rate_per_s", "1/s", 0.0, _DRIFT, -0.2, 0.2),), named=False, signal="time"),
     ]
-    if not scale.duty:
-        # Forward only: a command that comes late looks the same with the opposite sign.
-        ahead = Parameter("lead_s", "s", 0.0, _DELAY, 0.0, _LONGEST_DELAY)
-        found.append(Effect(COMMAND_SHAPE, (ahead,), named=False, signal="position_command"))
     return found

@@ -9,7 +9,6 @@ import numpy as np
 from hqpipe.identify.model import Effect, Parameter, Samples
 from hqpipe.layers.servo import kernel
 from hqpipe.layers.servo.candidates import (
-    COMMAND_SHAPE,
     DIRECTION_SHAPE,
     POSITION_SHAPE,
     SLOW_SHAPE,
@@ -24,6 +23,7 @@ _COLUMN = {
     ("", "gravity_sin"): kernel.GRAVITY_SIN,
     ("", "gravity_cos"): kernel.GRAVITY_COS,
     ("", "offset"): kernel.OFFSET,
+    ("", "command_lead_s"): kernel.COMMAND_RATE,
     ("", "duty_delay_s"): kernel.DELAY,
     ("command_delay", "delay_s"): kernel.DELAY,
     ("coulomb_friction", "friction_nm"): kernel.COULOMB,
@@ -42,10 +42,17 @@ _COLUMN = {
     (POSITION_SHAPE, "degree_2"): kernel.SHAPE_2,
     (SPEED_SHAPE, "coefficient"): kernel.SQUARE,
     (SLOW_SHAPE, "share"): kernel.SLOW,
-    (COMMAND_SHAPE, "lead_s"): kernel.COMMAND_RATE,
 }
-_TRIAL = {"inertia": 0, "gain": 1, "drag": 2, "armature": 0, "gain_error": 3}
-"""What changes the numbers of single trials: index into inertia, gain, drag, gain error."""
+_TRIAL = {
+    "inertia": 0,
+    "armature": 0,
+    "gain": 1,
+    "drag": 2,
+    "gain_error": 3,
+    "gain_tolerance": 3,
+    "drag_tolerance": 4,
+}
+"""What changes the numbers of single trials: index into inertia, gain, drag, and what stated gain and drag are off by."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,26 +169,23 @@ class ServoJoint:
         """Numbers of the kernel: those that all trials share, and those of each trial."""
         numbers = np.zeros(len(kernel.NAMES))
         numbers[kernel.STRIBECK] = 1.0
-        inertia, gain, drag, error = 0.0, 1.0, 1.0, 0.0
+        own = np.array([0.0, 1.0, 1.0, 0.0, 0.0])  # see `_TRIAL`
         for (shared, column), value in zip(self._slots, values, strict=True):
             if shared:
                 numbers[column] = value
-            elif column == 0:
-                inertia = value
-            elif column == 1:
-                gain = value
-            elif column == 2:
-                drag = value
+            elif column in (1, 2):
+                own[column] = value
             else:
-                error = value
+                own[column] += value
+        inertia, gain, drag, gain_off, drag_off = own
         scale, rows = self.scale, split.rows
         cut = numbers[kernel.INVERSE_LIMIT]
         numbers[kernel.INVERSE_LIMIT] = 1.0 / (self.setting.torque * (1.0 - cut)) if cut > 0.0 else 0.0
         numbers[kernel.SAG] /= scale.winding_ohm or 1.0
         trials = np.empty((len(rows), 5))
         trials[:, kernel.INERTIA] = scale.inertia[rows] + inertia
-        trials[:, kernel.GAIN] = scale.gain[rows] * gain * (1.0 + error)
-        trials[:, kernel.DRAG] = scale.drag[rows] * drag * (1.0 + (error if not scale.free_drag else 0.0))
+        trials[:, kernel.GAIN] = scale.gain[rows] * gain * (1.0 + gain_off)
+        trials[:, kernel.DRAG] = scale.drag[rows] * drag * (1.0 + drag_off)
         trials[:, kernel.LOAD_GRAVITY] = scale.gravity[rows]
         trials[:, kernel.STEP] = split.tracks.dt
         return numbers, trials
