@@ -28,6 +28,7 @@ from log_degradations import Planted, Trials, by_seed, variants
 from hqpipe.errors import HqpipeError
 from hqpipe.gap.confirm import confirmed
 from hqpipe.gap.intake import take_in
+from hqpipe.gap.layer_intake import position_checks
 from hqpipe.gap.sanity import check_logs
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.logs.trajectory import LogSet
@@ -143,6 +144,9 @@ def _claims(log_set: LogSet) -> tuple[list[Claim], list[Claim] | None, bool]:
     claims += [
         Claim("units", _joints_in(text, log_set), ()) for text in log_set.warnings if any(u in text for u in UNITS)
     ]
+    if log_set.control_mode == "valve":  # a layer answers, which leaves out what these checks say
+        _, left, _ = position_checks(log_set)
+        return claims, [Claim(item.kind, item.joints, item.trials) for item in left], False
     try:
         intake = take_in(log_set, window_s)
     except HqpipeError:  # nothing to compare models on

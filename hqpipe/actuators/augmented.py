@@ -15,7 +15,7 @@ from hqpipe.kernels.augmented_batch import augmented_batch
 from hqpipe.kernels.augmented_links import prepare
 from hqpipe.kernels.augmented_step import MEMORY
 
-_UNITS = {"k1": "N·m/rad", "k2": "1", "k3": "N·m·s/rad", "k4": "1/rad", "neutral": "rad"}
+_UNITS = {"k1": "N·m/rad", "k2": "1", "k3": "N·m·s/rad", "k4": "1/rad"}
 _SETTINGS = {
     "sample_time": "s",
     "middle": "rad",
@@ -37,7 +37,7 @@ def _name(owner: str, name: str) -> str:
 def _field(owner: str, name: str) -> ParameterField:
     """Range and unit; a parameter that is kept as its inverse has the inverse unit."""
     if owner == "base":
-        return ParameterField(_UNITS[name], lower=-_ANY if name == "neutral" else 0.0)
+        return ParameterField(_UNITS[name], lower=0.0)
     if owner == "setting":
         lower = -_ANY if name in ("middle", "speed_late", "held") else 0.0
         return ParameterField(_SETTINGS[name], lower, may_be_infinite=name == "effort_limit", certain=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from hqpipe.effects.effect import ANGLE, POSITION, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import ANGLE, Effect, Parameter
 
 EFFECT = Effect(
     name="backlash",
@@ -14,7 +14,6 @@ EFFECT = Effect(
     meaning="lost motion at reversal (chain slack), whole width",
     source="Nordin & Gutman, Automatica 38, 2002: dead-zone model of backlash",
     experiment="slow motion through zero torque in both directions",
-    modes=(POSITION, TORQUE),
     stiffer=(1.0, 4.0),
 )
 

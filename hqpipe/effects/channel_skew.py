@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hqpipe.effects.effect import ALL_INPUTS, POSITION, SECOND, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import ALL_INPUTS, SECOND, Effect, Parameter
 
 EFFECT = Effect(
     name="channel_skew",
@@ -12,5 +12,4 @@ EFFECT = Effect(
     meaning="torque logged later than position",
     source="time stamps taken at the logger instead of at the sensor; e.g. the CANopen SYNC specification CiA 301",
     experiment="a fast motion that the load causes, not the command: push the joint, or step a neighbouring one",
-    modes=(POSITION, TORQUE),
 )

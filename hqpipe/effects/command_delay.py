@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.effects.effect import POSITION, SECOND, TORQUE, VALVE, Effect, Parameter
+from hqpipe.effects.effect import SECOND, Effect, Parameter
 
 EFFECT = Effect(
     name="command_delay",
@@ -15,7 +15,6 @@ EFFECT = Effect(
     meaning="transport delay of the command",
     source="Hwangbo et al., Science Robotics 4, 2019, who found such delays decisive for transfer",
     experiment="steps or a chirp of the command up to the bandwidth of the joint",
-    modes=(POSITION, TORQUE, VALVE),
 )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.effects.effect import ANGLE, EFFORT, FRICTION, POSITION, SLIDING, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import ANGLE, EFFORT, FRICTION, SLIDING, Effect, Parameter
 
 OFFSETS = ("torque_bias", "position_bias")
 
@@ -25,7 +25,6 @@ EFFECT = Effect(
     meaning="dry friction: friction + asymmetry when q rises, friction − asymmetry when it falls; asymmetry ≤ friction/2",
     source="Dahl, Aerospace Corp. TOR-158, 1968: presliding; Jelali & Kroll, Hydraulic Servo-systems, 2003",
     experiment="slow constant-speed motion in both directions",
-    modes=(POSITION, TORQUE),
     effort_sources=("load_cell",),
 )
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from hqpipe.effects.effect import NONE, POSITION, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import NONE, Effect, Parameter
 
 MOST_UNEQUAL = 0.5  # a rod that leaves a third of the piston's area; larger ones are not built; assumption
 
@@ -30,7 +30,6 @@ EFFECT = Effect(
             (0.0,),
             counts=False,
             beside="orifice_flow",
-            modes=(POSITION, TORQUE),
             built_from=LEAST_UNEQUAL,
         ),
     ),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-POSITION, TORQUE, VALVE = "position", "torque", "valve"
-MODES = (POSITION, TORQUE, VALVE)
+POSITION, TORQUE = "position", "torque"
+MODES = (POSITION, TORQUE)
 CORE, FRICTION, SLIDING, SUPPLY, COMMAND_SIDE, ALL_INPUTS = (  # of the loops, see Parameter.anew
     "core",
     "friction",
@@ -41,10 +41,9 @@ class Parameter:
 
     Attributes:
         name: key in diagnosis.json, with its unit where it is not that of the command.
-        unit: SI unit for a revolute joint; "command" stands for the unit of the position, torque or valve
-            command.
-        scale: what `lower`, `upper` and `starts` are multiples of: second, command (RMS of the position error,
-            torque command or valve command), effort and velocity (RMS), slowness (one over the RMS of the
+        unit: SI unit for a revolute joint; "command" stands for the unit of the position or torque command.
+        scale: what `lower`, `upper` and `starts` are multiples of: second, command (RMS of the position or torque
+            error), effort and velocity (RMS), slowness (one over the RMS of the
             machine's total speed), flow (that RMS), damping (effort over velocity), stiffness (effort over travel), angle
             (standard deviation of the position) or none.
         lower, upper: bounds of the search.
@@ -101,7 +100,6 @@ class Effect:
         stiffer: factors on k1 and k3 to start from: a base model that lacks the effect may have fitted them too low.
         machine: one set of parameters for the whole machine by nature.
         least_joints: how many joints a log needs to show it.
-        needs_effort: it shows only where the torque was recorded.
         stands_for: effect that is named instead where a joint's logs cannot tell the two apart and a number of the other one
             has the size that machines are built with (`Parameter.built_from`).
     """
@@ -119,5 +117,4 @@ class Effect:
     stiffer: tuple[float, ...] = (1.0,)
     machine: bool = False
     least_joints: int = 1
-    needs_effort: bool = False
     stands_for: str | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.effects.effect import COMMAND, NONE, POSITION, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import COMMAND, NONE, Effect, Parameter
 
 EFFECT = Effect(
     name="integral_action",
@@ -18,7 +18,6 @@ EFFECT = Effect(
     meaning="the controller has an integrator that the model lacks",
     source="textbook PID; ki is the integral gain over the proportional gain",
     experiment="hold a constant load for a few seconds after a step",
-    modes=(POSITION, TORQUE),
 )
 
 LONGEST = 30.0  # time constants of the integrator: e has long vanished

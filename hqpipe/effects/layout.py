@@ -10,7 +10,7 @@ import numpy as np
 
 from hqpipe.effects import EFFECTS
 
-BASE = ("k1", "k2", "k3", "k4", "neutral")  # joint-space gains; neutral point of a valve command
+BASE = ("k1", "k2", "k3", "k4")  # joint-space gains
 SETTING = ("sample_time", "middle", "clear", "effort_limit", "flow_per_speed", "flow_per_opening", "speed_late", "held")
 NOT_KNOWN = -1.0  # s: when the integrator was switched on before a trial began
 NOT_IN_THE_LOOP = ("torque_scale", "unsigned_sensor")  # read off other channels, see hqpipe.gap

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from hqpipe.effects.effect import FRICTION, NONE, POSITION, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import FRICTION, NONE, Effect, Parameter
 
 EFFECT = Effect(
     name="load_dependent_friction",
@@ -14,7 +14,6 @@ EFFECT = Effect(
     meaning="friction grows with the transmitted torque",
     source="Duclusaud et al., arXiv 2410.08650, 2024: load-dependent friction of servo actuators",
     experiment="the same slow motion with and without a payload",
-    modes=(POSITION, TORQUE),
     effort_sources=("load_cell",),
 )
 

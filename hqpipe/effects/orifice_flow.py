@@ -17,7 +17,6 @@ EFFECT = Effect(
     meaning="flow ∝ √(1 − sgn(u) τ/τ_max)",
     source="eq. (1) of the paper; Merritt, Hydraulic Control Systems, 1967",
     experiment="motion with and against a large load: squats, or weights on the gantry",
-    needs_effort=True,
 )
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.effects.effect import COMMAND, COMMAND_SIDE, NONE, POSITION, SUPPLY, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import COMMAND, COMMAND_SIDE, NONE, SUPPLY, Effect, Parameter
 
 EFFECT = Effect(
     name="position_dependent_stiffness",
@@ -47,7 +47,6 @@ EFFECT = Effect(
     meaning="chamber volume changes with q: change of torque × (1 + slope · (q − mean q)); |unevenness| ≤ |slope| · 0.02 rad",
     source="eqs. (4), (5) of the paper: bulk modulus over chamber volume",
     experiment="the same small fast motion at both ends of the joint's range",
-    modes=(POSITION, TORQUE),
 )
 
 LEAST = 0.05  # of the stiffness at mid position, so that no position makes it vanish; assumption

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.effects.effect import EFFORT, FRICTION, NONE, POSITION, SLIDING, TORQUE, VELOCITY, Effect, Parameter
+from hqpipe.effects.effect import EFFORT, FRICTION, NONE, SLIDING, VELOCITY, Effect, Parameter
 
 EFFECT = Effect(
     name="stribeck_friction",
@@ -19,7 +19,6 @@ EFFECT = Effect(
     meaning="extra friction near zero speed",
     source="Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30, 1994: exponential Stribeck curves, exponents 0.5 to 2",
     experiment="very slow motion with many reversals",
-    modes=(POSITION, TORQUE),
     effort_sources=("load_cell",),
 )
 

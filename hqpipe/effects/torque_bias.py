@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hqpipe.effects.effect import COMMAND_SIDE, EFFORT, POSITION, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import COMMAND_SIDE, EFFORT, Effect, Parameter
 
 EFFECT = Effect(
     name="torque_bias",
@@ -12,6 +12,5 @@ EFFECT = Effect(
     meaning="the logged torque is offset",
     source="zero drift of load cells and pressure transducers (data sheets)",
     experiment="hang the leg freely in several poses and compare with its weight",
-    modes=(POSITION, TORQUE),
     stands_for="direction_asymmetry",
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from hqpipe.effects.effect import POSITION, STIFFNESS, TORQUE, VALVE, Effect, Parameter
+from hqpipe.effects.effect import POSITION, STIFFNESS, TORQUE, Effect, Parameter
 
 EFFECT = Effect(
     name="transmission_compliance",
@@ -13,10 +13,9 @@ EFFECT = Effect(
     parameters=(Parameter("stiffness_nm_per_rad", "N·m/rad", STIFFNESS, 0.0, 3.0, (0.1, 0.5), inverse=True),),
     meaning="chain or hose stretch",
     source="series elasticity; Pratt & Williamson, IROS 1995",
-    experiment="a second encoder on the cylinder side, or the valve command logged with the torque",
-    modes=(VALVE,),
+    experiment="a second encoder on the cylinder side",
+    modes=(),
     absorbed=(POSITION, TORQUE),
-    needs_effort=True,
 )
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from hqpipe.effects.effect import ALL_INPUTS, DAMPING, NONE, POSITION, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import ALL_INPUTS, DAMPING, NONE, POSITION, Effect, Parameter
 
 EFFECT = Effect(
     name="viscous_friction",
@@ -27,7 +27,6 @@ EFFECT = Effect(
     meaning="friction in proportion to speed; a share of the compliance is behind the piston that it rubs on",
     source="Jelali & Kroll, Hydraulic Servo-systems, 2003",
     experiment="constant-speed motion at several speeds",
-    modes=(POSITION, TORQUE),
     effort_sources=("load_cell",),
 )
 

@@ -20,8 +20,6 @@ from hqpipe.gap.joint_data import (
     by_opening,
     by_speed,
     joint_data,
-    output_of,
-    row_lag,
 )
 from hqpipe.gap.joint_state import JointState, Progress, library, search_joints
 from hqpipe.gap.noise import free_run_floor
@@ -29,7 +27,7 @@ from hqpipe.gap.replay import Replay
 from hqpipe.gap.rest import Rest
 from hqpipe.gap.row_model import FLOW, RowModel, SpanRow, kept, replay_all
 from hqpipe.gap.second_look import look_again
-from hqpipe.gap.set_fit import ROW_OFFSET, JointFitter
+from hqpipe.gap.set_fit import JointFitter
 from hqpipe.gap.shapley import Shrink, shapley
 from hqpipe.gap.sharing import pool_groups, seek_consensus
 from hqpipe.gap.signs import SignedLogs
@@ -39,16 +37,14 @@ from hqpipe.gap.supply import without_steady
 from hqpipe.gap.unchanged import drop_unchanged, familiar_error, only_needed
 from hqpipe.gap.worth import close_gap, drop_outweighed, drop_slight, drop_trifles
 from hqpipe.logs.joint_kinds import PRISMATIC
-from hqpipe.logs.trajectory import LogSet, recording_of
+from hqpipe.logs.trajectory import LogSet, Trajectory, recording_of
 from hqpipe.sysid.noise import difference_noise
 
 BLURRED = ("backlash",)  # a size is noise round zero torque, which looks like slack once the sign is restored
-FILTERED_ROWS = 1.25  # a logged speed later than that was filtered, which would pass for a lag of the valve; assumption
 SHARED = "supply_droop"  # the effect that reads what other joints draw, too
 RUBBING = "viscous_friction"  # the effect that shows to which instant a row's torque belongs
 EARLIER_OR_LATER = (0.0, -0.25, 0.25, -0.5, 0.5)
 """Samples: a torque may be that of an instant, or a mean of the step before or behind it."""
-OPEN_ROWS = 0.6  # half a sample on both sides, and what the speed's own rows are misjudged by; assumption
 WINDOWS_PER_BLOCK = 5  # of 0.1 s: errors of neighbouring windows are correlated
 
 
@@ -128,10 +124,9 @@ def accuse(
         earlier: a record of the machine, where the question is what changed since.
     """
     mode, joints = log_set.control_mode, log_set.joints
-    effort = log_set.trials[0].trajectory.effort is not None
-    names = library(mode, log_set.effort_source, len(joints), without, effort, changes=earlier is not None)
+    names = library(mode, log_set.effort_source, len(joints), without, changes=earlier is not None)
     names = without_steady(names, log_set)
-    data, speed, late = prepare(log_set, names, steps, signed, effort_limit, earlier, workers)
+    data, speed = prepare(log_set, names, steps, signed, effort_limit, earlier, workers)
     states = search_joints(data, names, workers, progress)
     base = Rest(_machine(states, mode, speed, chosen=False), log_set, steps)
     states = look_again(states, seek_consensus(pool_groups(seek_consensus(states))), workers)
@@ -154,8 +149,6 @@ def accuse(
         inside = [joints.index(state.joint) for state in spans.states]
         passing = assemble(spans.states, floor[inside], joints)
         causes += passing if earlier else [replace(cause, then={}) for cause in passing]  # beside the rest of the trial
-    if mode == "valve":
-        causes = [_in_rows(cause, late, speed, data[0].row_dt) for cause in causes]
     shrink = _shrink(states, causes, lasting, spans)
     order = sorted(range(len(causes)), key=lambda i: -shrink.each[i])
     shrink = Shrink(shrink.each[order], shrink.each_ci95[order], shrink.whole, shrink.whole_ci95)
@@ -185,24 +178,23 @@ def prepare(
     effort_limit: np.ndarray | None,
     earlier: Earlier | None = None,
     workers: int = 1,
-) -> tuple[list[JointData], str, float]:
-    """Windows of every joint with the speed that the base model fits better, that speed, and how late the logged one is.
+) -> tuple[list[JointData], str]:
+    """Windows of every joint with the speed that the base model fits better, and that speed.
 
     What a sagging supply would feel, speeds or valve openings, is chosen likewise, and the instant at which friction acts.
     An earlier record of the machine has chosen already, as far as it says.
 
     Returns:
-        (J,) data, one of `hqpipe.gap.joint_data.SPEEDS`, and rows by which the logged speed lags (valve mode; else 0).
+        (J,) data, and one of `hqpipe.gap.joint_data.SPEEDS`.
     """
     mode, joints = log_set.control_mode, log_set.joints
     fit, heldout = ([t.trajectory for t in split] for split in (log_set.fit, log_set.heldout))
-    late = row_lag([*fit, *heldout]) if mode == "valve" else 0.0
     linear = [log_set.kinds.get(joint) == PRISMATIC for joint in joints]
 
     def cut_up(speed: str, flow: Flow) -> list[JointData]:
         data = []
         for j, joint in enumerate(joints):
-            noise = output_noise(heldout or fit, j, mode, speed)
+            noise = output_noise(heldout or fit, j)
             limit = np.inf if effort_limit is None else float(effort_limit[j])
             one = joint_data(fit, heldout, j, mode, steps, noise, limit, speed, flow, linear[j])
             data.append(replace(one, barred=BLURRED) if signed and joint in signed.joints else one)
@@ -210,17 +202,12 @@ def prepare(
 
     if earlier is not None:
         return _as_then(earlier, cut_up, joints, by_speed(fit, linear), workers)
-    known = (ROW_OFFSET,) if mode == "valve" else ()  # a delay must not choose the speed that hides a part of it
     flow = by_speed(fit, linear)
     speed, data = MOVED, cut_up(MOVED, flow)
-    smoothed = (
-        mode == "valve" and fit[0].velocity_source != "measured"
-    )  # an output that was smoothed always fits better
-    if late <= FILTERED_ROWS and not smoothed:  # two cuts at a time: they are the largest thing in memory
-        logged = cut_up(LOGGED, flow)
-        if _misfit(logged, known, workers) < _misfit(data, known, workers):
-            speed, data = LOGGED, logged
-        del logged
+    logged = cut_up(LOGGED, flow)  # two cuts at a time: they are the largest thing in memory
+    if _misfit(logged, (), workers) < _misfit(data, (), workers):
+        speed, data = LOGGED, logged
+    del logged
     shift = 0.0
     if RUBBING in names:
         shift = min(EARLIER_OR_LATER, key=lambda rows: _misfit(_timed(data, rows), (RUBBING,), workers))
@@ -228,18 +215,18 @@ def prepare(
     if SHARED in names:
         opened = _timed(cut_up(speed, by_opening(fit, mode, linear)), shift)
         data = min(data, opened, key=lambda option: _misfit(option, (SHARED,), workers))
-    return data, speed, late
+    return data, speed
 
 
 def _as_then(
     earlier: Earlier, cut_up: Callable[[str, Flow], list[JointData]], joints: Sequence[str], flow: Flow, workers: int
-) -> tuple[list[JointData], str, float]:
+) -> tuple[list[JointData], str]:
     """The joints beside an earlier record, with its speed and flow; where it says neither, the speed that suits, and `flow`."""
     known = np.nan_to_num([earlier.then[joint].row[FLOW] for joint in joints])
     flow = tuple(known.T) if known.any() else flow
     options = {speed: earlier.beside(cut_up(speed, flow)) for speed in ([earlier.speed] if earlier.speed else SPEEDS)}
     speed = min(options, key=lambda name: _misfit(options[name], (), workers))
-    return options[speed], speed, 0.0
+    return options[speed], speed
 
 
 def _timed(data: Sequence[JointData], rows: float) -> list[JointData]:
@@ -318,25 +305,9 @@ def _raw_error(
     return np.stack(errors, axis=1)
 
 
-def output_noise(trials: Sequence, j: int, mode: str, speed: str = LOGGED) -> float:
-    """Standard deviation of the sensor noise of the output of one joint."""
-    signals = [output_of(t, mode, speed)[:, j] for t in trials]
-    return float(np.sqrt(np.mean([difference_noise(s) ** 2 for s in signals])))
-
-
-def _in_rows(cause: Cause, late: float, speed: str, dt: float) -> Cause:
-    """A delay of valve mode, of which the logger's habit leaves one sample open where the logged speed is late.
-
-    Where the speed of a row is that of the step before it, the row's command caused either that step or the next one:
-    the middle is stated, and the interval holds both.
-    """
-    if cause.effect != ROW_OFFSET or "delay_s" not in cause.parameters:
-        return cause
-    late = min(max(late, 0.0), 1.0)
-    shift, part = dt * late * (0.5 - (speed == LOGGED)), cause.parameters["delay_s"]
-    low, high = part.low + shift - OPEN_ROWS * dt, part.high + shift + OPEN_ROWS * dt
-    moved_by = replace(part, value=part.value + shift, low=max(low, 0.0), high=high)
-    return replace(cause, parameters={**cause.parameters, "delay_s": moved_by})
+def output_noise(trials: Sequence[Trajectory], j: int) -> float:
+    """Standard deviation of the sensor noise of the torque of one joint."""
+    return float(np.sqrt(np.mean([difference_noise(t.effort[:, j]) ** 2 for t in trials])))
 
 
 def _machine(states: list[JointState], mode: str, speed: str, chosen: bool) -> RowModel:

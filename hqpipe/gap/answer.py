@@ -40,16 +40,9 @@ MISSES = 1.5  # RMSE over the noise floor from which it is told that a reference
 MIN_SHARE = 0.01  # signals that explain less of the gap are not listed
 SIGNALS = {
     "torque": {"position_error": "torque_error", "past_position_error": "past_torque_error"},
-    "valve": {
-        "position_error": "valve_command",
-        "past_position_error": "past_valve_command",
-        "torque": "speed_of_the_model",
-        "torque_at_restart": "past_speed",
-        "torque_of_other_joints": "speed_of_other_joints",
-    },
 }
 """What the shapes of `hqpipe.gap.signals` stand for outside position mode, see `hqpipe.gap.row_model`."""
-COMMAND_UNITS = {"position": "rad", "torque": "N·m", "valve": "1"}
+COMMAND_UNITS = {"position": "rad", "torque": "N·m"}
 
 Pair = tuple[Any, Any]
 

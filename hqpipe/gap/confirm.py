@@ -86,8 +86,7 @@ class _Windows:
         cls, log_set: LogSet, columns: Sequence[int], steps: int, speed: str, signless: Sequence[str] = ()
     ) -> _Windows:
         log_set = with_signs(log_set, signless) if signless else log_set
-        least = steps * (3 if log_set.control_mode == "valve" else 1)
-        kept = [trial for trial in log_set.trials if trial.trajectory.samples > least]
+        kept = [trial for trial in log_set.trials if trial.trajectory.samples > steps]
         parts = [trial.trajectory for trial in kept]
         data, owner, first = [], [], []
         for j in columns if parts else ():

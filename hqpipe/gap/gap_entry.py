@@ -15,12 +15,11 @@ SIZES = ("before", "after", "noise_floor", "persistence")
 UNLIKE = 100.0
 """Largest over smallest scale from which joints of unknown kind are given no common size; assumption: drives of one machine
 differ less where their unit is the same, and where they do not the size would be that of the largest alone."""
-_OUTPUT = {"valve": "rad/s"}  # control mode → unit of what is predicted of a joint that turns; else N·m
 
 
 def output_unit(log_set: LogSet, joint: str) -> str:
-    """Unit of what is predicted of a joint; as of one that turns where its kind is not known."""
-    return unit_of(_OUTPUT.get(log_set.control_mode, "N·m"), log_set.kinds.get(joint))
+    """Unit of the torque of a joint; as of one that turns where its kind is not known."""
+    return unit_of("N·m", log_set.kinds.get(joint))
 
 
 def common_unit(log_set: LogSet, scale: np.ndarray, units: Sequence[str] | None = None) -> str | None:

@@ -61,14 +61,15 @@ def take_in(log_set: LogSet, window_s: float | None, without: Sequence[str] = ()
     """Look a log set through before a model is fitted to it.
 
     Args:
-        log_set: any. window_s: s, or None for what suits the logs. without: effects left out of the library.
+        log_set: whose law from command to torque is asked for, see `hqpipe.gap.routing`.
+        window_s: s, or None for what suits the logs. without: effects left out of the library.
 
     Raises:
         IdentificationError: no layer can be evaluated.
     """
     mode = log_set.control_mode
     trials = [trial.trajectory for trial in log_set.trials]
-    if trials[0].effort is None and mode != "valve":
+    if trials[0].effort is None:
         raise IdentificationError(
             f"{log_set.path}: no layer can be evaluated without '{joint_column('<name>', 'effort')}'; "
             "record the joint torque (for the actuator layer with the command of its control mode)"

@@ -12,7 +12,6 @@ from hqpipe.effects.layout import neutral_row, slot
 from hqpipe.gap.joint_scale import joint_scale
 from hqpipe.kernels.augmented_columns import MODES
 from hqpipe.kernels.augmented_signals import Signals
-from hqpipe.logs.differentiate import differentiate, window_s
 from hqpipe.logs.trajectory import Trajectory
 
 MAX_WINDOWS = 400  # per joint and split; 40 s of windows of 0.1 s say what an hour says, in bounded time
@@ -30,7 +29,6 @@ Flow = tuple[np.ndarray | float, np.ndarray | float]
 it draws from the supply, in rad/s; of all joints, or (J,)."""
 BY_SPEED: Flow = (1.0, 0.0)
 LITTLE, AT_TIMES = 0.3, 0.1  # of the RMS flow, and of the time; a sine is below that for 0.14 of it; assumptions
-SLOPE_ROWS = 3  # of the speed's slope: its noise must be none of the sample in the middle; assumption
 COMMAND_CHANNEL = {"position": "position_command", "torque": "effort_command", "valve": "valve_command"}
 
 
@@ -105,8 +103,8 @@ class JointData:
 
     @property
     def output(self) -> float:
-        """RMS of what is predicted: torque, in valve mode speed."""
-        return self.size[scales.VELOCITY if self.mode == "valve" else scales.EFFORT]
+        """RMS of the torque."""
+        return self.size[scales.EFFORT]
 
     @property
     def natural(self) -> dict[str, float]:
@@ -114,10 +112,9 @@ class JointData:
         size = self.size
         return {
             "k1": self.output / size[scales.COMMAND],
-            "k2": size[scales.VELOCITY] / size[scales.EFFORT] if self.mode == "valve" else 1.0,
+            "k2": 1.0,
             "k3": self.output / size[scales.VELOCITY],
             "k4": 1.0 / size[scales.COMMAND],
-            "neutral": size[scales.COMMAND],
         }
 
     @property
@@ -142,7 +139,7 @@ def joint_data(
 
     Args:
         fit, heldout: trials with the channels of the control mode.
-        j: joint index. mode: position, torque or valve.
+        j: joint index. mode: position or torque.
         noise: standard deviation of the sensor noise of the output.
         effort_limit: N·m.
         speed: where the velocity comes from, of `SPEEDS`. flow: what counts in the flow that all joints draw.
@@ -168,7 +165,7 @@ def joint_data(
         size=size,
         row=row,
         noise=noise,
-        scale=joint_scale([output_of(t, mode, speed)[:, j] for t in fit]),
+        scale=joint_scale([t.effort[:, j] for t in fit]),
         linear=linear,
         held={} if _rests(fit, mode, flow) else {slot("supply_droop", "pump_velocity_rad_s"): 0.0},
     )
@@ -193,14 +190,13 @@ def cut(
 ) -> Split:
     """Complete windows, evenly thinned to `most`.
 
-    In valve mode a trial's first window is left out: nothing restarts there from a logged output, and what was commanded
-    before the log began is unknown. Left out too are windows that would start at a sample that was not recorded, or hold more
-    of these than others, at any joint; what is left of them counts for nothing, unless `masked` is False.
+    Left out are windows that would start at a sample that was not recorded, or hold more of these than others, at any joint;
+    what is left of them counts for nothing, unless `masked` is False.
     """
     parts, first, owner, bounds = [], [], [], [0]
     owners = _owners(trials)
     for index, t in enumerate(trials):
-        starts = np.arange(steps if mode == "valve" else 0, t.samples - steps, steps)
+        starts = np.arange(0, t.samples - steps, steps)
         starts = starts if t.observed is None or not masked else _recorded(starts, t.observed, steps)
         first.append(starts + bounds[-1])
         owner.append(np.full(len(starts), owners[index]))
@@ -210,23 +206,19 @@ def cut(
     if len(starts) > most:
         kept = np.linspace(0, len(starts) - 1, most).round().astype(int)
         starts, trial = starts[kept], trial[kept]
-    command, position, velocity, effort, rate, time, demand = (
+    command, position, velocity, effort, time, demand = (
         np.ascontiguousarray(np.concatenate(c)) for c in zip(*parts, strict=True)
     )
-    output = velocity if mode == "valve" else effort
-    target = np.ascontiguousarray(output[starts[None, :] + np.arange(steps + 1)[:, None]])
+    target = np.ascontiguousarray(effort[starts[None, :] + np.arange(steps + 1)[:, None]])
     if masked and any(t.observed is not None for t in trials):
         observed = np.concatenate([t.recorded[:, j] for t in trials])
         target[1:][~observed[starts[None, :] + np.arange(1, steps + 1)[:, None]]] = np.nan
-    if mode == "valve":
-        target[1:] = target[:-1].copy()  # the speed answers at once: row k + 1 is compared with the inputs of row k
     signals = Signals(
         MODES[mode],
         command,
         position,
         velocity,
         effort,
-        rate,
         time,
         demand,
         np.array(bounds, dtype=np.int64),
@@ -251,16 +243,11 @@ def _owners(trials: Sequence[Trajectory]) -> list[int]:
 
 
 def _channels(t: Trajectory, j: int, mode: str, speed: str, flow: Flow) -> tuple[np.ndarray, ...]:
-    effort = t.effort[:, j] if t.effort is not None else np.zeros(t.samples)
-    rate = np.gradient(effort, t.dt)
-    if mode == "valve" and t.effort is not None:
-        effort, rate = load(effort, t.dt)
     return (
         getattr(t, COMMAND_CHANNEL[mode])[:, j].astype(np.float64),
         t.position[:, j].astype(np.float64),
         _SPEED_OF[speed](t, j),
-        effort.astype(np.float64),
-        rate,
+        t.effort[:, j].astype(np.float64),
         t.time - t.time[0] + t.start,
         _drawn(t, mode, flow),
     )
@@ -282,7 +269,7 @@ def by_opening(trials: Sequence[Trajectory], mode: str, linear: Sequence[bool] =
     An opening draws oil under load too, where leakage takes it and the joint stands still.
     """
     errors = np.concatenate([_errors(t, mode) for t in trials])
-    alike = (0.0, 1.0 if mode == "valve" else _alike(errors, linear))
+    alike = (0.0, _alike(errors, linear))
     speed, opening = (np.concatenate([_drawn(t, mode, f) for t in trials]) for f in (by_speed(trials, linear), alike))
     return 0.0, alike[1] * float(np.sqrt(np.mean(speed**2) / max(np.mean(opening**2), 1e-300)))
 
@@ -305,47 +292,8 @@ def _drawn(t: Trajectory, mode: str, flow: Flow) -> np.ndarray:
 
 
 def _errors(t: Trajectory, mode: str) -> np.ndarray:
-    """(T, J) what opens the valves, in the unit of the command: its error, in valve mode itself."""
-    command = getattr(t, COMMAND_CHANNEL[mode])
-    if mode == "valve":
-        return command - np.median(command, axis=0)
-    return command - (t.position if mode == "position" else t.effort)
-
-
-def output_of(t: Trajectory, mode: str, speed: str) -> np.ndarray:
-    """(T, J) what is predicted: the torque, or in valve mode the speed."""
-    if mode != "valve":
-        return t.effort
-    return t.velocity if speed == LOGGED else np.stack([moved(q, t.dt) for q in t.position.T], axis=1)
-
-
-def load(effort: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """(T,) torque and its rate without most of the sensor's noise, which would pass into the speed that they explain.
-
-    A parabola through a centred window (Savitzky and Golay, 1964), as long as that of `differentiate`.
-    """
-    from scipy.signal import savgol_filter
-
-    span = min(round(window_s(dt) / dt), len(effort) - 1 + len(effort) % 2)
-    return savgol_filter(effort, span, 2), differentiate(effort[:, None], dt)[:, 0]
-
-
-def row_lag(trials: Sequence[Trajectory]) -> float:
-    """Samples by which the logged speed comes after `moved`, over all joints.
-
-    0 where it is the mean speed of the step that begins at the sample, 1 of the one that ends there, more behind a filter.
-    Joints count by their changes over the usual ones, for their speeds may be in different units.
-    """
-    products, squares = 0.0, 0.0
-    scale = np.concatenate([t.velocity for t in trials]).std(axis=0)
-    weight = np.divide(1.0, scale**2, out=np.zeros_like(scale), where=scale > 0.0)
-    for t in trials:
-        step = output_of(t, "valve", MOVED)
-        change = (step[2 * SLOPE_ROWS :] - step[: -2 * SLOPE_ROWS]) / (2 * SLOPE_ROWS)
-        middle = slice(SLOPE_ROWS, -SLOPE_ROWS)
-        products += float(np.sum(weight * (step - t.velocity)[middle] * change))
-        squares += float(np.sum(weight * change**2))
-    return products / max(squares, np.finfo(float).tiny)
+    """(T, J) what opens the valves, in the unit of the command: its error."""
+    return getattr(t, COMMAND_CHANNEL[mode]) - (t.position if mode == "position" else t.effort)
 
 
 def moved(position: np.ndarray, dt: float) -> np.ndarray:
@@ -373,7 +321,7 @@ def _sizes(fit: Sequence[Trajectory], j: int, mode: str, flow: Flow) -> dict[str
     def rms(values: list[np.ndarray]) -> float:
         return float(np.sqrt(np.mean(np.concatenate(values) ** 2))) + 1e-12
 
-    effort = rms([t.effort[:, j] for t in fit]) if fit[0].effort is not None else 1.0
+    effort = rms([t.effort[:, j] for t in fit])
     velocity, angle = (
         rms([t.velocity[:, j] for t in fit]),
         float(np.std(np.concatenate([t.position[:, j] for t in fit]))),

@@ -63,13 +63,11 @@ def library(
     effort_source: str | None,
     joints: int,
     without: Sequence[str] = (),
-    effort: bool = True,
     changes: bool = False,
 ) -> tuple[str, ...]:
     """Effects that logs of this kind can show.
 
     Args:
-        effort: whether the torque was recorded.
         changes: whether an earlier record is there, so that changes of the coefficients can show too.
 
     Raises:
@@ -87,7 +85,6 @@ def library(
         if name in shown
         and effect.parameters
         and joints >= effect.least_joints
-        and (effort or not effect.needs_effort)
         and (effect.effort_sources is None or effort_source in effect.effort_sources)
         and name not in without
     )

@@ -24,14 +24,11 @@ class Rest:
         self._explained: dict[int, Explained] = {}
 
     def of(self, machine: RowModel) -> Rest:
-        """The same logs under another model of the machine; what is known of joints that are the same in both is kept.
-
-        In valve mode, where the model's speeds of all joints are among the signals, nothing is.
-        """
+        """The same logs under another model of the machine; what is known of joints that are the same in both is kept."""
         other, changed = Rest(machine, self._log_set, self._steps), {*machine.spans, *self.machine.spans}
         for j, explained in self._explained.items():
             same = np.array_equal(machine.rows[j], self.machine.rows[j], equal_nan=True)
-            if same and j not in changed and machine.mode != "valve":
+            if same and j not in changed:
                 other._explained[j] = explained
         return other
 

@@ -9,9 +9,8 @@ import numpy as np
 
 from hqpipe.actuators.augmented import SENSING, Augmented
 from hqpipe.effects.layout import neutral_row, slot, slots
-from hqpipe.gap.joint_data import COMMAND_CHANNEL, MOVED, cut, output_of
+from hqpipe.gap.joint_data import MOVED, cut
 from hqpipe.gap.replay import Replay
-from hqpipe.gap.signals import LOAD
 from hqpipe.kernels.augmented_fit import residual_windows
 from hqpipe.kernels.augmented_signals import Signals
 from hqpipe.logs.trajectory import Trajectory, Trial, recording_of
@@ -20,33 +19,14 @@ FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
 EVERY = 1 << 62  # windows: no thinning
 
 
-def view(t: Trajectory, mode: str, speed: str) -> Trajectory:
-    """The trial with `effort` as the output of the actuator, one sample after the inputs that it answers to.
+def driven(t: Trajectory, predicted: np.ndarray, mode: str) -> Trajectory:
+    """The trial with `position_command` − `position` as what drives the actuator: in torque mode the torque error.
 
-    In valve mode the output is the speed, which answers at once; the torque, where it was logged, becomes the extra
-    column `load/<joint>`.
-    """
-    if mode != "valve":
-        return t
-    output = output_of(t, mode, speed)
-    load = {} if t.effort is None else {LOAD + joint: t.effort[:, j] for j, joint in enumerate(t.joints)}
-    return replace(t, effort=np.concatenate([output[:1], output[:-1]]), extra={**t.extra, **load})
-
-
-def driven(t: Trajectory, seen: Trajectory, predicted: np.ndarray, mode: str) -> Trajectory:
-    """`seen` with `position_command` − `position` as what drives the actuator.
-
-    In position mode that is the trial itself. In torque mode the drive is the torque error, in valve mode the valve
-    command. Output and drive must share no noise, or a part of the noise could be predicted: where the drive or the
-    inputs would hold the measured output, they hold the model's.
+    Output and drive must share no noise, or a part of the noise could be predicted: the error is that of the model's torque.
     """
     if mode == "position":
-        return seen
-    drive = getattr(t, COMMAND_CHANNEL[mode])
-    if mode == "torque":
-        return replace(seen, position_command=t.position + drive - predicted)
-    speed = np.concatenate([predicted[1:], predicted[-1:]])
-    return replace(seen, position_command=t.position + drive, velocity=speed)
+        return t
+    return replace(t, position_command=t.position + t.effort_command - predicted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +56,7 @@ class RowModel:
     def memory(self) -> np.ndarray:
         """(J,) share of a torque offset that is left after one sample."""
         decay = self.rows[:, slot("base", "k2")] + (self.rows[:, slot("base", "k1")] if self.mode == "torque" else 0.0)
-        return np.clip(1.0 - decay, 0.0, 1.0) if self.mode != "valve" else np.zeros(len(self.rows))
+        return np.clip(1.0 - decay, 0.0, 1.0)
 
     def actuator(self) -> Augmented | None:
         """The actuator for the training simulator, where the mode is position: what the sensors add is no part of it."""
@@ -89,17 +69,14 @@ class RowModel:
 
     def replay(self, trial: Trial, steps: int) -> Replay:
         """Run the model through one trial in windows of `steps` samples, and one step ahead."""
-        t = trial.trajectory
-        seen = view(t, self.mode, self.speed)
-        file = recording_of(trial)
-        free = self._predict(file, t, seen, steps)
-        one = self._predict(file, t, seen, 1) if self.mode != "valve" else free
-        return Replay(trial.file, driven(t, seen, free, self.mode), steps, free, one)
+        t, file = trial.trajectory, recording_of(trial)
+        free, one = self._predict(file, t, steps), self._predict(file, t, 1)
+        return Replay(trial.file, driven(t, free, self.mode), steps, free, one)
 
     def predict(self, trajectory: Trajectory, window: int) -> np.ndarray:
         """(T, J) torque as the log has it, sensors included; the last window of the trial may be a short one.
 
-        For the position and the torque mode; stretches play no part.
+        Stretches play no part.
         """
         t, predicted = trajectory.for_joints(self.joints), np.array(trajectory.effort, dtype=np.float64)
         whole = (t.samples - 1) // window * window
@@ -119,8 +96,8 @@ class RowModel:
     def _signals(self, t: Trajectory, j: int, steps: int) -> Signals:
         return cut([t], j, self.mode, steps, EVERY, self.speed, tuple(self.rows[:, FLOW].T), masked=False).signals
 
-    def _predict(self, file: str, t: Trajectory, seen: Trajectory, steps: int) -> np.ndarray:
-        predicted = seen.effort.astype(np.float64).copy()
+    def _predict(self, file: str, t: Trajectory, steps: int) -> np.ndarray:
+        predicted = t.effort.astype(np.float64).copy()
         if t.samples <= steps:
             return predicted
         for j in range(len(self.joints)):

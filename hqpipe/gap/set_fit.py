@@ -17,11 +17,7 @@ from hqpipe.gap.changes import FACTORS, MOST_RATIO, base_slots, in_order, leader
 from hqpipe.gap.joint_data import JointData, Split
 from hqpipe.kernels.augmented_fit import CHANGES, fit_windows, residual_windows
 
-BASE_OF_MODE = {"position": ("k1", "k2", "k3", "k4"), "torque": ("k1", "k2", "k3"), "valve": ("k1", "neutral")}
-LEAK = "k2"  # in valve mode, rad/s per N·m, where the torque was logged: a loaded axis slows, as in eq. (1) linearised
-ROW_OFFSET = "command_delay"
-"""In valve mode the command may belong to the row before or after the speed that it causes, whatever the logger's habit:
-while the effect itself is not in the set, its delay is a base coefficient of at most one sample."""
+BASE_OF_MODE = {"position": ("k1", "k2", "k3", "k4"), "torque": ("k1", "k2", "k3")}
 OUTLIER_SIGMAS = 6.0  # assumption: only gross errors (sensor glitches) lie beyond
 OUTLIER_SHARE = 0.5  # of the output's RMS; keeps impacts from counting as outliers
 SPANS = (1, 5, 20)  # samples of the differences that first guesses come from
@@ -202,7 +198,7 @@ class JointFitter:
 
     def _columns(self, names: Names) -> tuple[np.ndarray, ...]:
         """Free columns of a set with their bounds, sizes and what is tied to them."""
-        parts = self._base_columns(names) if self.data.then is None else self._factor_columns(names)
+        parts = self._base_columns() if self.data.then is None else self._factor_columns(names)
         for more in (self._effect_columns(names), self._presliding(names)):
             parts = [[*known, *new] for known, new in zip(parts, more, strict=True)]
         free, *sizes, tied = parts
@@ -224,21 +220,15 @@ class JointFitter:
             tied.append(base_slots(name))
         return [free, lower, upper, scale, tied]
 
-    def _base_columns(self, names: Names) -> list[list]:
+    def _base_columns(self) -> list[list]:
         """All coefficients of the base model."""
         free, lower, upper, scale = [], [], [], []
         natural = self.data.natural
-        loaded = self.data.mode == "valve" and bool(self.data.fit.signals.effort.any())
-        for name in BASE_OF_MODE[self.data.mode] + (LEAK,) * loaded:
+        for name in BASE_OF_MODE[self.data.mode]:
             free.append(slot("base", name))
-            lower.append(-np.inf if name in ("neutral", "k1") and self.data.mode == "valve" else 0.0)
-            upper.append(np.inf if loaded else self._most(name))
+            lower.append(0.0)
+            upper.append(self._most(name))
             scale.append(0.1 * natural[name])
-        if self.data.mode == "valve" and ROW_OFFSET not in names:
-            free.append(slots(ROW_OFFSET)[0])
-            lower.append(-self.data.row_dt)
-            upper.append(self.data.row_dt)
-            scale.append(self.data.row_dt)
         return [free, lower, upper, scale, [ALONE] * len(free)]
 
     def _most(self, name: str) -> float:
@@ -368,11 +358,6 @@ class JointFitter:
             total = np.concatenate([[0.0], np.cumsum(values)])
             return (total[at + span] - total[at]).ravel()
 
-        if mode == "valve":
-            x = np.stack([s.command, np.ones_like(s.command)], axis=1)
-            slope, offset = np.linalg.lstsq(x, s.velocity, rcond=None)[0]
-            row[[slot("base", "k1"), slot("base", "neutral")]] = slope, -offset / slope if slope else 0.0
-            return row
         error = s.command - (s.position if mode == "position" else s.effort)
         rise = (s.effort[at + span] - s.effort[at]).ravel()
         columns = [summed(error), -summed(s.effort), -summed(s.velocity)]

@@ -15,7 +15,6 @@ Groups = dict[str, list[np.ndarray]]
 DEAD_ZONES = (0.25, 0.75, 1.5, 3.0)  # in standard deviations of the position error
 LAGS_S = (0.001, 0.002, 0.004, 0.008, 0.016, 0.032)  # past commands: transport delays and valve lags
 MEMORY_S = (0.1, 1.0)  # fading sums of the position error: integrators and slow creep
-LOAD = "load/"  # + joint: extra column of a replay that holds the torque where it is not the output
 SIGN_SHARE = 0.05  # of the velocity's standard deviation: width of the step from −1 to 1
 
 
@@ -56,9 +55,6 @@ def joint_signals(item: Replay, j: int, scale: dict[str, np.ndarray]) -> Groups:
         "position": [position, position**2, error * position, velocity * position],
         "time": [elapsed, error * elapsed, torque * elapsed],
     }
-    if (load := t.extra.get(LOAD + t.joints[j])) is not None:
-        load = load / (load.std() + 1e-300)
-        groups["load"] = [load, error * load, size * load, np.gradient(load, t.dt)]
     if len(t.joints) > 1:
         demand = (np.abs(t.velocity) / scale["velocity"]).sum(axis=1) - fast
         groups["flow_of_other_joints"] = [demand, error * demand, error * demand**2, torque * demand]

@@ -229,7 +229,6 @@ def _joint_space(model: Hydraulic, j: int) -> np.ndarray:
     radius = model.column("sprocket_radius")[j]
     for name, power in zip(COEFFICIENTS, POWERS, strict=True):
         row[slot("base", name)] = model.column(name)[j] * radius**power
-    row[slot("base", "neutral")] = 0.0
     row[slot("setting", "effort_limit")] = model.column("effort_limit")[j]
     row[slot("setting", "sample_time")] = model.dt
     row[slot("setting", "speed_late")] = 0.0

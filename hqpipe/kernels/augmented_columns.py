@@ -8,7 +8,6 @@ from hqpipe.effects.layout import BASE, SETTING, slot, slots
 
 POSITION: Final = 0
 TORQUE: Final = 1
-VALVE: Final = 2
 CORE: Final = 0  # what is computed anew; beside the core, any of
 FOLLOW: Final = 1  # where the friction points before each window
 COMMAND: Final = 2  # the command side
@@ -19,9 +18,9 @@ ALL: Final = 31
 HELD_PASSES: Final = 10  # of the search for what an integrator holds
 HELD_CLOSE: Final = 1e-4  # relative: where it ends
 LEAST_PASSED: Final = 0.05  # of the inner torque that friction lets pass, however large its coefficient; assumption
-MODES: Final = {"position": POSITION, "torque": TORQUE, "valve": VALVE}
+MODES: Final = {"position": POSITION, "torque": TORQUE}
 
-K1, K2, K3, K4, NEUTRAL = (slot("base", name) for name in BASE)
+K1, K2, K3, K4 = (slot("base", name) for name in BASE)
 DT, MIDDLE, CLEAR, LIMIT, PER_SPEED, PER_OPENING, SPEED_LATE, HELD = (slot("setting", name) for name in SETTING)
 DELAY, SKEW, BIAS = slot("command_delay", "delay_s"), slot("channel_skew", "skew_s"), slot("position_bias", "rad")
 KI, WINDUP = slot("integral_action", "ki"), slot("integral_action", "limit")

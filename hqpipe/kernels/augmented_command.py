@@ -38,7 +38,6 @@ from hqpipe.kernels.augmented_columns import (
     KI,
     LAG,
     MIDDLE,
-    NEUTRAL,
     OFFSET,
     ORIFICE,
     POSITION,
@@ -48,7 +47,6 @@ from hqpipe.kernels.augmented_columns import (
     SLOPE,
     TORQUE,
     UNEVEN,
-    VALVE,
     VISCOUS,
     WINDUP,
 )
@@ -71,8 +69,8 @@ def piston_lag(p: np.ndarray) -> float:
 
 @njit(cache=True, nogil=True)
 def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
-    """Fill `opening`: u in position and valve mode; in torque mode the delayed command, and the states at the
-    start of each window as the logged effort drives them."""
+    """Fill `opening`: u in position mode; in torque mode the delayed command, and the states at the start of each
+    window as the logged effort drives them."""
     dt, sequence = p[DT], work.command
     share, mean = lag_share(p[LAG], dt), mean_share(p[LAG], dt)
     prompt = p[SKEW] == 0.0 and p[DELAY] == 0.0
@@ -80,7 +78,7 @@ def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
     for trial in range(s.bounds.shape[0] - 1):
         first, last = s.bounds[trial], s.bounds[trial + 1] - 1
         integral, spool = 0.0, 0.0
-        if p[KI] != 0.0 and s.mode != VALVE:
+        if p[KI] != 0.0:
             integral = held(p, s, work, trial)
         for k in range(first, last + 1):
             at = k - p[SKEW] / dt
@@ -88,10 +86,8 @@ def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
             if s.mode == POSITION:
                 here = s.position[k] if p[SKEW] == 0.0 else delayed(s.position, first, last, at, 0.0)
                 error = wanted - here
-            elif s.mode == TORQUE:
-                error = wanted - s.effort[k] + p[OFFSET]
             else:
-                error = wanted - p[NEUTRAL]
+                error = wanted - s.effort[k] + p[OFFSET]
             driven = error + integral + shift
             spool = driven if k == first else spool
             if s.mode == TORQUE:

@@ -53,7 +53,7 @@ _BY_STAGE = {"clock": _DRIVEN, "command": _DRIVEN, "core": CORE, "output": CORE}
 
 def _inputs(owner: str, name: str) -> int:
     if owner not in EFFECTS:
-        return _DRIVEN if name == "neutral" else CORE
+        return CORE
     anew = next(p.anew for p in EFFECTS[owner].parameters if p.name == name)
     return _INPUTS[anew] if anew else _BY_STAGE[EFFECTS[owner].stage]
 

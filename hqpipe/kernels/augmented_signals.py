@@ -14,16 +14,15 @@ class Signals(NamedTuple):
     """One joint over several trials, end to end; SI units, (T,) each unless stated.
 
     Attributes:
-        mode: POSITION, TORQUE or VALVE.
-        command: rad, N·m or any scale, by mode.
+        mode: POSITION or TORQUE.
+        command: rad or N·m, by mode.
         position, velocity, effort: rad, rad/s, N·m.
-        rate: (T,) time derivative of the effort, N·m/s; only valve mode reads it.
         time: s since the trial's start.
         demand: flow that all joints draw from the supply, counted in rad/s.
         bounds: (trials + 1,) first sample of each trial, and the end.
         first: (W,) first sample of each window.
         steps: samples that a window predicts.
-        target: (steps + 1, W) logged output: effort, or in valve mode velocity; NaN where it was not recorded, never in row 0.
+        target: (steps + 1, W) logged effort; NaN where it was not recorded, never in row 0.
     """
 
     mode: int
@@ -31,7 +30,6 @@ class Signals(NamedTuple):
     position: np.ndarray
     velocity: np.ndarray
     effort: np.ndarray
-    rate: np.ndarray
     time: np.ndarray
     demand: np.ndarray
     bounds: np.ndarray

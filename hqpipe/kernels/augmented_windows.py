@@ -12,7 +12,7 @@ The chain, in this order (names as in hqpipe.effects):
 
 In position mode the command side hangs on logged signals only and is computed once for all windows; windows
 lie side by side in memory, so that the core runs over all of them at once. In torque mode e = τ_des − τ closes
-the loop inside the core. In valve mode the output is the speed k1 φ u − k2 τ, without a state of its own.
+the loop inside the core.
 """
 
 from __future__ import annotations
@@ -58,7 +58,6 @@ from hqpipe.kernels.augmented_columns import (
     SLOPE,
     SUPPLY,
     TORQUE,
-    VALVE,
     WINDUP,
 )
 from hqpipe.kernels.augmented_command import command_side, held, piston_lag, shape_opening
@@ -230,17 +229,6 @@ def _torque_loop(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None
 
 
 @njit(cache=True, nogil=True)
-def _speed(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
-    """Valve mode: the speed of a rate-controlled axis, less what leaks under load and what the transmission stretches."""
-    for w in range(out.shape[1]):
-        for k in range(s.steps):
-            at = s.first[w] + k
-            u = work.opening[k, w]
-            flow = p[K1] * u * orifice(u, s.effort[at], p[ORIFICE], work.loss[k, w], 0.0, 0.0, 0.0)
-            out[k, w] = flow - p[K2] * s.effort[at] - p[COMPLIANCE] * s.rate[at]
-
-
-@njit(cache=True, nogil=True)
 def simulate(p: np.ndarray, s: Signals, work: Work, out: np.ndarray, inputs: int) -> None:
     """Predict the logged output of all windows.
 
@@ -258,9 +246,6 @@ def simulate(p: np.ndarray, s: Signals, work: Work, out: np.ndarray, inputs: int
         _supply(p, s, work)
     if inputs & COMMAND:
         command_side(p, s, work)
-    if s.mode == VALVE:
-        _speed(p, s, work, out)
-        return
     _restart(p, s, work, inputs & FOLLOW)
     if s.mode == TORQUE:
         _torque_loop(p, s, work, out)

@@ -39,7 +39,7 @@ FOLDS = 5  # stretches of the fit trials, one of them predicted from the others 
 FINER = 0.98  # steps in which the longest windows are looked for
 MOST_ROWS = 4000  # per joint: more of a correlated signal say no more
 RIDGE = 1e-6  # of the mean diagonal, against bins that are the same
-_INPUTS = {"position": "position_command", "torque": "effort_command", "valve": "valve_command"}
+_INPUTS = {"position": "position_command", "torque": "effort_command"}
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,7 @@ def choose_window(log_set: LogSet) -> WindowChoice:
 def _shown(log_set: LogSet, windows: Sequence[float]) -> tuple[float, str]:
     """The first of `windows` that shows the joints' response above the noise, s, and what it was chosen for."""
     mode, trials = log_set.control_mode, [trial.trajectory for trial in log_set.fit]
-    channels = ("effort", _INPUTS[mode]) if mode in ("position", "torque") else (_INPUTS.get(mode, "valve_command"),)
-    if mode not in _INPUTS or not trials or any(getattr(trials[0], name) is None for name in channels):
+    if mode not in _INPUTS or not trials or any(getattr(trials[0], name) is None for name in ("effort", _INPUTS[mode])):
         return windows[0], ""
     pasts = [*(windows[0] * part for part in NEARER), *windows]
     settled = [SETTLED * reach(trials, j, mode, pasts) for j in range(len(log_set.joints))]
@@ -89,7 +88,7 @@ def _shown(log_set: LogSet, windows: Sequence[float]) -> tuple[float, str]:
         seconds = min(_digits(settled[slowest]), windows[-1])
         if settled[slowest] > seconds:
             reason += f", and of longer ones the trials hold fewer than {MIN_WINDOWS}"
-    clear = _above_noise(trials, mode, [w for w in windows if w >= seconds])
+    clear = _above_noise(trials, [w for w in windows if w >= seconds])
     if clear is not None and _longer(clear, seconds):
         return clear, "in shorter ones the outputs change by no more than their noise"
     return seconds, reason
@@ -145,22 +144,16 @@ def _rows(
             bins = sums[at[:, None] - edges[None, :-1]] - sums[at[:, None] - edges[None, 1:]]
             past.append(bins / np.diff(edges)[None, :, None])
             present.append(np.column_stack([np.ones(len(at)), t.position[at, j]]))
-            target.append(_output(t, mode)[at, j])
+            target.append(t.effort[at, j])
     if not target:
         return np.zeros((0, len(edges) - 1, 2)), np.zeros((0, 2)), np.zeros(0)
     return np.concatenate(past), np.concatenate(present), np.concatenate(target)
 
 
 def _inputs(t: Trajectory, j: int, mode: str) -> np.ndarray:
-    """(T, 2) what drives the joint: the command or its error, and the speed; in valve mode the load in its place."""
+    """(T, 2) what drives the joint: the command or its error, and the speed."""
     command = getattr(t, _INPUTS[mode])[:, j]
-    if mode == "valve":
-        return np.column_stack([command, t.effort[:, j] if t.effort is not None else np.zeros(t.samples)])
     return np.column_stack([command - t.position[:, j] if mode == "position" else command, t.velocity[:, j]])
-
-
-def _output(t: Trajectory, mode: str) -> np.ndarray:
-    return t.velocity if mode == "valve" else t.effort
 
 
 def _left(past: np.ndarray, present: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -178,9 +171,9 @@ def _left(past: np.ndarray, present: np.ndarray, target: np.ndarray) -> np.ndarr
     return square / len(x)
 
 
-def _above_noise(trials: Sequence[Trajectory], mode: str, windows: Sequence[float]) -> float | None:
+def _above_noise(trials: Sequence[Trajectory], windows: Sequence[float]) -> float | None:
     """The shortest window over which most joints' outputs change by more than their noise; None if none does."""
-    outputs = [_output(t, mode) for t in trials]
+    outputs = [t.effort for t in trials]
     noise = np.array(
         [np.sqrt(np.mean([difference_noise(y[:, j]) ** 2 for y in outputs])) for j in range(outputs[0].shape[1])]
     )

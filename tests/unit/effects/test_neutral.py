@@ -16,7 +16,6 @@ from hqpipe.logs.trajectory import Trajectory
 BASE = {
     "position": {"k1": 540.0, "k2": 0.05, "k3": 21.6, "k4": 0.36},
     "torque": {"k1": 0.08, "k3": 2.0},
-    "valve": {"k1": 3.0, "neutral": 0.1},
 }
 
 
@@ -24,7 +23,7 @@ BASE = {
 def motion():
     rng = np.random.default_rng(0)
     time = np.arange(1200) * 1e-3
-    rates, phases = rng.uniform(1.0, 5.0, (5, 3, 1)), rng.uniform(0.0, 6.0, (5, 3, 1))
+    rates, phases = rng.uniform(1.0, 5.0, (4, 3, 1)), rng.uniform(0.0, 6.0, (4, 3, 1))
     waves = np.sin(2 * np.pi * rates * time + phases).sum(axis=1)[:, :, None]
     position = 0.2 * waves[0]
     return Trajectory(
@@ -35,7 +34,6 @@ def motion():
         effort=100.0 * waves[1],
         position_command=position + 0.05 * waves[2],
         effort_command=120.0 * waves[3],
-        valve_command=0.4 * waves[4],
     )
 
 

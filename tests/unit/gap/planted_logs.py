@@ -26,7 +26,7 @@ def size(*names: str) -> dict[str, dict[str, float]]:
 def data_of(log_set: LogSet, j: int = 0, steps: int = STEPS) -> JointData:
     """One joint of a log set."""
     fit, heldout = ([t.trajectory for t in trials] for trials in (log_set.fit, log_set.heldout))
-    return joint_data(fit, heldout, j, "position", steps, output_noise(heldout, j, "position"))
+    return joint_data(fit, heldout, j, "position", steps, output_noise(heldout, j))
 
 
 def in_sections(log_set: LogSet, rows: int, every: int) -> LogSet:

@@ -60,14 +60,14 @@ def test_rows_of_the_machine_hold_what_was_found(found):
 
 def test_noise_of_the_reading_is_measured(logs):
     trials = [t.trajectory for t in logs.trials]
-    assert output_noise(trials, 1, "position") == pytest.approx(3.0, rel=0.15)
+    assert output_noise(trials, 1) == pytest.approx(3.0, rel=0.15)
 
 
 @pytest.mark.parametrize("flow", [(1.0, 0.0), (0.0, 2.0)])
 def test_a_sagging_supply_is_felt_by_speeds_or_by_openings(flow):
     droop = {"supply_droop": {"droop": 0.1, "recovery_s": 0.15}}
     logs = logs_of([droop] * 4, seconds=6.0, flow=flow)
-    data, _, _ = prepare(logs, ("supply_droop",), STEPS, None, None)
+    data, _ = prepare(logs, ("supply_droop",), STEPS, None, None)
     chosen = [d.row[[slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]] for d in data]
     assert all((row > 0.0).tolist() == [flow[0] > 0.0, flow[1] > 0.0] for row in chosen)
     assert JointFitter(data[0]).fit(("supply_droop",)).error < 1.2 * 2.0 * 3.0**2

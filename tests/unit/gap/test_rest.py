@@ -38,12 +38,12 @@ def explained(machine, other, asked):
     return asked
 
 
-@pytest.mark.parametrize(("mode", "again"), [("position", [1]), ("torque", [1]), ("valve", [0, 1, 2])])
-def test_joints_with_the_same_model_are_not_explained_again(asked, mode, again):
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_joints_with_the_same_model_are_not_explained_again(asked, mode):
     machine = RowModel(("a", "b", "c"), np.full((3, 4), np.nan), mode, "logged")
     rows = machine.rows.copy()
     rows[1, 2] = 1.0
-    assert explained(machine, replace(machine, rows=rows), asked) == again
+    assert explained(machine, replace(machine, rows=rows), asked) == [1]
 
 
 def test_a_joint_with_a_stretch_of_its_own_is_explained_again(asked):

@@ -9,8 +9,8 @@ import pytest
 from planted_logs import STEPS, TYPICAL, logs_of, planted, size
 
 from hqpipe.effects.layout import neutral_row, slot
-from hqpipe.gap.joint_data import CONTINUED, LOGGED, continued
-from hqpipe.gap.row_model import RowModel, SpanRow, driven, kept, replay_all, view
+from hqpipe.gap.joint_data import CONTINUED, continued
+from hqpipe.gap.row_model import RowModel, SpanRow, driven, kept, replay_all
 
 EXACT = 1e-7  # N·m, on torques of 400
 
@@ -66,19 +66,14 @@ def test_memory_is_what_is_left_of_an_offset(model):
     torque = replace(model, mode="torque", rows=neutral_row()[None])
     torque.rows[0, slot("base", "k1")] = 0.3
     np.testing.assert_allclose(torque.memory, 0.7)
-    assert (replace(model, mode="valve").memory == 0.0).all()
 
 
-def test_views_put_the_drive_and_the_output_where_the_regimes_look(logs):
+def test_the_drive_of_torque_mode_is_the_error_of_the_torque_of_the_model(logs):
     t = logs.trials[0].trajectory
-    t = replace(t, effort_command=t.effort + 7.0, valve_command=0.5 * t.velocity)
-    assert view(t, "position", LOGGED) is t and view(t, "torque", LOGGED) is t
-    assert driven(t, t, t.effort, "position") is t
-    valve = view(t, "valve", LOGGED)
-    np.testing.assert_array_equal(valve.effort[1:], t.velocity[:-1])
-    np.testing.assert_array_equal(valve.extra[f"load/{t.joints[1]}"], t.effort[:, 1])
-    drive = driven(t, valve, valve.effort, "valve")
-    np.testing.assert_allclose(drive.position_command - drive.position, t.valve_command)
+    t = replace(t, effort_command=t.effort + 7.0)
+    assert driven(t, t.effort, "position") is t
+    drive = driven(t, t.effort - 2.0, "torque")
+    np.testing.assert_allclose(drive.position_command - drive.position, 9.0)
 
 
 def test_trials_without_a_window_are_left_out(logs, model):

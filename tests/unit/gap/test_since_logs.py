@@ -226,7 +226,7 @@ def test_the_file_holds_what_it_was_then(found):
 def test_search_and_filter_agree_on_an_unchanged_joint(earlier, sound):
     from hqpipe.gap.accuse import prepare
 
-    data, _, _ = prepare(sound, KEPT, 100, None, None, earlier)
+    data, _ = prepare(sound, KEPT, 100, None, None, earlier)
     states = search_joints(data, ("gain_change", "leakage_change"))
     floor = np.array([state.base.error for state in states])
     assert assemble(drop_unchanged(states, floor), floor) == []

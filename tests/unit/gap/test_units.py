@@ -12,8 +12,8 @@ from test_worth import DELAY, RUB, Rest, cause, joint
 
 from hqpipe.effects import EFFECTS
 from hqpipe.gap.diagnosis import diagnose, write_diagnosis
-from hqpipe.gap.gap_entry import common_unit, gap_entry, undeclared
-from hqpipe.gap.joint_data import by_opening, by_speed, row_lag
+from hqpipe.gap.gap_entry import gap_entry, undeclared
+from hqpipe.gap.joint_data import by_opening, by_speed
 from hqpipe.gap.joint_scale import MIN_EXCITATION, joint_scale, pooled
 from hqpipe.gap.locate import locate, telling
 from hqpipe.gap.noise import repeats
@@ -150,7 +150,6 @@ def test_a_size_in_a_unit_needs_a_common_unit():
     assert unlike["unit"] is None and "swing and boom differ 1,111-fold" in told[0]
     still, _ = entry({}, [100.0, np.inf])
     assert still["joints"][1]["scale"] is None and still["joints"][1]["normalised"]["before"] is None
-    assert common_unit(SimpleNamespace(kinds={}, joints=("a",), control_mode="valve"), np.ones(1)) == "rad/s"
 
 
 def test_the_flow_of_mixed_joints_counts_them_alike(logs):
@@ -174,13 +173,3 @@ def test_trials_repeat_a_command_joint_by_joint():
 
     assert repeats([trial(command), trial(command.copy())]) == [(0, 1)]
     assert repeats([trial(command), trial(command + [0.0, 1e-10])]) == [], "another command of the joint in small units"
-
-
-def test_the_lag_of_speeds_is_not_that_of_the_joint_with_the_largest_numbers():
-    """Two joints whose logged speeds come half a sample early and late by one: each counts by its own size."""
-    time = np.arange(4000) * 1e-3
-    position = np.stack([np.sin(9.0 * time), 1e-3 * np.sin(7.0 * time)], axis=1)
-    step = np.diff(position, axis=0, append=position[-1:]) / 1e-3
-    velocity = np.stack([step[:, 0], np.roll(step[:, 1], 1)], axis=1)
-    t = SimpleNamespace(position=position, velocity=velocity, dt=1e-3)
-    assert row_lag([t]) == pytest.approx(0.5, abs=0.2)

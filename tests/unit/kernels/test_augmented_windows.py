@@ -171,12 +171,12 @@ def test_trials_do_not_leak_into_each_other():
 
 @pytest.fixture(scope="module")
 def other_modes():
-    """Random but smooth channels with a torque and a valve command."""
+    """Random but smooth channels with a torque command."""
     rng = np.random.default_rng(4)
     time = np.arange(2000) * 1e-3
     waves = [
         sum(np.sin(2 * np.pi * f * time + p) for f, p in zip(rng.uniform(1, 6, 4), rng.uniform(0, 6, 4), strict=True))
-        for _ in range(4)
+        for _ in range(3)
     ]
     t = trial()
     position = 0.2 * waves[0][:, None]
@@ -186,23 +186,19 @@ def other_modes():
         velocity=np.gradient(position, 1e-3, axis=0),
         effort=60.0 * waves[1][:, None],
         effort_command=80.0 * waves[2][:, None],
-        valve_command=0.4 * waves[3][:, None] + 0.1,
     )
 
 
 BASE = {
     "position": {},
     "torque": {"k1": 0.08, "k2": 0.0, "k3": 2.0, "k4": 0.0},
-    "valve": {"k1": 3.0, "k2": 0.0, "k3": 0.0, "k4": 0.0, "neutral": 0.1},
 }
 CASES = [(mode, name) for mode in MODES for name in IN_THE_LOOP if mode in EFFECTS[name].modes]
-COMPLIANCE = {"transmission_compliance": {"stiffness_nm_per_rad": 800.0}}
 SIZES = {
-    "position": planted.TYPICAL | COMPLIANCE,
+    "position": planted.TYPICAL,
     "torque": planted.TYPICAL
     | {"integral_action": {"ki": 2.0}, "valve_deadband": {"half_width": 20.0, "rounding": 0.2}}
     | {"flow_saturation": {"limit": 60.0}},
-    "valve": planted.TYPICAL | COMPLIANCE,
 }
 
 
@@ -223,14 +219,6 @@ def test_torque_mode_is_a_first_order_force_loop(other_modes):
         for k in range(STEPS):
             torque = torque + 0.08 * (signals.command[first + k] - torque) - 2.0 * signals.velocity[first + k]
             assert found[k, w] == pytest.approx(torque, abs=EXACT)
-
-
-def test_valve_mode_is_a_gain_on_the_opening(other_modes):
-    signals = cut([other_modes], 0, "valve", STEPS).signals
-    at = signals.first[None, :] + np.arange(STEPS)[:, None]
-    expected = 3.0 * (signals.command[at] - 0.1)
-    np.testing.assert_allclose(predicted(row({}, **BASE["valve"]), signals), expected, atol=1e-2 * EXACT)
-    np.testing.assert_array_equal(signals.target[1:], signals.velocity[at])
 
 
 def between_springs(oil, transmission, damping):

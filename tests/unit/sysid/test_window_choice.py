@@ -17,7 +17,7 @@ from hqpipe.sysid.window_choice import FEWEST_SAMPLES, LEAST_SAMPLES, MIN_WINDOW
 sys.path.insert(0, str(Path(__file__).parents[2] / "recovery"))
 from planted_effects import logs_of
 
-MODES = ("position", "torque", "valve")
+MODES = ("position", "torque")
 
 
 def trial(rate, time_constants, seconds, seed, mode, noise, delay):
@@ -35,12 +35,9 @@ def trial(rate, time_constants, seconds, seed, mode, noise, delay):
         columns.append((wave, output + noise * output.std() * rng.normal(size=len(time))))
     command, output = (np.stack(part, axis=1) for part in zip(*columns, strict=True))
     position = 0.1 * np.cumsum(command, axis=0) * dt
-    if mode == "valve":
-        channels = {"position": np.cumsum(output, axis=0) * dt, "velocity": output, "valve_command": command}
-    else:
-        channels = {"position": position, "velocity": np.gradient(position, dt, axis=0), "effort": output}
-        name, drive = ("position_command", position + command) if mode == "position" else ("effort_command", command)
-        channels[name] = drive
+    channels = {"position": position, "velocity": np.gradient(position, dt, axis=0), "effort": output}
+    name, drive = ("position_command", position + command) if mode == "position" else ("effort_command", command)
+    channels[name] = drive
     return Trajectory(time=time, joints=tuple(f"j{i}" for i in range(len(time_constants))), **channels)
 
 
