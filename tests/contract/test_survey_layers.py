@@ -79,7 +79,8 @@ def test_motion_is_asked_where_the_torque_is_that_of_the_drive(mode, source, bas
     expected = evaluated and (mode == "position" or base == "fixed")
     assert any(x.layer == "joint_motion" and x.evaluated for x in found) == expected
     chosen = route(replace(logs, trials=trials))
-    assert chosen.actuator and chosen.layers == (("joint_motion",) if expected else ())
+    assert chosen.actuator != expected and chosen.layers == (("joint_motion",) if expected else ())
+    assert any(x.layer == "actuator" and x.evaluated for x in found) == chosen.actuator
 
 
 def test_the_missing_columns_are_named():

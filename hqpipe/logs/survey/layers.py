@@ -56,14 +56,17 @@ def layers(
         channels: recorded in every trial. mode: control mode, as stated or inferred. differentiated: velocity is not recorded.
         extra: other columns that every trial has. base: "fixed", "floating" or None. effort_source: as in logset.yaml.
     """
+    motion = _joint_motion(channels, mode, extra, base, effort_source)
+    electric = motion.evaluated and effort_source in _GIVEN_BY_THE_DRIVE
     found = []
     for name, needs in _NEEDS.items():
         missing = _columns(needs, channels)
         note = f"with control_mode: {name} in logset.yaml, in place of {mode}" if mode and mode != name else ""
-        found.append(
-            Layer("actuator", name, not missing, mode == name and not missing, missing, "" if missing else note)
-        )
-    found += [_servo(channels, mode, extra), _joint_motion(channels, mode, extra, base, effort_source)]
+        if electric and mode == name:
+            note = "the torque is what an electric drive gives: joint_motion takes its place"
+        asked = mode == name and not missing and not electric
+        found.append(Layer("actuator", name, not missing, asked, missing, "" if missing else note))
+    found += [_servo(channels, mode, extra), motion]
     lacking = () if mode == "valve" else _columns(("effort",), channels)
     found.append(Layer("sensing", None, not lacking, not lacking, lacking, _comparisons(channels, differentiated)))
     return found + [Layer(name, None, False, False, (), "hqpipe diagnose does not evaluate it") for name in _FUTURE]

@@ -75,19 +75,18 @@ def law(after, persistence=1.0):
     return Diagnosis(content, law=deepcopy(content["gap"]))
 
 
-@pytest.mark.parametrize(("after", "answers"), [(0.3, "actuator"), (2.7, "joint_motion")])
-def test_the_layer_answers_where_the_law_predicts_nothing(after, answers):
+@pytest.mark.parametrize(("after", "blind"), [(0.3, False), (2.7, True)])
+def test_the_law_predicts_nothing_where_it_errs_as_persistence(after, blind):
+    assert diagnosis.errs_as_persistence(law(after)) == blind
+
+
+def test_the_layer_answers_where_the_law_predicts_nothing():
     second = law(0.3)
     second.content["gap"]["layer"] = "joint_motion"
-    first = law(after)
-    blind = diagnosis.errs_as_persistence(first)
-    assert blind == (answers == "joint_motion")
-    content = diagnosis._both(first, second, blind).content
-    assert content["gap"]["layer"] == answers
-    assert [gap["layer"] for gap in content["gaps"]] == (
-        ["actuator", "joint_motion"] if answers == "actuator" else ["joint_motion", "actuator"]
-    )
-    assert sum("it is not the law of this machine" in text for text in content["warnings"]) == int(blind)
+    content = diagnosis._in_its_place(law(2.7), second).content
+    assert content["gap"]["layer"] == "joint_motion"
+    assert [gap["layer"] for gap in content["gaps"]] == ["joint_motion", "actuator"]
+    assert sum("it is not the law of this machine" in text for text in content["warnings"]) == 1
 
 
 def test_earlier_logs_of_another_machine_are_refused(logs):

@@ -89,7 +89,20 @@ def test_a_full_disk_is_done_without(tmp_path):
     assert result.returncode == 0 and json.loads(result.stdout) == [[6], 0], result.stderr
 
 
-@pytest.mark.parametrize("module", ["kernels.laws", "effects", "plant.plant", "sim.mujoco_loop", "sim.pybullet_robot"])
+@pytest.mark.parametrize(
+    "module",
+    [
+        "kernels.laws",
+        "effects",
+        "plant.plant",
+        "sim.mujoco_loop",
+        "sim.pybullet_robot",
+        "layers.servo",
+        "layers.valve",
+        "layers.joint_motion",
+        "benchmark.drives",
+    ],
+)
 def test_every_way_to_compiled_code_leads_through_the_check(module):
     code = f"import sys, hqpipe.{module}; print('numba' in sys.modules, 'hqpipe.system.checked_cache' in sys.modules)"
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
