@@ -65,11 +65,11 @@ class Start:
 
 
 def base_of(scale: Scale, start: Start, size: Size) -> tuple[Parameter, ...]:
-    """Base parameters: inertia, gain, drag, share of the command's rate, gravity, offset, duty delay, as far as they are free.
+    """Base parameters in the order inertia, gain, drag, gravity, offset, timing, as far as they are free.
 
     What is stated may be off by its tolerance. Gravity is not larger than the largest drive torque, or the drive could not hold
-    the joint. The damping of a position loop acts on the speed of the joint or on that of the error, which is not known. A
-    logged duty was set up to a sample before it was read, or holds for one after: when within a sample it counts is free.
+    the joint. A command counts up to a sample before the row in which it was logged; later is a delay. A logged duty was set
+    up to a sample before it was read, or holds for one after.
     """
     torque = size.torque
     found = []
@@ -86,14 +86,12 @@ def base_of(scale: Scale, start: Start, size: Size) -> tuple[Parameter, ...]:
         found.append(Parameter("drag", scale.drag_unit, start.drag, np.inf, 0.0))
     else:
         found.append(_tolerance("drag_tolerance", "1", 1.0))
-    if not scale.duty:
-        gain = start.gain if scale.free_gain else 1.0
-        damped = float(np.median(scale.drag * (start.drag if scale.free_drag else 1.0) / (scale.gain * gain)))
-        found.append(Parameter("command_lead_s", "s", 0.0, np.inf, 0.0, 1.5 * damped, (0.0, damped)))
     if not scale.load and scale.kind != PRISMATIC:
         found.append(Parameter("gravity_sin", scale.torque, start.gravity_sin, torque, -np.inf, np.inf))
         found.append(Parameter("gravity_cos", scale.torque, start.gravity_cos, torque, -np.inf, np.inf))
     found.append(Parameter("offset", scale.torque, start.offset, torque))
+    if not scale.duty:
+        found.append(Parameter("command_lead_s", "s", 0.0, 0.5 * size.dt, 0.0, size.dt))
     if scale.duty:
         found.append(Parameter("duty_delay_s", "s", 0.5 * size.dt, 0.5 * size.dt, -size.dt, size.dt))
     return tuple(found)

@@ -93,10 +93,11 @@ class ServoJoint:
         setting: Setting,
         splits: tuple[Split, Split],
         notes: tuple[str, ...],
+        damps_error: bool = False,
     ) -> None:
-        """`splits`: fit and held-out."""
+        """`splits`: fit and held-out. `damps_error`: the drive damps the speed of the error, not that of the joint."""
         self.joint, self.scale, self.base, self.effects = joint, scale, base, effects
-        self.unit = scale.angle
+        self.unit, self.damps_error = scale.angle, damps_error
         self.setting, self.notes = setting, notes
         self._splits = splits
         self.fit, self.heldout = (split.samples for split in splits)
@@ -118,10 +119,12 @@ class ServoJoint:
         """Name, value and unit under which a number that was fitted is answered.
 
         A torque limit is fitted as the share of the largest torque that it cuts off, and a spring as one over its stiffness,
-        so that they can be absent.
+        so that they can be absent; a gain as what it is off by, and answered as its ratio to the stated one.
         """
         if (effect, name) == ("torque_limit", "share_cut_off"):
             return "effort_max_nm", self.setting.torque * (1.0 - value) if value > 0.0 else np.inf, self.scale.torque
+        if (effect, name) == ("gain_error", "ratio"):
+            return name, 1.0 + value, "1"
         if (effect, name) == ("transmission_compliance", "compliance"):
             unit = f"{self.scale.torque}/{self.scale.angle}" if self.scale.si else "1"
             return "stiffness_nm_per_rad", 1.0 / value if value > 0.0 else np.inf, unit
@@ -186,6 +189,8 @@ class ServoJoint:
         trials[:, kernel.INERTIA] = scale.inertia[rows] + inertia
         trials[:, kernel.GAIN] = scale.gain[rows] * gain * (1.0 + gain_off)
         trials[:, kernel.DRAG] = scale.drag[rows] * drag * (1.0 + drag_off)
+        if self.damps_error:
+            numbers[kernel.COMMAND_RATE] += np.median(trials[:, kernel.DRAG] / trials[:, kernel.GAIN])
         trials[:, kernel.LOAD_GRAVITY] = scale.gravity[rows]
         trials[:, kernel.STEP] = split.tracks.dt
         return numbers, trials

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.errors import IdentificationError
-from hqpipe.identify.model import LayerJoints
+from hqpipe.identify.least_squares import Fitter
+from hqpipe.identify.model import LayerJoints, positions
+from hqpipe.identify.search import base_solution
 from hqpipe.layers.servo.candidates import Size, Start, base_of, effects_of
 from hqpipe.layers.servo.joint import ServoJoint, Setting, Split, samples_of
 from hqpipe.layers.servo.scale import Scale, duty_of, scale_note, scale_of
@@ -32,6 +34,7 @@ LONGEST_WINDOW = 2.0  # s; assumption: longer windows leave too few of them
 _LEAST_WINDOWS = 4  # of the fit trials; assumption: fewer initial states are no sample
 _FINE = 25.0  # substeps of a response time; Verlet is then exact to about 1e-3
 _MOST_SUBSTEPS = 8
+_CLEARLY = 0.7  # of the squared error; assumption: less of a gain may be what both models lack
 _MOST_STEPS = 12_500  # substeps of one call on the fit trials, about 0.8 ms
 _HELDOUT = 4  # times that for the held-out trials, which are run once for every answer
 _MOVES = 20.0  # steps of the sensor, or standard deviations of its noise, that the travel must have; assumption
@@ -201,7 +204,26 @@ def _model(item: _Prepared, length: float, without: Collection[str]) -> ServoJoi
     )
     base, effects = base_of(scale, start, size), effects_of(scale, size, without)
     notes = tuple(note for note in (scale_note(item.joint, scale),) if note)
-    return ServoJoint(item.joint, scale, base, effects, setting, (splits[0], splits[1]), notes)
+
+    def damping(error: bool) -> ServoJoint:
+        return ServoJoint(item.joint, scale, base, effects, setting, (splits[0], splits[1]), notes, error)
+
+    speed = damping(False)
+    return speed if scale.duty or not _damps_error(speed, damping(True)) else damping(True)
+
+
+def _damps_error(speed: ServoJoint, error: ServoJoint) -> bool:
+    """Whether the drive damps the speed of the error: with dry friction, that model leaves clearly less than the other."""
+    squares = []
+    for model in (speed, error):
+        fitter = Fitter(model)
+        base = base_solution(fitter)
+        dry = [effect.name for effect in model.effects if effect.name == "coulomb_friction"]
+        free = positions(model, dry)
+        start = base.values.copy()
+        start[free[len(model.base) :]] = 0.1 * fitter.spread[free[len(model.base) :]]
+        squares.append(fitter.fit(free, start, base.square / max(len(base.error), 1)).square)
+    return squares[1] < _CLEARLY * squares[0]
 
 
 def _torque(item: _Prepared, start: Start) -> np.ndarray:

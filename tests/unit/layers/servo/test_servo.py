@@ -104,18 +104,32 @@ def test_units_and_candidates_follow_what_is_known(plain, loaded):
     assert not {"viscous_friction", "armature", "gain_error", "position_bias"} & names(unknown)
     assert "kp" in unknown.notes[0]
     gains = Servo().joints(stated(plain, **GAINS)).models[0]
-    assert [p.unit for p in gains.base] == ["kg·m²", "N·m", "N·m", "N·m"]
+    assert [p.name for p in gains.base] == [
+        "inertia",
+        "drag_tolerance",
+        "gravity_sin",
+        "gravity_cos",
+        "offset",
+        "command_lead_s",
+    ]
+    assert [p.unit for p in gains.base] == ["kg·m²", "1", "N·m", "N·m", "N·m", "s"]
     assert "viscous_friction" in names(gains) and "armature" not in names(gains)
     assert gains.notes == ()
     load = Servo().joints(loaded).models[0]
-    assert [p.name for p in load.base] == ["offset"]
+    assert [p.name for p in load.base] == ["inertia", "gain_tolerance", "drag_tolerance", "offset", "command_lead_s"]
+    assert all(abs(p.high) == abs(p.low) <= 0.05 for p in load.base[:3])
     assert {"armature", "gain_error", "position_bias", "viscous_friction"} <= names(load)
 
 
 def test_a_sliding_joint_has_no_gravity_by_angle():
     model = Servo().joints(log_set(Truth(gravity=0.0), kind="prismatic", drive=GAINS, **QUICK)).models[0]
     assert model.unit == "m"
-    assert [(p.name, p.unit) for p in model.base] == [("inertia", "kg"), ("offset", "N")]
+    assert [(p.name, p.unit) for p in model.base] == [
+        ("inertia", "kg"),
+        ("drag_tolerance", "1"),
+        ("offset", "N"),
+        ("command_lead_s", "s"),
+    ]
 
 
 def test_firmware_gains_of_trials_keep_their_ratio(plain):
