@@ -47,9 +47,8 @@ def test_damping_against_a_target_at_rest_is_no_delay():
     joint = model(Truth())
     alone, delayed = fit(joint, ()), fit(joint, ("command_delay",))
     assert alone["drag"] == pytest.approx(3.0 / 40.0, rel=0.02)
-    assert (
-        abs(delayed["command_delay.delay_s"] - delayed["command_lead_s"]) < 2e-4
-    )  # one and the same, with opposite signs
+    moved = delayed["command_delay.delay_s"] - delayed["command_lead_s"]  # opposite signs of one thing
+    assert abs(moved) < 0.5 * joint.dt
 
 
 def test_backlash():
