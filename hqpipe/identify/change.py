@@ -83,7 +83,7 @@ class Changed:
         names = [p.name for p in self.both.base]
         grouped = {name for group in groups.values() for name in group}
         for name, group in groups.items():
-            found.append(self._deviation(Effect(name, ()), [names.index(g) for g in group if g in names], parameters))
+            found.append(self._deviation(Effect(name, (), common=True), [names.index(g) for g in group], parameters))
         for k, name in enumerate(names):
             if name not in grouped:
                 found.append(self._deviation(Effect(f"change of {name}", (), False, name), [k], parameters))
@@ -100,7 +100,8 @@ class Changed:
         for i in places:
             p, value = parameters[i], float(self.values[i])
             spread = p.spread if np.isfinite(p.spread) else max(abs(value) / 3.0, 1e-9)
-            moved.append(replace(p, neutral=0.0, spread=spread, low=p.low - value, high=p.high - value, starts=()))
+            several = () if effect.parameters else tuple(np.clip([-spread, 0.0, spread], p.low - value, p.high - value))
+            moved.append(replace(p, neutral=0.0, spread=spread, low=p.low - value, high=p.high - value, starts=several))
         return replace(effect, parameters=tuple(moved), excludes=frozenset())
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:

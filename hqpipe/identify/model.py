@@ -87,6 +87,8 @@ class JointModel(Protocol):
         fit, heldout: samples of the trials of each split; `heldout` may hold none.
         noise: (fit, held-out) root mean square that sensor noise alone leaves in the error of a perfect model.
         notes: what an answer should say of this joint, one sentence each.
+
+    It may have `changes`: cause → names of the base parameters that change with it from one record of the machine to another.
     """
 
     joint: str

@@ -104,7 +104,7 @@ def effects_of(
     found = [
         Effect(
             name,
-            (Parameter(own, unit(of), 0.0, sizes[name], 0.0 if name != "spring" else -np.inf),),
+            (Parameter(own, unit(of), 0.0, sizes[name], 0.0),),
             common=name != "spring",
         )
         for name, (own, of, _) in DIRECT.items()

@@ -41,6 +41,13 @@ class MotionModel:
     load: tuple[float, float]
     back: int
 
+    @property
+    def changes(self) -> dict[str, tuple[str, ...]]:
+        """Cause → base parameters that change with it; where none bends over the position, a weight is a constant force."""
+        names = [p.name for p in self.base]
+        weight = [name for name in names if name.startswith("gravity")] or ["offset_nm"]
+        return {"payload": tuple(name for name in ("inertia_kg_m2", *weight) if name in names)}
+
     @cached_property
     def _at(self) -> dict[tuple[str, str], int]:
         """(effect, parameter) → index into the values; no effect for the base."""

@@ -108,6 +108,15 @@ class ServoJoint:
         self._neutral = np.array([parameter.neutral for _, parameter in named])
         self.noise = tuple(self._noise(split) for split in splits)
 
+    @property
+    def changes(self) -> dict[str, tuple[str, ...]]:
+        """Cause → base parameters that change with it; where none bends over the position, a weight is a constant torque."""
+        if self.scale.load:
+            return {}  # of each record the load is known
+        names = [p.name for p in self.base]
+        weight = [name for name in names if name.startswith("gravity")] or ["offset"]
+        return {"payload": ("inertia", *weight)}
+
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
         """(N,) predicted less measured position; see `hqpipe.identify.model.JointModel`."""
         split = self._splits[int(heldout)]
