@@ -14,6 +14,7 @@ from hqpipe.benchmark.planted import SIZES, Planted
 
 Numbers = dict[str, float | None]
 Build = Callable[[CylinderMachine, int, float, np.random.Generator], tuple[dict[str, float], Numbers]]
+SPOOL = "valve_lag"  # of which every valve has its own
 SCATTER = (0.05, 0.15)  # as of the electric machines
 
 
@@ -122,9 +123,9 @@ RECIPES: dict[str, CylinderRecipe] = {
 
 
 def with_spools(machine: CylinderMachine, planted: tuple[Planted, ...]) -> tuple[Planted, ...]:
-    """The effects with the lag that every spool has: a valve_lag where none was planted is named rightly."""
+    """The effects with the lag that every spool has: one where none was planted is named rightly."""
     lag = {name: float(value) for name, value in zip(machine.names, machine.axes["lag"], strict=True)}
-    slow = next((effect for effect in planted if effect.effect == "valve_lag"), None)
+    slow = next((effect for effect in planted if effect.effect == SPOOL), None)
     if slow is None:
         parameters: dict[str, dict[str, float | None]] = {
             name: {"time_constant_s": value} for name, value in lag.items()
@@ -132,7 +133,7 @@ def with_spools(machine: CylinderMachine, planted: tuple[Planted, ...]) -> tuple
         settings = {name: {"lag": value} for name, value in lag.items()}
         return (
             *planted,
-            Planted("valve_lag", "valve", False, machine.names, "machine", None, parameters, settings, ordinary=True),
+            Planted(SPOOL, "valve", False, machine.names, "machine", None, parameters, settings, ordinary=True),
         )
     parameters = {name: {"time_constant_s": value} for name, value in lag.items()} | slow.parameters
     everywhere = replace(slow, joints=machine.names, scope="machine", parameters=parameters)

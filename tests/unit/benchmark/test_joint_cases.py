@@ -15,6 +15,7 @@ import pytest
 
 from hqpipe.benchmark import cylinder, cylinder_effects, cylinder_record, electric, electric_effects, electric_record
 from hqpipe.benchmark.cases import EXCLUSIVE, FAMILIES, FRICTION, KINDS, cases, write
+from hqpipe.benchmark.cylinder_effects import SPOOL
 from hqpipe.errors import UsageError
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.logs.writer import LogSetWriter
@@ -83,9 +84,19 @@ def test_each_kind_holds_what_its_name_says():
         assert len({one.effect for one in case.planted}) == len(case.planted)
         assert len(about) in {"none": (0,), "mixture": (2, 3)}.get(case.kind, (1,))
         assert {one.outside for one in about} <= {case.kind == "outside"}
-        assert case.kind != "place" or (about[0].scope == "joint" and len(case.machine.names) > 1)
+        slow = about and about[0].effect == SPOOL  # every other spool has its own lag
+        assert case.kind != "place" or slow or (about[0].scope == "joint" and len(case.machine.names) > 1)
         assert not any(pair <= {one.effect for one in about} for pair in EXCLUSIVE)
-        assert all(one.effect == FRICTION and one.scope == "machine" for one in case.planted if one.ordinary)
+        ordinary = SPOOL if case.family == "cylinder" else FRICTION
+        assert all(one.effect == ordinary and one.scope == "machine" for one in case.planted if one.ordinary)
+
+
+def test_every_spool_has_a_lag_that_is_named_rightly():
+    for case in cases(40, 4, "cylinder"):
+        (lag,) = [one for one in case.planted if one.effect == SPOOL]
+        assert lag.joints == case.machine.names
+        planted = {name for name, fields in lag.settings.items() if fields["lag"] > 0.02}
+        assert lag.ordinary == (not planted)
 
 
 def test_half_of_the_electric_cases_have_ordinary_friction():
