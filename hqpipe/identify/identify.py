@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
 
 import numpy as np
 
@@ -38,15 +39,16 @@ def identify(
 
 
 def _searched(models: Sequence[JointModel], workers: int, progress: Progress | None) -> tuple[JointFound, ...]:
-    done = 0
+    done, lock = 0, Lock()
 
     def first(model: JointModel) -> tuple[Search, Known]:
         nonlocal done
         search = Search(model, prior_odds(model, {}, 0))
         found = search.run()
-        done += 1
-        if progress is not None:
-            progress(done, len(models), model.joint)
+        with lock:  # joints are searched at a time
+            done += 1
+            if progress is not None:
+                progress(done, len(models), model.joint)
         return search, found
 
     with ThreadPoolExecutor(max(workers, 1)) as pool:
@@ -82,7 +84,7 @@ def _weighed_again(search: Search, known: Known, others: Sequence[frozenset[str]
         for name in names:
             count[name] = count.get(name, 0) + 1
     search.odds = prior_odds(search.model, count, len(others))
-    for name in sorted(count, key=lambda name: -count[name]):
+    for name in sorted(count, key=lambda name: (-count[name], name)):  # a set has no order of its own
         if name in search.effects and name in search.addable(known.names) and search.odds[name] > 0.0:
             larger = search.grown_by(known, name)
             if search.gain(larger, known) > 0.0:
