@@ -225,8 +225,8 @@ def _remarks(errors: LayerErrors, evidence: LayerEvidence) -> list[str]:
     fitted, held = (
         np.sqrt(np.mean([np.mean(e**2) / joint.scale**2 for joint, e in pairs])) if (pairs := list(parts)) else 0.0
         for parts in (
-            ((joint, joint.found.base.error) for joint in judged),
-            ((joint, joint.found.base.heldout) for joint in judged),
+            ((joint, joint.bounded(joint.found.base.error)) for joint in judged),
+            ((joint, joint.bounded(joint.found.base.heldout)) for joint in judged),
         )
     )
     if held > UNLIKE * fitted:

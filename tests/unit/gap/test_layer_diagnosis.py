@@ -143,6 +143,16 @@ def test_a_prediction_that_runs_away_is_told():
     assert content["gap"]["before"] > content["gap"]["after"]
 
 
+def test_a_prediction_on_its_way_to_infinity_counts_as_one_that_is_there():
+    model = toy("hip", 0, seconds=6.0)
+    made = made_up(model, 1.0, 1.0)
+    made.base.heldout[:60] = np.geomspace(1e120, 1e300, 60)
+    content = layer_diagnosis(None, log_set([model]), layer_found(made)).content
+    assert any("the prediction runs away in 5.0% of the samples" in text for text in content["warnings"])
+    assert content["gap"]["before"] < 10.0
+    assert not any("inf" in text for text in content["warnings"])
+
+
 def test_a_lost_sign_is_a_cause_of_its_own():
     model = toy("hip", 0, seconds=6.0)
     model.unsigned = True
