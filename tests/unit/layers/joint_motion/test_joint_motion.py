@@ -206,3 +206,18 @@ def test_friction_has_grown_without_lubricant_and_gravity_has_not():
     assert friction["cranfield_lube1"] - friction["cranfield_ref"] == pytest.approx(0.12, abs=0.02)
     assert friction["cranfield_same"] == pytest.approx(friction["cranfield_ref"], abs=0.02)
     assert np.ptp([values["offset_nm"] for values in found.values()]) < 0.03
+
+
+def test_a_load_that_differs_between_the_trials_fixes_no_scale(runs):
+    logs = log_set(runs, load={"*": {"mass_kg": 8.0 / 9.80665 / 0.4, "lever_m": 0.4}})
+    first, last = logs.trials
+    logs = replace(logs, trials=(first, replace(last, load={"*": {"mass_kg": 9.0, "lever_m": 0.4}})))
+    model = JointMotion().joints(logs).models[0]
+    assert model.load == (0.0, 0.0) and not {"armature", "torque_scale"} & names(model)
+    assert any("load differs between the trials" in note for note in model.notes)
+
+
+def test_a_torque_that_only_the_held_out_trials_show_is_left_with_a_reason(runs):
+    (c, q, tau), held = runs
+    with pytest.raises(IdentificationError, match="torque is constant in the trials of the fit"):
+        JointMotion().joints(log_set([(c, q, 0.0 * tau), held]))
