@@ -37,12 +37,12 @@ def answer(search: Search, best: Known) -> JointFound:
     core = _worth_keeping(search, best, base)
     while True:
         found = {name: _probability(search, core, name) for name in _causes(search, core)}
-        doubtful = {name: probability for name, (probability, *_) in found.items() if probability <= BELIEVED}
+        doubtful = {name: probability for name, (probability, _) in found.items() if probability <= BELIEVED}
         if not doubtful:
             break
         core = _worth_keeping(search, search.without(core, min(doubtful, key=lambda name: doubtful[name])), base)
     search.rank_beside(core)
-    probabilities = _considered(search, {name: probability for name, (probability, *_) in found.items()})
+    probabilities = _considered(search, {name: probability for name, (probability, _) in found.items()})
     claimed, core = core, _confirmed(search, core, base)
     named = _only(search, core, frozenset(_causes(search, core)) | base.names)
     without = {name: search.without(named, name) for name in _causes(search, named)}
@@ -144,18 +144,17 @@ def fitted(search: Search, known: Known) -> Fitted:
     return Fitted(order, known.solution.values, known.solution.error, heldout)
 
 
-def _probability(search: Search, best: Known, name: str) -> tuple[float, tuple[str, ...], Known]:
-    """Of an effect of a set, beside the sets without it or with another in its place; the others; the set without it."""
+def _probability(search: Search, best: Known, name: str) -> tuple[float, tuple[str, ...]]:
+    """Of an effect of a set, beside the sets without it or with another in its place; and what these others are."""
     smaller = search.without(best, name)
     against = {"": -search.gain(best, smaller)}
     for option in search.replaced(smaller, name):
         other = next(iter(option.names - smaller.names))
         against[other] = search.preference(option, best)
-    search.gains[name] = -against[""]
     weights = {other: float(np.exp(min(value, 700.0))) for other, value in against.items()}
     total = 1.0 + sum(weights.values())
     alike = tuple(o for o, w in weights.items() if o and search.effects[o].named and w / total >= CONFUSED)
-    return 1.0 / total, alike, smaller
+    return 1.0 / total, alike
 
 
 def _only(search: Search, best: Known, names: Names) -> Known:
