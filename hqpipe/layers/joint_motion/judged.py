@@ -393,4 +393,5 @@ def _model(
         columns=data.columns,
         load=(output.moment, output.inertia) if known_load else (0.0, 0.0),
         back=back,
+        mean=data.mean,
     )

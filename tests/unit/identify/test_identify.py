@@ -141,6 +141,16 @@ class TestChanges:
         assert _names(joint) == ["payload"]
         assert joint.causes[0].numbers[0].value == pytest.approx(1.3, abs=0.02)
 
+    def test_an_effect_that_the_reference_cannot_show_is_left_out_there(self):
+        truth = {"coulomb_friction": 0.3, "spring": 0.4}
+        then = ToyJoint(truth={**truth, "coulomb_friction": 0.0}, seed=2)
+        whole, then.effects = then.error, then.effects[1:]
+        then.error = lambda values, heldout=False: whole(np.insert(values, len(then.base), 0.0), heldout)
+        (joint,) = _found(ToyJoint(truth=truth, seed=1), reference=[then])
+        assert joint.model.both.then is then
+        assert not {"spring", "viscous_friction", "payload"} & set(_names(joint))
+        assert np.sqrt(np.mean(joint.full.heldout**2)) < 0.11
+
     def test_a_joint_without_a_reference_is_refused(self):
         with pytest.raises(UsageError, match="no logs of joint 'knee'"):
             _found(ToyJoint("knee"), reference=[ToyJoint("hip")])

@@ -240,3 +240,18 @@ def test_a_joint_that_moves_for_a_moment_only_has_the_size_of_that_motion():
     assert model.setting.speed == pytest.approx(5.0, rel=0.2)
     (dry,) = next(effect for effect in model.effects if effect.name == "coulomb_friction").parameters
     assert dry.spread > 0.1
+
+
+def test_a_torque_limit_is_the_same_in_another_record(plain):
+    (one,) = Servo().joints(plain).models
+    (two,) = Servo().joints(plain).models
+    two.setting = replace(two.setting, torque=2.0 * one.setting.torque)
+    values = start_values(one)
+    place = [(e.name, p.name) for e in one.effects for p in e.parameters].index(("torque_limit", "share_cut_off"))
+    values[len(one.base) + place] = 0.4
+    referred = one.referred_to(values, two)
+    limits = [
+        model.reported("torque_limit", "share_cut_off", float(numbers[len(one.base) + place]))[1]
+        for model, numbers in ((one, values), (two, referred))
+    ]
+    assert limits[0] == pytest.approx(limits[1])
