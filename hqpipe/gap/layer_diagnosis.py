@@ -31,7 +31,7 @@ from hqpipe.logs.trajectory import LogSet
 from hqpipe.registry import load
 
 NOT_JUDGED = "not_judged"
-_FIX = "record the joint as its reason asks for"
+_FIX = "record what the reason says is missing"
 
 
 def apply_layer(name: str) -> Any:

@@ -20,7 +20,8 @@ LEAST_SHARE = 0.01
 """Share of the squared gap, from the base's error to the noise, that a cause must close: a tenth of the gap. What remains of a
 gap that is nine tenths closed refines its causes. The cost: a real effect that small beside a large one is not named."""
 LEAST_SIZE = 0.1
-"""Size of a cause over what a data sheet of such a machine would give: a gain unequal by 1 % where 10 % are usual is none."""
+"""Size of a cause over what a data sheet of such a machine would give; assumption: a gain unequal by 1 % where 10 % are usual
+is none."""
 BELIEVED = 0.5  # probability from which an effect is more likely there than not
 CONFUSED = (
     0.05  # probability of a set with another effect in its place, from which the two are said to be alike; assumption
