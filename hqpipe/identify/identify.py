@@ -34,7 +34,10 @@ def identify(
         reference: the same joints in an earlier record of the machine; then causes are what changed since.
     """
     if reference is not None:
-        return changes_between(reference, joints, lambda models: _searched(models, workers, progress))
+        starts = iter((0.0, 0.5))  # the joints are searched for what both records ask for, then for what changed
+        return changes_between(
+            reference, joints, lambda models: _searched(models, workers, _half(progress, next(starts)))
+        )
     return LayerFound(joints, _searched(joints.models, workers, progress))
 
 
@@ -60,6 +63,13 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
                 pool.map(lambda pair: _weighed_again(*pair[0], pair[1]), zip(searched, others, strict=True))
             )
         return tuple(pool.map(lambda pair: answer(*pair), searched))
+
+
+def _half(progress: Progress | None, start: float) -> Progress | None:
+    """Progress of one of two searches; start: share of the whole that is done before it."""
+    if progress is None:
+        return None
+    return lambda done, total, text: progress(start * total + 0.5 * done, total, text)
 
 
 def prior_odds(model: JointModel, others: Mapping[str, int], joints: int) -> dict[str, float]:

@@ -151,6 +151,13 @@ class TestChanges:
         assert not {"spring", "viscous_friction", "payload"} & set(_names(joint))
         assert np.sqrt(np.mean(joint.full.heldout**2)) < 0.11
 
+    def test_progress_grows_once_over_both_searches(self):
+        seen = []
+        joints = [[ToyJoint(str(j), seed=seed + j, seconds=4.0) for j in range(2)] for seed in (1, 5)]
+        now, then = (_layer(*models) for models in joints)
+        identify(now, reference=then, progress=lambda done, total, text: seen.append((done, total)))
+        assert seen == [(0.5, 2), (1.0, 2), (1.5, 2), (2.0, 2)]
+
     def test_a_joint_without_a_reference_is_refused(self):
         with pytest.raises(UsageError, match="no logs of joint 'knee'"):
             _found(ToyJoint("knee"), reference=[ToyJoint("hip")])
