@@ -200,9 +200,9 @@ def _worst(errors: LayerErrors, evidence: LayerEvidence) -> str:
 def _remarks(errors: LayerErrors, evidence: LayerEvidence) -> list[str]:
     """What the numbers alone do not say."""
     remarks, scale = [], errors.scale
-    if bare := [joint.name for joint in errors.joints if not joint.heldout]:
+    if fitted_only := [joint.name for joint in errors.joints if not joint.heldout]:
         remarks.append(
-            f"{', '.join(bare)}: no held-out trial, so that the errors are those of the fitted trials, which flatter the "
+            f"{', '.join(fitted_only)}: no held-out trial, so that the errors are those of the fitted trials, which flatter the "
             "model; hold a trial out"
         )
     for joint in errors.joints:

@@ -113,7 +113,7 @@ def layer_diagnosis(
         shares(errors, causes),
         unsigned_joints(joints, then),
         places,
-        [*warnings, *_told(found)],
+        [*warnings, *_warnings_of(found)],
         earlier,
         [*left_out, *gone],
         withdrawn,
@@ -222,7 +222,7 @@ def _rows(
     return rows, whole
 
 
-def _told(found: LayerFound) -> list[str]:
+def _warnings_of(found: LayerFound) -> list[str]:
     """Warnings of the layer, notes of its joints with the joints that share one, drifts, and joints that were left."""
     joints = found.joints
     notes: dict[str, list[str]] = {}

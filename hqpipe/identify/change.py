@@ -38,7 +38,7 @@ def changes_between(then: LayerJoints, now: LayerJoints, searched: Searched) -> 
             )
     both = searched([Both(earlier[model.joint], model) for model in now.models])
     changed = searched([Changed(joint.model, joint.full.effects, joint.full.values) for joint in both])
-    return LayerFound(now, tuple(_told(joint) for joint in changed))
+    return LayerFound(now, tuple(_with_references(joint) for joint in changed))
 
 
 @dataclass(eq=False)
@@ -154,7 +154,7 @@ class Changed:
         raise KeyError(effect)
 
 
-def _told(found: JointFound) -> JointFound:
+def _with_references(found: JointFound) -> JointFound:
     """The joint with the numbers of both records in its causes; its base has those of the earlier record throughout."""
     changed = found.model
     causes = tuple(_with_reference(changed, cause, found.full.values) for cause in found.causes)

@@ -67,9 +67,9 @@ def answer(search: Search, best: Known) -> JointFound:
 def _context(search: Search, best: Known) -> Known:
     """What the rest of the machine does to the joint, if data left out of the fit and the held-out trials bear it out."""
     context = _only(search, best, frozenset(name for name in best.names if search.effects[name].context))
-    bare = search.base
-    better = _left_out(search, context) < _left_out(search, bare)
-    return context if better and _heldout_square(search, context) <= _heldout_square(search, bare) else bare
+    plain = search.base
+    better = _left_out(search, context) < _left_out(search, plain)
+    return context if better and _heldout_square(search, context) <= _heldout_square(search, plain) else plain
 
 
 def _causes(search: Search, known: Known) -> list[str]:
