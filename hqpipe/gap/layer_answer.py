@@ -202,8 +202,8 @@ def _remarks(errors: LayerErrors, evidence: LayerEvidence) -> list[str]:
     remarks, scale = [], errors.scale
     if fitted_only := [joint.name for joint in errors.joints if not joint.heldout]:
         remarks.append(
-            f"{', '.join(fitted_only)}: no held-out trial, so that the errors are those of the fitted trials, which flatter the "
-            "model; hold a trial out"
+            f"{', '.join(fitted_only)}: no held-out trial, so that the errors are those of the fitted trials, which flatter "
+            "the model; hold a trial out"
         )
     for joint in errors.joints:
         if (share := joint.ran_away) > 0.0:
