@@ -200,10 +200,10 @@ def _worst(errors: LayerErrors, evidence: LayerEvidence) -> str:
 def _remarks(errors: LayerErrors, evidence: LayerEvidence) -> list[str]:
     """What the numbers alone do not say."""
     remarks, scale = [], errors.scale
-    if bare := [joint.name for joint in errors.joints if not joint.heldout]:
+    if fitted_only := [joint.name for joint in errors.joints if not joint.heldout]:
         remarks.append(
-            f"{', '.join(bare)}: no held-out trial, so that the errors are those of the fitted trials, which flatter the "
-            "model; hold a trial out"
+            f"{', '.join(fitted_only)}: no held-out trial, so that the errors are those of the fitted trials, which flatter "
+            "the model; hold a trial out"
         )
     for joint in errors.joints:
         if (share := joint.ran_away) > 0.0:
@@ -225,8 +225,8 @@ def _remarks(errors: LayerErrors, evidence: LayerEvidence) -> list[str]:
     fitted, held = (
         np.sqrt(np.mean([np.mean(e**2) / joint.scale**2 for joint, e in pairs])) if (pairs := list(parts)) else 0.0
         for parts in (
-            ((joint, joint.found.base.error) for joint in judged),
-            ((joint, joint.found.base.heldout) for joint in judged),
+            ((joint, joint.bounded(joint.found.base.error)) for joint in judged),
+            ((joint, joint.bounded(joint.found.base.heldout)) for joint in judged),
         )
     )
     if held > UNLIKE * fitted:

@@ -24,14 +24,14 @@ from hqpipe.gap.tally import ALL
 from hqpipe.gap.unchanged import AS_THEN, FAMILIAR
 from hqpipe.identify.found import LayerFound
 from hqpipe.identify.identify import identify
-from hqpipe.identify.model import LayerJoints
+from hqpipe.identify.model import JointModel, LayerJoints
 from hqpipe.layers import LAYERS
 from hqpipe.logs.findings import listed
 from hqpipe.logs.trajectory import LogSet
 from hqpipe.registry import load
 
 NOT_JUDGED = "not_judged"
-_FIX = "record the joint as its reason asks for"
+_FIX = "record what the reason says is missing"
 
 
 def apply_layer(name: str) -> Any:
@@ -113,7 +113,7 @@ def layer_diagnosis(
         shares(errors, causes),
         unsigned_joints(joints, then),
         places,
-        [*warnings, *_told(found)],
+        [*warnings, *_warnings_of(found)],
         earlier,
         [*left_out, *gone],
         withdrawn,
@@ -145,15 +145,25 @@ def _earlier_joints(
 
 def _known_then(joints: LayerJoints, then: LayerJoints, earlier: EarlierLogs) -> LayerJoints:
     """The joints that the earlier logs judge too."""
-    known = {model.joint for model in then.models}
+    known = {model.joint: model for model in then.models}
     path = earlier.log_set.path
-    new = {
-        model.joint: f"cannot be judged in the reference {path}, so there is nothing to compare with"
-        for model in joints.models
-        if model.joint not in known
-    }
-    kept = tuple(model for model in joints.models if model.joint in known)
+    new = {}
+    for model in joints.models:
+        if model.joint not in known:
+            new[model.joint] = f"cannot be judged in the reference {path}, so there is nothing to compare with"
+        elif (unlike := _other_units(model, known[model.joint])) is not None:
+            new[model.joint] = f"its numbers are in {unlike[0]} here and in {unlike[1]} in the reference {path}"
+    kept = tuple(model for model in joints.models if model.joint not in new)
     return replace(joints, models=kept, left={**joints.left, **new})
+
+
+def _other_units(now: JointModel, then: JointModel) -> tuple[str, str] | None:
+    """Units in which the two differ: of the output, or of a number of the base; None where they are alike."""
+    if now.unit != then.unit:
+        return now.unit, then.unit
+    units = {parameter.name: parameter.unit for parameter in then.base}
+    pairs = [(parameter.unit, units.get(parameter.name, parameter.unit)) for parameter in now.base]
+    return next((pair for pair in pairs if pair[0] != pair[1]), None)
 
 
 def _familiar(found: LayerFound, then: LayerJoints) -> np.ndarray:
@@ -212,7 +222,7 @@ def _rows(
     return rows, whole
 
 
-def _told(found: LayerFound) -> list[str]:
+def _warnings_of(found: LayerFound) -> list[str]:
     """Warnings of the layer, notes of its joints with the joints that share one, drifts, and joints that were left."""
     joints = found.joints
     notes: dict[str, list[str]] = {}

@@ -23,6 +23,7 @@ from hqpipe.logs.trajectory import LogSet
 RAN_AWAY = (
     10.0  # spreads of the joint that a prediction without a number counts; assumption: worse than any that has one
 )
+_OVERFLOWS = 1e100  # spreads, from which on a prediction has run away: sums of squares would overflow; assumption
 _SAMPLES = 20  # of a trial, to tell its noise from differences of up to the eighth order; assumption
 
 
@@ -43,15 +44,22 @@ class JudgedJoint:
 
     def error(self, fitted: Fitted) -> np.ndarray:
         """(N,) of a set of effects; a prediction that ran away counts `RAN_AWAY` spreads."""
-        error = fitted.heldout if self.heldout else fitted.error
-        known = np.isfinite(error)
+        return self.bounded(fitted.heldout if self.heldout else fitted.error)
+
+    def bounded(self, error: np.ndarray) -> np.ndarray:
+        """(N,) an error of either split; a prediction that ran away counts `RAN_AWAY` spreads."""
+        known = self._is_number(error)
         return error if known.all() else np.where(known, error, RAN_AWAY * self.scale)
+
+    def _is_number(self, error: np.ndarray) -> np.ndarray:
+        """(N,) bool"""
+        return np.abs(error) < _OVERFLOWS * self.scale
 
     @property
     def ran_away(self) -> float:
         """Share of the samples at which the prediction without or with the causes is no number."""
         parts = [f.heldout if self.heldout else f.error for f in (self.found.base, self.found.named)]
-        return float(np.mean(~np.isfinite(parts).all(axis=0)))
+        return float(np.mean(~(self._is_number(parts[0]) & self._is_number(parts[1]))))
 
     def mean_square(self, fitted: Fitted) -> float:
         return float(np.mean(self.error(fitted) ** 2))

@@ -1,6 +1,6 @@
 """Which layers of the gap the logs of a machine can be asked about.
 
-A layer compares an output with what its model makes of the inputs. Which one suits hangs on what was logged, and on where the
+A layer compares an output with what its model makes of the inputs. Which one suits depends on what was logged, and on where the
 torque comes from: what the drive itself gives (a current, an estimate) drives the motion of the joint and can be compared with
 it; a load cell or the pressures in a cylinder measure what a drive makes of its command.
 """
@@ -17,7 +17,7 @@ from hqpipe.logs.trajectory import LogSet
 
 ACTUATOR, SERVO, JOINT_MOTION, VALVE = "actuator", "servo", "joint_motion", "valve"
 GIVEN_BY_THE_DRIVE = ("current", "estimate")
-"""Sources of a torque that moves the joint and all that rubs in it, so that it can be compared with the motion."""
+"""Sources of a torque that moves the joint against its friction, so that it can be compared with the motion."""
 FREE_BODY = ("base/", "foot/")  # columns of a machine that stands or walks: torques of its joints also carry its body
 
 
@@ -49,9 +49,8 @@ def route(log_set: LogSet) -> Route:
         fixed = mode == "position" or all((trial.base or log_set.base) == "fixed" for trial in log_set.trials)
         source = log_set.effort_source
         if moved and fixed and source in GIVEN_BY_THE_DRIVE:
-            return Route(
-                False, moved
-            )  # an electric drive, whose firmware makes the torque: no hydraulic law to ask for
+            # An electric drive, whose firmware makes the torque: there is no hydraulic law to ask for.
+            return Route(False, moved)
         return Route(True, moved if fixed and source is None and mode == "position" else ())
     layers = moved if {"effort", "current"} & set(channels) else ()
     if "effort" not in channels and ("position_command" in channels or _has_drive(log_set, channels)):

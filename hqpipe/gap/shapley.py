@@ -51,7 +51,8 @@ def shapley(count: int, errors: Callable[[frozenset[int]], np.ndarray]) -> Shrin
 
     def fall(subset: frozenset[int]) -> np.ndarray:
         before = np.sqrt(weights @ value(frozenset()))
-        return 1.0 - np.sqrt(weights @ value(subset)) / np.maximum(before, 1e-300)
+        shrunk = 1.0 - np.sqrt(weights @ value(subset)) / np.maximum(before, 1e-300)
+        return np.where(before > 0.0, shrunk, 0.0)  # nothing shrinks where there is no error
 
     each = _exact(count, fall) if count <= MOST_EXACT else _sampled(count, fall)
     each = each.reshape(count, len(weights))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -37,12 +38,17 @@ def changes_between(then: LayerJoints, now: LayerJoints, searched: Searched) -> 
             )
     both = searched([Both(earlier[model.joint], model) for model in now.models])
     changed = searched([Changed(joint.model, joint.full.effects, joint.full.values) for joint in both])
-    return LayerFound(now, tuple(_told(joint) for joint in changed))
+    return LayerFound(now, tuple(_with_references(joint) for joint in changed))
 
 
 @dataclass(eq=False)
 class Both:
-    """Two records of a joint as one log; held out is the later one alone."""
+    """Two records of a joint as one log; held out is the later one alone.
+
+    The models of the two may differ: which effects a record shows depends on its motion. A model whose numbers refer to
+    something of its own record, as to its mean position, offers `referred_to(values, other)`: the same joint as the model of
+    the other record counts it.
+    """
 
     then: JointModel
     now: JointModel
@@ -61,7 +67,33 @@ class Both:
         """Errors with numbers of its own for each record."""
         if heldout:
             return self.now.error(now, True)
-        return np.concatenate([self.then.error(then), self.now.error(now)])
+        return np.concatenate([self.then.error(self._of_then(then)), self.now.error(now)])
+
+    def _of_then(self, values: np.ndarray) -> np.ndarray:
+        """Numbers in the order of `now` as the model of the earlier record counts them; what that lacks is left out."""
+        refer = getattr(self.now, "referred_to", None)
+        if refer is not None:
+            values = refer(values, self.then)
+        places, sources, absent = self._matched
+        found = self._neutral.copy()
+        found[places] = np.where(values[sources] == absent, found[places], values[sources])
+        return found
+
+    @cached_property
+    def _neutral(self) -> np.ndarray:
+        """(P,) of the parameters of `then`."""
+        return np.array([parameter.neutral for parameter in all_parameters(self.then)], dtype=np.float64)
+
+    @cached_property
+    def _matched(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Parameters that both models have, by name: places in `then`, places in `now`, and the number in `now` at which an
+        effect is absent; NaN for the base."""
+        here = {name: k for k, name in enumerate(_names(self.now))}
+        pairs = [(k, here[name]) for k, name in enumerate(_names(self.then)) if name in here]
+        places, sources = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
+        parameters = all_parameters(self.now)
+        absent = [parameters[k].neutral if k >= len(self.now.base) else np.nan for k in sources]
+        return places, sources, np.array(absent, dtype=np.float64)
 
 
 class Changed:
@@ -123,7 +155,7 @@ class Changed:
         raise KeyError(effect)
 
 
-def _told(found: JointFound) -> JointFound:
+def _with_references(found: JointFound) -> JointFound:
     """The joint with the numbers of both records in its causes; its base has those of the earlier record throughout."""
     changed = found.model
     causes = tuple(_with_reference(changed, cause, found.full.values) for cause in found.causes)
@@ -140,6 +172,12 @@ def _with_reference(changed: Changed, cause: JointCause, values: np.ndarray) -> 
         low, high = (then + end for end in number.ci95)
         numbers.append(replace(number, value=then + number.value, ci95=(low, high), reference=then))
     return replace(cause, numbers=tuple(numbers))
+
+
+def _names(model: JointModel) -> list[tuple[str, str]]:
+    """(effect, parameter) of all parameters in the order of the values; no effect for the base."""
+    own = [("", parameter.name) for parameter in model.base]
+    return own + [(effect.name, parameter.name) for effect in model.effects for parameter in effect.parameters]
 
 
 def _joined(first: Samples, second: Samples) -> Samples:

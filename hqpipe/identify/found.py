@@ -66,7 +66,8 @@ class JointFound:
         causes: the largest first. without: cause → the joint with all causes but this one, fitted again.
         probabilities: effect → probability, of all that were considered, generic shapes included.
         gains: effect → ln of how much more probable the logs are with it than without it, beside the set that was found.
-        shapes: signal of each generic shape in `full` → share of the squared held-out error of `named` that it closes.
+        shapes: signal of each generic shape that closes enough to be kept → share of the squared error of `named` on the fit
+            samples that it closes.
         independent: number of samples that the fit samples are worth, their correlation accounted for.
         drifts: numbers that differ between trials by more than chance, as sentences.
         withdrawn: effects that the fit trials ask for and that do not show in the held-out ones.

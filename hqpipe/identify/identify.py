@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from threading import Lock
 
 import numpy as np
 
@@ -33,20 +34,24 @@ def identify(
         reference: the same joints in an earlier record of the machine; then causes are what changed since.
     """
     if reference is not None:
-        return changes_between(reference, joints, lambda models: _searched(models, workers, progress))
+        starts = iter((0.0, 0.5))  # the joints are searched for what both records ask for, then for what changed
+        return changes_between(
+            reference, joints, lambda models: _searched(models, workers, _half(progress, next(starts)))
+        )
     return LayerFound(joints, _searched(joints.models, workers, progress))
 
 
 def _searched(models: Sequence[JointModel], workers: int, progress: Progress | None) -> tuple[JointFound, ...]:
-    done = 0
+    done, lock = 0, Lock()
 
     def first(model: JointModel) -> tuple[Search, Known]:
         nonlocal done
         search = Search(model, prior_odds(model, {}, 0))
         found = search.run()
-        done += 1
-        if progress is not None:
-            progress(done, len(models), model.joint)
+        with lock:  # joints are searched at a time
+            done += 1
+            if progress is not None:
+                progress(done, len(models), model.joint)
         return search, found
 
     with ThreadPoolExecutor(max(workers, 1)) as pool:
@@ -58,6 +63,13 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
                 pool.map(lambda pair: _weighed_again(*pair[0], pair[1]), zip(searched, others, strict=True))
             )
         return tuple(pool.map(lambda pair: answer(*pair), searched))
+
+
+def _half(progress: Progress | None, start: float) -> Progress | None:
+    """Progress of one of two searches; start: share of the whole that is done before it."""
+    if progress is None:
+        return None
+    return lambda done, total, text: progress(start * total + 0.5 * done, total, text)
 
 
 def prior_odds(model: JointModel, others: Mapping[str, int], joints: int) -> dict[str, float]:
@@ -82,7 +94,7 @@ def _weighed_again(search: Search, known: Known, others: Sequence[frozenset[str]
         for name in names:
             count[name] = count.get(name, 0) + 1
     search.odds = prior_odds(search.model, count, len(others))
-    for name in sorted(count, key=lambda name: -count[name]):
+    for name in sorted(count, key=lambda name: (-count[name], name)):  # a set has no order of its own
         if name in search.effects and name in search.addable(known.names) and search.odds[name] > 0.0:
             larger = search.grown_by(known, name)
             if search.gain(larger, known) > 0.0:

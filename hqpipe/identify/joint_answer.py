@@ -20,7 +20,8 @@ LEAST_SHARE = 0.01
 """Share of the squared gap, from the base's error to the noise, that a cause must close: a tenth of the gap. What remains of a
 gap that is nine tenths closed refines its causes. The cost: a real effect that small beside a large one is not named."""
 LEAST_SIZE = 0.1
-"""Size of a cause over what a data sheet of such a machine would give: a gain unequal by 1 % where 10 % are usual is none."""
+"""Size of a cause over what a data sheet of such a machine would give; assumption: a gain unequal by 1 % where 10 % are usual
+is none."""
 BELIEVED = 0.5  # probability from which an effect is more likely there than not
 CONFUSED = (
     0.05  # probability of a set with another effect in its place, from which the two are said to be alike; assumption
@@ -37,12 +38,12 @@ def answer(search: Search, best: Known) -> JointFound:
     core = _worth_keeping(search, best, base)
     while True:
         found = {name: _probability(search, core, name) for name in _causes(search, core)}
-        doubtful = {name: probability for name, (probability, *_) in found.items() if probability <= BELIEVED}
+        doubtful = {name: probability for name, (probability, _) in found.items() if probability <= BELIEVED}
         if not doubtful:
             break
         core = _worth_keeping(search, search.without(core, min(doubtful, key=lambda name: doubtful[name])), base)
     search.rank_beside(core)
-    probabilities = _considered(search, {name: probability for name, (probability, *_) in found.items()})
+    probabilities = _considered(search, {name: probability for name, (probability, _) in found.items()})
     claimed, core = core, _confirmed(search, core, base)
     named = _only(search, core, frozenset(_causes(search, core)) | base.names)
     without = {name: search.without(named, name) for name in _causes(search, named)}
@@ -66,9 +67,9 @@ def answer(search: Search, best: Known) -> JointFound:
 def _context(search: Search, best: Known) -> Known:
     """What the rest of the machine does to the joint, if data left out of the fit and the held-out trials bear it out."""
     context = _only(search, best, frozenset(name for name in best.names if search.effects[name].context))
-    bare = search.base
-    better = _left_out(search, context) < _left_out(search, bare)
-    return context if better and _heldout_square(search, context) <= _heldout_square(search, bare) else bare
+    plain = search.base
+    better = _left_out(search, context) < _left_out(search, plain)
+    return context if better and _heldout_square(search, context) <= _heldout_square(search, plain) else plain
 
 
 def _causes(search: Search, known: Known) -> list[str]:
@@ -144,18 +145,17 @@ def fitted(search: Search, known: Known) -> Fitted:
     return Fitted(order, known.solution.values, known.solution.error, heldout)
 
 
-def _probability(search: Search, best: Known, name: str) -> tuple[float, tuple[str, ...], Known]:
-    """Of an effect of a set, beside the sets without it or with another in its place; the others; the set without it."""
+def _probability(search: Search, best: Known, name: str) -> tuple[float, tuple[str, ...]]:
+    """Of an effect of a set, beside the sets without it or with another in its place; and what these others are."""
     smaller = search.without(best, name)
     against = {"": -search.gain(best, smaller)}
     for option in search.replaced(smaller, name):
         other = next(iter(option.names - smaller.names))
         against[other] = search.preference(option, best)
-    search.gains[name] = -against[""]
     weights = {other: float(np.exp(min(value, 700.0))) for other, value in against.items()}
     total = 1.0 + sum(weights.values())
     alike = tuple(o for o, w in weights.items() if o and search.effects[o].named and w / total >= CONFUSED)
-    return 1.0 / total, alike, smaller
+    return 1.0 / total, alike
 
 
 def _only(search: Search, best: Known, names: Names) -> Known:

@@ -18,7 +18,9 @@ _SINGULAR = 1e-9  # of the largest eigenvalue: a number that the other groups do
 
 
 def left_out_square(fitter: Fitter, solution: Solution) -> float:
-    """Sum of the squared errors of every group, predicted from the others."""
+    """Sum of the squared errors of every group, predicted from the others; infinite where the prediction overflows."""
+    if not np.isfinite(solution.square):
+        return np.inf
     jacobian, error, free = solution.jacobian, solution.error, solution.free
     spread = fitter.spread[free]
     noise = solution.square / max(len(error), 1)

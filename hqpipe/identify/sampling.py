@@ -30,7 +30,7 @@ def correlation_time(error: np.ndarray, samples: Samples) -> float:
     for piece in pieces:
         spectrum = np.abs(np.fft.rfft(piece, 2 * longest)) ** 2
         sums += np.fft.irfft(spectrum, 2 * longest)[:longest]
-    if sums[0] <= 0.0:
+    if not 0.0 < sums[0] < np.inf:
         return 1.0
     correlation = sums / sums[0]
     below = np.flatnonzero(correlation < _DIED)
@@ -57,7 +57,7 @@ class Covariance:
 
     Attributes:
         robust: (F, F), correlation of the errors accounted for. naive: (F, F), as if they were independent.
-        noise: variance of the errors. blocks: how many there are.
+        noise: variance of the errors, above 0; infinite where the prediction overflows. blocks: how many there are.
     """
 
     robust: np.ndarray
@@ -86,7 +86,9 @@ def covariance(fitter: Fitter, solution: Solution) -> Covariance:
     """
     jacobian, error, free = solution.jacobian, solution.error, solution.free
     samples = fitter.model.fit
-    noise = float(error @ error) / max(len(error) - len(free), 1)
+    if not np.isfinite(solution.square):
+        return _unknown(len(free))
+    noise = max(float(error @ error) / max(len(error) - len(free), 1), np.finfo(float).tiny)
     normal = jacobian.T @ jacobian
     spread = fitter.spread[free]
     prior = np.where(np.isfinite(spread), noise / spread**2, 0.0)
@@ -105,6 +107,11 @@ def covariance(fitter: Fitter, solution: Solution) -> Covariance:
     meat = (count * scatter + len(free) * expected) / (count + len(free))
     robust = inverse @ (meat + noise * np.diag(prior)) @ inverse
     return Covariance(0.5 * (robust + robust.T), noise * inverse, noise, count)
+
+
+def _unknown(free: int) -> Covariance:
+    """Of a prediction that overflows: nothing was fitted."""
+    return Covariance(np.zeros((free, free)), np.zeros((free, free)), np.inf, 1)
 
 
 def _scatter(slopes: np.ndarray, group: np.ndarray) -> np.ndarray:

@@ -119,7 +119,7 @@ class Search:
 
     def gain(self, large: Known, small: Known) -> float:
         """ln of the posterior odds of a set against a part of it."""
-        odds = sum(self.odds[name] for name in large.names - small.names)
+        odds = sum(self.odds[name] for name in sorted(large.names - small.names))
         return log_bayes_factor(self.fitter, large.solution, large.covariance, small.solution) + odds
 
     def preference(self, one: Known, other: Known) -> float:
@@ -187,7 +187,7 @@ class Search:
 
     def _price(self, known: Known) -> float:
         places = np.arange(len(self.model.base), len(known.solution.free))
-        odds = sum(self.odds[name] for name in known.names)
+        odds = sum(self.odds[name] for name in sorted(known.names))
         return occam(self.fitter, known.solution, known.covariance, places) + odds
 
     def places(self, name: str) -> np.ndarray:

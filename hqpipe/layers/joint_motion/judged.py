@@ -50,7 +50,7 @@ class Prepared:
     """A joint whose samples are filtered.
 
     Attributes:
-        j: its column. low_pass: the common filter. mean: of the position. views: per trial.
+        j: its column. low_pass: the common filter. mean: of the position. records: per trial.
         parts: (fit, held-out).
     """
 
@@ -100,16 +100,16 @@ def judge(machine: MovingMachine, joint: str, window_s: float | None, without: C
 def _prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
     logs = machine.log_set
     j = logs.joints.index(joint)
+    fit = [k for k, trial in enumerate(logs.trials) if trial.split == "fit"]
     band = machine.bandwidths[j]
     if band is None:
         raise Unjudged("it does not move in the trials of the fit")
-    if not any(np.ptp(values) > 0.0 for values in output.values):
-        raise Unjudged("its torque is constant")
+    if not any(np.ptp(output.values[t]) > 0.0 for t in fit):
+        raise Unjudged("its torque is constant in the trials of the fit")
     near = [k for k in range(j - NEIGHBOURS, j + NEIGHBOURS + 1) if k != j and 0 <= k < len(logs.joints)]
     near = [k for k in near if machine.bandwidths[k] is not None]
     adjacent = tuple(at for at, k in enumerate(near) if abs(k - j) == 1)
     turns = [logs.kinds.get(logs.joints[k]) != PRISMATIC for k in near]
-    fit = [k for k, trial in enumerate(logs.trials) if trial.split == "fit"]
     means = {k: float(np.mean(np.concatenate([machine.motions[t][k].position for t in fit]))) for k in (j, *near)}
     views = []
     for motions in machine.motions:
@@ -393,4 +393,5 @@ def _model(
         columns=data.columns,
         load=(output.moment, output.inertia) if known_load else (0.0, 0.0),
         back=back,
+        mean=data.mean,
     )

@@ -23,6 +23,7 @@ class MotionModel:
         parts: (fit, held-out) filtered samples. columns: what their columns are.
         load: gravity of a known load at a right angle, N·m, and its inertia, kg·m²; 0 where none is known.
         back: samples from the start of a window of persistence to its end.
+        mean: of the position over the fit trials, from which gravity and springs count, rad or m.
     """
 
     joint: str
@@ -40,6 +41,7 @@ class MotionModel:
     columns: Columns
     load: tuple[float, float]
     back: int
+    mean: float
 
     @property
     def changes(self) -> dict[str, tuple[str, ...]]:
@@ -71,6 +73,25 @@ class MotionModel:
         """(N,) predicted less measured torque; see `JointModel`."""
         measured = self.heldout if heldout else self.fit
         return self._predicted(np.asarray(values, dtype=float), heldout) - measured.output
+
+    def referred_to(self, values: np.ndarray, other: MotionModel) -> np.ndarray:
+        """(P,) the same gravity and spring as they count from the mean position of another record."""
+        shift = other.mean - self.mean
+        moved = np.array(values, dtype=np.float64)
+        offset = self._at["", "offset_nm"]
+        sine, cosine, angle = (self._at.get(("", f"gravity_{name}")) for name in ("sin_nm", "cos_nm", "angle_rad"))
+        if angle is not None:
+            moved[angle] += shift
+            moved[offset] += self.load[0] * (np.sin(moved[angle]) - np.sin(values[angle]))
+        elif sine is not None:
+            flat = values[cosine] if cosine is not None else 0.0
+            moved[sine] = values[sine] * np.cos(shift) - flat * np.sin(shift)
+            turned = values[sine] * np.sin(shift) + flat * np.cos(shift)
+            moved[offset] += turned - flat
+            if cosine is not None:
+                moved[cosine] = turned
+        moved[offset] += self._value(values, "spring", "nm_per_rad") * shift
+        return moved
 
     def _predicted(self, values: np.ndarray, heldout: bool) -> np.ndarray:
         part = self.parts[heldout]

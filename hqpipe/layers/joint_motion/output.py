@@ -12,6 +12,7 @@ from hqpipe.logs.trajectory import LogSet
 
 STANDARD_GRAVITY = 9.80665  # m/s², ISO 80000-3
 NEWTON_METRE, AMPERE = "N·m", "A"
+CONSTANT = "torque_constant"  # of `hqpipe.logs.drive`
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,16 +63,16 @@ def output_of(log_set: LogSet, joint: str) -> Output:
     kind = log_set.kinds.get(joint)
     first = log_set.trials[0]
     j = first.trajectory.joint(joint)
-    stated, drive = of_joint(first.load, joint), of_joint(first.drive, joint)
-    lever, mass, arm = (stated.get(name, 0.0) for name in ("lever_m", "mass_kg", "arm_mass_kg"))
+    load, drive, differing = _stated(log_set, joint)
+    lever, mass, arm = (load.get(name, 0.0) for name in ("lever_m", "mass_kg", "arm_mass_kg"))
     moment = (mass + 0.5 * arm) * lever * STANDARD_GRAVITY if kind != PRISMATIC else 0.0  # the arm a uniform rod
     inertia = (mass + arm / 3.0) * lever**2
     unit, notes, factor = unit_of(NEWTON_METRE, kind), (), 1.0
     torque = first.trajectory.effort is not None
     if torque and log_set.effort_source == "current":
         notes = ("the torque is computed from motor current: an error of its torque constant scales all numbers alike",)
-    elif not torque and "torque_constant" in drive:
-        factor = drive["torque_constant"]
+    elif not torque and CONSTANT in drive:
+        factor = drive[CONSTANT]
         notes = (f"torque is current times the stated torque constant, {factor:g} N·m/A",)
     elif not torque:
         unit = AMPERE
@@ -81,4 +82,20 @@ def output_of(log_set: LogSet, joint: str) -> Output:
         )
     channel = [t.trajectory.effort if torque else t.trajectory.current for t in log_set.trials]
     values = tuple(factor * np.asarray(c[:, j], dtype=float) for c in channel)
-    return Output(kind or None, unit, values, moment, inertia, notes)
+    return Output(kind or None, unit, values, moment, inertia, (*notes, *differing))
+
+
+def _stated(log_set: LogSet, joint: str) -> tuple[dict[str, float], dict[str, float], tuple[str, ...]]:
+    """Load and drive as stated alike of all trials, for one model holds for all; and a sentence on what differs."""
+    loads = [of_joint(trial.load, joint) for trial in log_set.trials]
+    drives = [of_joint(trial.drive, joint) for trial in log_set.trials]
+    notes = []
+    if any(load != loads[0] for load in loads):
+        loads = [{}]
+        notes.append(
+            "the stated load differs between the trials: it is not used, and inertia and gravity are means over them"
+        )
+    if any(drive.get(CONSTANT) != drives[0].get(CONSTANT) for drive in drives):
+        drives = [{}]
+        notes.append("the stated torque constant differs between the trials: it is not used")
+    return loads[0], drives[0], tuple(notes)

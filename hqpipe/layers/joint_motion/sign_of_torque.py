@@ -71,7 +71,7 @@ def lost_signs(records: Sequence[Record], columns: Columns, pulls: Sequence[np.n
     if pulls is not None:
         pull = np.concatenate(pulls)[usable]
         guesses += [np.where(pull < level, -1.0, 1.0) for level in (0.0, float(np.median(pull)))]
-    if len(size) < 10 * len(picked) or abs(np.mean(direction[~still])) > 1.0 - BOTH:
+    if len(size) < 10 * len(picked) or still.all() or abs(np.mean(direction[~still])) > 1.0 - BOTH:
         return None
     posture = np.array([k for k, index in enumerate(picked) if index in (*columns["offset"], *columns["gravity"])])
     friction = int(np.flatnonzero(picked == columns.one("coulomb"))[0])

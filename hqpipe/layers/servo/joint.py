@@ -105,6 +105,7 @@ class ServoJoint:
         named = [("", parameter) for parameter in base]
         named += [(effect.name, parameter) for effect in effects for parameter in effect.parameters]
         self._slots = [_slot(effect, parameter.name) for effect, parameter in named]
+        self._cuts = [k for k, slot in enumerate(self._slots) if slot == (True, kernel.INVERSE_LIMIT)]
         self._neutral = np.array([parameter.neutral for _, parameter in named])
         self.noise = tuple(self._noise(split) for split in splits)
 
@@ -140,6 +141,14 @@ class ServoJoint:
         found = [p for e in self.effects if e.name == effect for p in e.parameters if p.name == name]
         found += [p for p in self.base if not effect and p.name == name]
         return name, value, found[0].unit
+
+    def referred_to(self, values: np.ndarray, other: ServoJoint) -> np.ndarray:
+        """(P,) the same torque limit as a share of the largest torque of another record."""
+        moved = np.array(values, dtype=np.float64)
+        for k in self._cuts:
+            if values[k] > 0.0:
+                moved[k] = max(1.0 - self.setting.torque * (1.0 - values[k]) / other.setting.torque, 0.0)
+        return moved
 
     def _predicted(self, values: np.ndarray, split: Split, position: float = 0.0, velocity: float = 0.0) -> np.ndarray:
         """(N,) position at the judged samples, with initial states off by `position` and `velocity`."""

@@ -39,6 +39,7 @@ _MOST_STEPS = 12_500  # substeps of one call on the fit trials, about 0.8 ms
 _HELDOUT = 4  # times that for the held-out trials, which are run once for every answer
 _MOVES = 20.0  # steps of the sensor, or standard deviations of its noise, that the travel must have; assumption
 _UNSURE = 2.0  # times what a regression has for the gain; friction that it does not know makes the gain look smaller
+_ROUNDING = 1e-9  # of the largest value: a smaller one is the rounding of a difference; assumption
 _SLOW = 2.0  # response times: time constant of the slow share of the torque; assumption
 
 
@@ -240,11 +241,18 @@ def _size(item: _Prepared, start: Start, torque: np.ndarray, window_s: float) ->
     """How large torque, speed and the rest are in the fit trials of a joint."""
     fit, scale, rows = item.tracks[0], item.scale, item.rows[0]
     return Size(
-        torque=float(np.quantile(np.abs(torque), LARGEST)) or float(np.abs(torque).max()),
-        speed=float(np.quantile(np.abs(fit.velocity), LARGEST)),
+        torque=_largest(torque),
+        speed=_largest(fit.velocity),
         travel=item.travel,
         dt=float(np.median(fit.dt)),
         window_s=window_s,
         gain=start.gain * float(np.median(scale.gain[rows])),
         inertia=float(np.median(scale.inertia[rows])),
     )
+
+
+def _largest(values: np.ndarray) -> float:
+    """Largest size of a signal but for glitches; of one that is zero nearly throughout, the largest of all."""
+    size = np.abs(values)
+    usual, most = float(np.quantile(size, LARGEST)), float(size.max())
+    return usual if usual > _ROUNDING * most else most

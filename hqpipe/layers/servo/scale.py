@@ -25,9 +25,9 @@ class Scale:
         kind: "revolute", "prismatic" or None. duty: whether the input is duty × voltage, and not the position command.
         si: whether torques are in N·m (N). load: whether the load is known, which fixes inertia and gravity.
         gain, drag: of the drive: torque per input, and torque lost per speed; or their ratios between trials where
-            `free_gain`, `free_drag`. one_gain: whether all trials have the same gain.
+            `free_gain`, `free_drag`.
         inertia, gravity: m l² and m g l of the known load, else 0.
-        sags: whether the supply may sag unseen: stall torque per trial-independent full duty, or None.
+        stall: torque at standstill and full duty, of all trials, where the supply may sag unseen; else None.
         winding_ohm: resistance of the motor, or None.
         volts: what the logged duty is multiplied by where the voltage is not logged, (R,); None where it is.
     """

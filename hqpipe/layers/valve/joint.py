@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -107,12 +106,12 @@ def settings_of(command: float, own_demand: float) -> dict[int, float]:
     return {SCALE: command, OWN_DEMAND: own_demand}
 
 
-def samples_of(record: Record, cut: Windows, travels: bool, names: Sequence[str] = ()) -> Samples:
+def samples_of(record: Record, cut: Windows, travels: bool) -> Samples:
     """The samples that a joint is judged on."""
     at = cut.sample
     output = record.position if travels else record.velocity
     return Samples(
-        files=tuple(names) or record.files,
+        files=record.files,
         trial=record.trial[at],
         time=record.time[at],
         position=record.position[at],

@@ -11,7 +11,7 @@ import pytest
 from layer_cases import cause, held, layer_found, layer_joints, log_set, made_up, number, toy
 
 from hqpipe.gap.diagnosis_files import FILE, TABLE, TRACES, write_diagnosis
-from hqpipe.gap.layer_diagnosis import layer_diagnosis
+from hqpipe.gap.layer_diagnosis import _known_then, layer_diagnosis
 from hqpipe.gap.layer_experiment import next_experiment
 from hqpipe.gap.schema import read_diagnosis
 from hqpipe.gap.since import EarlierLogs
@@ -143,6 +143,16 @@ def test_a_prediction_that_runs_away_is_told():
     assert content["gap"]["before"] > content["gap"]["after"]
 
 
+def test_a_prediction_on_its_way_to_infinity_counts_as_one_that_is_there():
+    model = toy("hip", 0, seconds=6.0)
+    made = made_up(model, 1.0, 1.0)
+    made.base.heldout[:60] = np.geomspace(1e120, 1e300, 60)
+    content = layer_diagnosis(None, log_set([model]), layer_found(made)).content
+    assert any("the prediction runs away in 5.0% of the samples" in text for text in content["warnings"])
+    assert content["gap"]["before"] < 100.0
+    assert not any("inf" in text for text in content["warnings"])
+
+
 def test_a_lost_sign_is_a_cause_of_its_own():
     model = toy("hip", 0, seconds=6.0)
     model.unsigned = True
@@ -196,6 +206,17 @@ def replace_unknown(seed):
     for name in ("fit", "heldout"):
         setattr(made, name, replace(getattr(made, name), held=getattr(made, name).output.copy()))
     return made
+
+
+def test_numbers_in_other_units_are_not_compared():
+    then, now = toy("hip", 11), toy("hip", 1)
+    then.unit = "A"
+    past = layer_joints([then])
+    joints = _known_then(layer_joints([now]), past, EarlierLogs(log_set([then])))
+    assert joints.models == () and "N·m here and in A in the reference" in joints.left["hip"]
+    then.unit, then.base = now.unit, (replace(now.base[0], unit="s²"), *now.base[1:])
+    joints = _known_then(layer_joints([now]), past, EarlierLogs(log_set([then])))
+    assert "kg·m² here and in s² in the reference" in joints.left["hip"]
 
 
 @pytest.mark.parametrize(

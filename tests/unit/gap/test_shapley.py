@@ -101,3 +101,8 @@ def test_every_subset_is_fitted_once():
     errors = game(5)
     shapley(5, lambda subset: seen.append(subset) or errors(subset))
     assert len(seen) == len(set(seen)) == 2**5
+
+
+def test_nothing_shrinks_where_there_is_no_error():
+    found = shapley(1, lambda subset: np.zeros(BLOCKS))
+    assert found.whole == 0.0 and found.whole_ci95 == (0.0, 0.0) and np.all(found.each == 0.0)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from toy_joint import ToyJoint
 
 from hqpipe.errors import UsageError
 from hqpipe.identify.found import JointFound
-from hqpipe.identify.identify import identify
+from hqpipe.identify.identify import _weighed_again, identify
 from hqpipe.identify.model import LayerJoints
 
 
@@ -139,6 +141,72 @@ class TestChanges:
         assert _names(joint) == ["payload"]
         assert joint.causes[0].numbers[0].value == pytest.approx(1.3, abs=0.02)
 
+    def test_an_effect_that_the_reference_cannot_show_is_left_out_there(self):
+        truth = {"coulomb_friction": 0.3, "spring": 0.4}
+        then = ToyJoint(truth={**truth, "coulomb_friction": 0.0}, seed=2)
+        whole, then.effects = then.error, then.effects[1:]
+        then.error = lambda values, heldout=False: whole(np.insert(values, len(then.base), 0.0), heldout)
+        (joint,) = _found(ToyJoint(truth=truth, seed=1), reference=[then])
+        assert joint.model.both.then is then
+        assert not {"spring", "viscous_friction", "payload"} & set(_names(joint))
+        assert np.sqrt(np.mean(joint.full.heldout**2)) < 0.11
+
+    def test_progress_grows_once_over_both_searches(self):
+        seen = []
+        joints = [[ToyJoint(str(j), seed=seed + j, seconds=4.0) for j in range(2)] for seed in (1, 5)]
+        now, then = (_layer(*models) for models in joints)
+        identify(now, reference=then, progress=lambda done, total, text: seen.append((done, total)))
+        assert seen == [(0.5, 2), (1.0, 2), (1.5, 2), (2.0, 2)]
+
     def test_a_joint_without_a_reference_is_refused(self):
         with pytest.raises(UsageError, match="no logs of joint 'knee'"):
             _found(ToyJoint("knee"), reference=[ToyJoint("hip")])
+
+
+def test_the_order_of_a_set_does_not_decide_which_effect_is_tried_first():
+    class Tried:
+        """A search that notes what it is asked for and finds that nothing helps."""
+
+        model = ToyJoint(seconds=1.0)
+
+        def __init__(self):
+            self.effects, self.asked = {effect.name: effect for effect in self.model.effects}, []
+
+        def addable(self, names):
+            return [*self.effects]
+
+        def grown_by(self, known, name):
+            self.asked.append(name)
+            return known
+
+        def gain(self, large, small):
+            return -1.0
+
+        def improved(self, known):
+            return known
+
+    asked = []
+    for names in (("spring", "viscous_friction"), ("viscous_friction", "spring")):
+        search, _ = _weighed_again(Tried(), SimpleNamespace(names=frozenset()), [names] * 9)
+        asked.append(search.asked)
+    assert asked[0] == asked[1] == ["spring", "viscous_friction"]
+
+
+def test_a_joint_without_any_torque_has_no_cause():
+    model = ToyJoint(noise=0.0, seconds=4.0)
+    model.fit.output[:] = model.fit.held[:] = 0.0
+    (joint,) = _found(model)
+    assert _names(joint) == [] and np.isfinite(list(joint.gains.values())).all()
+
+
+@pytest.mark.parametrize("least_friction", [0.01, np.inf])
+def test_a_prediction_that_overflows_is_no_error_of_the_search(least_friction):
+    class Unstable(ToyJoint):
+        """Runs away unless friction damps it."""
+
+        def error(self, values, heldout=False):
+            found = super().error(values, heldout)
+            return found if values[2] >= least_friction else np.full(len(found), 1e200)
+
+    (joint,) = _found(Unstable(truth={"coulomb_friction": 0.3}, seconds=4.0))
+    assert np.isfinite(list(joint.probabilities.values())).all()

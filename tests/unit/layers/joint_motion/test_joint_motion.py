@@ -8,6 +8,7 @@ import pytest
 from layers.joint_motion.closed_loop import HZ, fitted, log_set, reference, simulate
 
 from hqpipe.errors import IdentificationError
+from hqpipe.identify.identify import identify
 from hqpipe.identify.model import all_parameters
 from hqpipe.layers.joint_motion import JointMotion
 from hqpipe.layers.joint_motion.bandwidth import derivative
@@ -206,3 +207,32 @@ def test_friction_has_grown_without_lubricant_and_gravity_has_not():
     assert friction["cranfield_lube1"] - friction["cranfield_ref"] == pytest.approx(0.12, abs=0.02)
     assert friction["cranfield_same"] == pytest.approx(friction["cranfield_ref"], abs=0.02)
     assert np.ptp([values["offset_nm"] for values in found.values()]) < 0.03
+
+
+def test_a_load_that_differs_between_the_trials_fixes_no_scale(runs):
+    logs = log_set(runs, load={"*": {"mass_kg": 8.0 / 9.80665 / 0.4, "lever_m": 0.4}})
+    first, last = logs.trials
+    logs = replace(logs, trials=(first, replace(last, load={"*": {"mass_kg": 9.0, "lever_m": 0.4}})))
+    model = JointMotion().joints(logs).models[0]
+    assert model.load == (0.0, 0.0) and not {"armature", "torque_scale"} & names(model)
+    assert any("load differs between the trials" in note for note in model.notes)
+
+
+def test_a_torque_that_only_the_held_out_trials_show_is_left_with_a_reason(runs):
+    (c, q, tau), held = runs
+    with pytest.raises(IdentificationError, match="torque is constant in the trials of the fit"):
+        JointMotion().joints(log_set([(c, q, 0.0 * tau), held]))
+
+
+@pytest.mark.parametrize("load", [None, {"*": {"mass_kg": 8.0 / 9.80665 / 0.4, "lever_m": 0.4}}])
+def test_nothing_changed_where_the_same_joint_moved_elsewhere(runs, load):
+    truth = {"inertia": 1.5, "load": lambda q: 8.0 * np.sin(q), "dry": lambda v, load: 2.0, "torque_noise": 0.1}
+    commands = [reference(12, seed) + 0.4 for seed in (3, 4)]
+    elsewhere = [(c, *simulate(c, seed=k, **truth)) for k, c in enumerate(commands)]
+    then, now = (
+        JointMotion().joints(log_set(r, kinds={"joint": "revolute"}, **({"load": load} if load else {})))
+        for r in (runs, elsewhere)
+    )
+    (joint,) = identify(now, reference=then).found
+    assert joint.causes == () and joint.full.effects == ()
+    assert np.sqrt(np.mean(joint.base.heldout**2)) < 2.0 * now.models[0].noise[1]

@@ -226,3 +226,32 @@ def test_a_sliding_load_is_its_mass():
     assert model.scale.inertia == pytest.approx([0.5, 0.5])
     assert "position_bias" not in names(model)
     assert fit(model, ())["rms"] < 1e-4
+
+
+def test_a_joint_that_moves_for_a_moment_only_has_the_size_of_that_motion():
+    steps, dt = 8000, 0.005
+    q, u = np.full(steps, 0.1), np.full(steps, 0.1)
+    q[4000:4021], q[4021:], u[3990:] = np.linspace(0.1, 0.6, 21), 0.6, 0.6
+    logs = log_set(Truth(), drive=GAINS, **QUICK)
+    columns = {"time": np.arange(steps) * dt, "position": q[:, None], "position_command": u[:, None]}
+    columns["velocity"] = np.gradient(q, dt)[:, None]
+    trials = tuple(replace(t, trajectory=replace(t.trajectory, **columns)) for t in logs.trials)
+    model = Servo().joints(replace(logs, trials=trials)).models[0]
+    assert model.setting.speed == pytest.approx(5.0, rel=0.2)
+    (dry,) = next(effect for effect in model.effects if effect.name == "coulomb_friction").parameters
+    assert dry.spread > 0.1
+
+
+def test_a_torque_limit_is_the_same_in_another_record(plain):
+    (one,) = Servo().joints(plain).models
+    (two,) = Servo().joints(plain).models
+    two.setting = replace(two.setting, torque=2.0 * one.setting.torque)
+    values = start_values(one)
+    place = [(e.name, p.name) for e in one.effects for p in e.parameters].index(("torque_limit", "share_cut_off"))
+    values[len(one.base) + place] = 0.4
+    referred = one.referred_to(values, two)
+    limits = [
+        model.reported("torque_limit", "share_cut_off", float(numbers[len(one.base) + place]))[1]
+        for model, numbers in ((one, values), (two, referred))
+    ]
+    assert limits[0] == pytest.approx(limits[1])
