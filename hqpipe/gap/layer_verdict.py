@@ -56,9 +56,17 @@ class LayerEvidence:
         still = (np.maximum(self.after - self.flexible, 0.0) / self.scale**2)[self.gap].sum()
         return _ratio(float(still), self._above(self.before))
 
+    @property
+    def blind(self) -> bool:
+        """Whether what is left is as large as the error of holding the output."""
+        after, held = ((error / self.scale**2)[self.gap].sum() for error in (self.after, self.persistence))
+        return bool(self.gap.any() and after >= held)
+
     def verdict(self, causes: bool) -> str:
         if not causes:
             return "unknown" if self.gap.any() else "no_gap"
+        if self.blind:
+            return "partly_explained"
         near_floor = not self.rest.any() or self.left <= EXPLAINED
         return "explained" if near_floor or (self.open <= PREDICTABLE and self.left <= MOST) else "partly_explained"
 

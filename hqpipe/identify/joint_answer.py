@@ -22,6 +22,7 @@ gap that is nine tenths closed refines its causes. The cost: a real effect that 
 LEAST_SIZE = 0.1
 """Size of a cause over what a data sheet of such a machine would give; assumption: a gain unequal by 1 % where 10 % are usual
 is none."""
+AT_BOUND = 0.99  # of the way to its bound, from which a number counts as being there; by the tolerance of a fit
 BELIEVED = 0.5  # probability from which an effect is more likely there than not
 CONFUSED = (
     0.05  # probability of a set with another effect in its place, from which the two are said to be alike; assumption
@@ -87,8 +88,6 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
     """
     floor = len(known.solution.error) * search.model.noise[0] ** 2
     gap = max(_left_out(search, base) - floor, 0.0)
-    if _left_out(search, known) >= float(np.sum((search.model.fit.held - search.model.fit.output) ** 2)):
-        return base  # what predicts no better than holding the output explains nothing
     while rest := sorted(known.names - base.names):
         square = _left_out(search, known)
         least = max(LEAST_GAIN * square, LEAST_SHARE * gap)
@@ -97,15 +96,23 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
         if closes[name] >= least and _is_sizeable(search, known, name):
             break
         known = search.improved(search.without(known, name))
-    return known
+    persistence = float(np.sum((search.model.fit.held - search.model.fit.output) ** 2))
+    return known if _left_out(search, known) < persistence else base  # what predicts no better explains nothing
 
 
 def _is_sizeable(search: Search, known: Known, name: str) -> bool:
-    """Whether an effect is as large as what a data sheet would mention; of a generic shape there is no sheet."""
-    first = int(search.places(name)[0])
-    spread = search.fitter.spread[first]
-    size = abs(float(known.solution.values[first] - search.fitter.neutral[first]))
-    return not search.effects[name].named or not np.isfinite(spread) or size >= LEAST_SIZE * spread
+    """Whether an effect is as large as what a data sheet would mention, and not at the limit of what can be.
+
+    A number at its bound says that another law is at work. Of a generic shape there is no sheet.
+    """
+    if not search.effects[name].named:
+        return True
+    first, fitter = int(search.places(name)[0]), search.fitter
+    size = abs(float(known.solution.values[first] - fitter.neutral[first]))
+    end = fitter.high[first] if known.solution.values[first] > fitter.neutral[first] else fitter.low[first]
+    most = abs(float(end - fitter.neutral[first]))
+    least = LEAST_SIZE * fitter.spread[first] if np.isfinite(fitter.spread[first]) else 0.0
+    return least <= size <= AT_BOUND * most
 
 
 def _left_out(search: Search, known: Known) -> float:
@@ -135,7 +142,8 @@ def _heldout_square(search: Search, known: Known) -> float:
     if not len(search.model.heldout.trial):
         return 0.0
     error = search.model.error(known.solution.values, True)
-    return float(error @ error)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(error @ error)
 
 
 def fitted(search: Search, known: Known) -> Fitted:

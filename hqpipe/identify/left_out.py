@@ -1,7 +1,8 @@
 """The error on data that a fit has not seen, from the slopes of one fit to all of them.
 
-Each group of fit samples is left out in turn; the numbers move by the step that least squares would take without it (Allen's
-PRESS, 1974, for groups). Exact where the model is linear in its numbers; elsewhere to first order.
+Each group of fit samples is left out in turn; the numbers move by the step that least squares would take without it, within
+their bounds, and the group is predicted with them. Where the model is linear in its numbers that is Allen's PRESS (1974) for
+groups; elsewhere it is one step of a fit without the group, with its true errors.
 """
 
 from __future__ import annotations
@@ -10,10 +11,9 @@ import numpy as np
 
 from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.model import Samples
-from hqpipe.identify.sampling import blocks
 
-_GROUPS = 5  # as five-fold cross-validation; where there are fewer trials each is cut into parts
-_LEAST_TRIALS = 3
+_GROUPS = 5  # as five-fold cross-validation
+_PARTS = 2  # of each trial in a group: far apart, so that every group holds every motion and most of the trial's course
 _SINGULAR = 1e-9  # of the largest eigenvalue: a number that the other groups do not show stays as it is
 
 
@@ -27,21 +27,25 @@ def left_out_square(fitter: Fitter, solution: Solution) -> float:
     prior = np.where(np.isfinite(spread), noise / spread**2, 0.0)
     normal = jacobian.T @ jacobian + np.diag(prior)
     scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    reach = np.where(np.isfinite(spread), spread, np.inf)  # what few samples ask for beyond that is noise
     total = 0.0
     group = groups(fitter.model.fit)
     for number in np.unique(group):
         here = group == number
         mine = jacobian[here] / scale
         rest = normal / np.outer(scale, scale) - mine.T @ mine
-        step = np.linalg.lstsq(rest, mine.T @ error[here], rcond=_SINGULAR)[0]
-        predicted = error[here] + mine @ step
+        step = np.linalg.lstsq(rest, mine.T @ error[here], rcond=_SINGULAR)[0] / scale
+        values = solution.values.copy()
+        values[free] += np.clip(step, -reach, reach)
+        predicted = fitter.error(np.clip(values, fitter.low, fitter.high))[here]
         total += float(predicted @ predicted)
     return total
 
 
 def groups(samples: Samples) -> np.ndarray:
-    """(N,) number of the group of each sample: its trial, or a part of it where there are few."""
-    if len(np.unique(samples.trial)) >= _LEAST_TRIALS:
-        return samples.trial
-    longest = max(int(np.bincount(samples.trial).max()), 1) if len(samples.trial) else 1
-    return blocks(samples, longest / _GROUPS)
+    """(N,) number of the group of each sample; each has parts of every trial, so that no group holds a motion of its own."""
+    found = np.empty(len(samples.trial), dtype=np.int64)
+    for trial in np.unique(samples.trial):
+        here = np.flatnonzero(samples.trial == trial)
+        found[here] = np.arange(len(here)) * _GROUPS * _PARTS // len(here) % _GROUPS
+    return found

@@ -26,8 +26,12 @@ def test_it_is_what_refits_give_where_the_model_is_linear(effects):
     assert left_out_square(fitter, solution) == pytest.approx(total, rel=1e-3)
 
 
-def test_few_trials_are_cut_into_parts():
-    assert len(np.unique(groups(ToyJoint().fit))) == 10
+def test_every_group_has_parts_of_every_trial():
+    samples = ToyJoint().fit
+    number = groups(samples)
+    for group in np.unique(number):
+        assert set(samples.trial[number == group]) == {0, 1}
+    assert np.bincount(number).max() <= 1.01 * np.bincount(number).min()
 
 
 def test_a_useless_number_predicts_worse():
