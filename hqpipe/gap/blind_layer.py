@@ -81,10 +81,11 @@ def layer_gaps(folders: Mapping[str, Path], layers: Sequence[str]) -> dict[str, 
         LogError: no joint can be judged in all sets.
     """
     case = layer_joints(folders["with"], layers)
+    own = [name for name in layers if load(LAYERS[name]).NAME == case.layer]
     scale = {model.joint: samples_scale(model.fit) for model in case.models}
     errors = {}
     for name, folder in folders.items():
-        joints = case if name == "with" else layer_joints(folder, (case.layer,), case.window_s)
+        joints = case if name == "with" else layer_joints(folder, own, case.window_s)
         errors[name] = {model.joint: heldout_error(model) for model in joints.models if len(model.heldout.output)}
     judged = [joint for joint in scale if all(joint in found for found in errors.values())]
     if not judged:
