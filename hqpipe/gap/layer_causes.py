@@ -20,6 +20,7 @@ from hqpipe.identify.found import JointCause, Number
 from hqpipe.identify.model import JointModel, LayerJoints
 
 SENSING = "sensing"
+ALIKE = 1.5  # between numbers told as one; assumption: what differs by more nobody would call the same
 _NEAR = 1e-3  # of the way to the value, from an end of an interval that is infinite in the form that is reported
 
 
@@ -102,7 +103,10 @@ def _batches(members: dict[str, JointCause]) -> list[list[str]]:
 def _near(a: JointCause, b: JointCause) -> bool:
     if [(n.name, n.unit) for n in a.numbers] != [(n.name, n.unit) for n in b.numbers]:
         return False
-    return all(agree([_estimate(x), _estimate(y)]) for x, y in zip(a.numbers, b.numbers, strict=True))
+    pairs = list(zip(a.numbers, b.numbers, strict=True))
+    if pairs and not 1.0 / ALIKE <= abs(pairs[0][0].value) / max(abs(pairs[0][1].value), 1e-300) <= ALIKE:
+        return False
+    return all(agree([_estimate(x), _estimate(y)]) for x, y in pairs)
 
 
 def _estimate(number: Number) -> Estimate:

@@ -97,7 +97,8 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
             break
         known = search.improved(search.without(known, name))
     persistence = float(np.sum((search.model.fit.held - search.model.fit.output) ** 2))
-    return known if _left_out(search, known) < persistence else base  # what predicts no better explains nothing
+    # What predicts no better than holding the output, and leaves most of the gap, explains nothing.
+    return known if _left_out(search, known) < max(persistence, 0.5 * _left_out(search, base)) else base
 
 
 def _is_sizeable(search: Search, known: Known, name: str) -> bool:

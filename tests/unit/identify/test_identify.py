@@ -51,10 +51,12 @@ def test_what_no_effect_describes_gets_no_name():
     assert joint.shapes["position"] > 0.5
 
 
-def test_a_model_that_predicts_no_better_than_persistence_names_nothing():
-    model = ToyJoint(truth={"coulomb_friction": 0.3})
+@pytest.mark.parametrize(("friction", "names"), [(0.06, []), (0.3, ["coulomb_friction"])])
+def test_a_model_worse_than_persistence_that_leaves_most_of_the_gap_names_nothing(friction, names):
+    model = ToyJoint(truth={"coulomb_friction": friction})
+    assert _names(_found(model)[0]) == ["coulomb_friction"]
     model.fit.held[:] = model.fit.output + 0.05
-    assert _names(_found(model)[0]) == []
+    assert _names(_found(model)[0]) == names
 
 
 def test_a_cause_that_the_held_out_trials_contradict_is_withdrawn():
