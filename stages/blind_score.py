@@ -143,7 +143,9 @@ def truth_gaps(
     if layers:
         try:
             gaps = layer_gaps(places, layers)
-        except IdentificationError:  # a machine without the effects that the layer cannot judge: there is no gap to compare
+        except (
+            IdentificationError
+        ):  # a machine without the effects that the layer cannot judge: there is no gap to compare
             gaps = {}
     else:
         scale = scales(folder / case)
