@@ -15,9 +15,9 @@ def _known_effects(names: list[str]) -> list[str]:
     if not names:
         return names
     from hqpipe.effects import EFFECTS  # half a second, because of numba; only where there is something to look up
-    from hqpipe.report.diagnosis_advice import MEANINGS  # those of all layers
+    from hqpipe.layers import ONLY_IN_LAYERS
 
-    known = dict.fromkeys((*EFFECTS, *MEANINGS))
+    known = (*EFFECTS, *ONLY_IN_LAYERS)
     for name in names:
         if name not in known:
             text = f"no effect '{name[:80]}'{near_match(name[:80], known)} (known: {', '.join(known)})"

@@ -154,7 +154,6 @@ def plant(
     size: str | None,
     joints: Sequence[str],
     rng: np.random.Generator,
-    ordinary: bool = False,
 ) -> Planted:
     """An effect of a size in some joints, scattered between them."""
     recipe = RECIPES[key]
@@ -176,6 +175,4 @@ def plant(
         parameters[name] = {what: None if value is None else float(value) for what, value in numbers.items()}
     everywhere = tuple(joints) == machine.names
     scope = "machine" if everywhere else "joint" if len(joints) == 1 else "group"
-    return Planted(
-        key, "valve", recipe.outside, tuple(joints), scope, size if sized else None, parameters, settings, ordinary
-    )
+    return Planted(key, "valve", recipe.outside, tuple(joints), scope, size if sized else None, parameters, settings)

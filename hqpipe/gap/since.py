@@ -100,7 +100,7 @@ def check_alike(
         path, mode, joints, dt, source: of the reference; source of its torque, None if it is not known.
 
     Raises:
-        UsageError: names both sides and the mend.
+        UsageError: names both sides and the fix.
     """
     if log_set.control_mode != MODE:
         raise UsageError(
@@ -131,7 +131,7 @@ def check_same_machine(
         path, mode, joints, source: see `check_alike`.
 
     Raises:
-        UsageError: names both sides and the mend.
+        UsageError: names both sides and the fix.
     """
     pair = f"{log_set.path} and the reference {path}"
     if log_set.control_mode != mode:

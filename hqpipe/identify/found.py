@@ -68,7 +68,6 @@ class JointFound:
         gains: effect → ln of how much more probable the logs are with it than without it, beside the set that was found.
         shapes: signal of each generic shape that closes enough to be kept → share of the squared error of `named` on the fit
             samples that it closes.
-        independent: number of samples that the fit samples are worth, their correlation accounted for.
         drifts: numbers that differ between trials by more than chance, as sentences.
         withdrawn: effects that the fit trials ask for and that do not show in the held-out ones.
     """
@@ -82,7 +81,6 @@ class JointFound:
     probabilities: dict[str, float]
     gains: dict[str, float]
     shapes: dict[str, float]
-    independent: float
     drifts: tuple[str, ...] = ()
     withdrawn: tuple[str, ...] = ()
 

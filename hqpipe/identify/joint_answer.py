@@ -10,7 +10,6 @@ from scipy.stats import t as student
 from hqpipe.identify.drifts import drifts
 from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
 from hqpipe.identify.left_out import left_out_square
-from hqpipe.identify.sampling import correlation_time
 from hqpipe.identify.search import Known, Names, Search
 
 LEAST_GAIN = 0.05
@@ -59,7 +58,6 @@ def answer(search: Search, best: Known) -> JointFound:
         probabilities=probabilities,
         gains=dict(search.gains),
         shapes=_shapes(search, core, named),
-        independent=len(best.solution.error) / correlation_time(best.solution.error, search.model.fit),
         drifts=drifts(search, core),
         withdrawn=tuple(sorted(claimed.names - core.names)),
     )

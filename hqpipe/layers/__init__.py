@@ -9,6 +9,9 @@ A layer is a class with
 
 from __future__ import annotations
 
+ONLY_IN_LAYERS = ("armature", "gain_error", "payload", "spring", "torque_limit", "voltage_sag")
+"""Effects that a layer may offer and `hqpipe.effects` does not hold."""
+
 LAYERS = {
     "servo": "hqpipe.layers.servo:Servo",
     "joint_motion": "hqpipe.layers.joint_motion:JointMotion",
