@@ -37,13 +37,24 @@ def test_joints_that_agree_share_a_cause_and_keep_their_numbers(models):
     assert [m.numbers[0].value for m in pair.members.values()] == [0.50, 0.54]
 
 
-def test_precise_joints_count_more(models):
-    parts = [number("friction_nm", 0.5, 0.01), number("friction_nm", 0.6, 0.1)]
+def test_precise_joints_count_more_where_they_agree(models):
+    parts = [number("friction_nm", 0.5, 0.01), number("friction_nm", 0.54, 0.1)]
     found, errors = errors_of(
         *(made_up(m, 1.0, 0.5, causes=[cause("coulomb_friction", p)]) for m, p in zip(models, parts, strict=False))
     )
     (one,) = merge_causes(errors, found.joints)
-    assert one.numbers[0].value == pytest.approx((0.5 + 0.6 / 100) / 1.01, rel=1e-6)
+    assert one.numbers[0].value == pytest.approx((0.5 + 0.54 / 100) / 1.01, rel=1e-6)
+
+
+def test_precise_joints_that_differ_give_their_mean(models):
+    parts = [number("friction_nm", value, half) for value, half in ((0.50, 0.001), (0.60, 0.004))]
+    found, errors = errors_of(
+        *(made_up(m, 1.0, 0.5, causes=[cause("coulomb_friction", p)]) for m, p in zip(models, parts, strict=False))
+    )
+    (one,) = merge_causes(errors, found.joints)
+    low, high = one.numbers[0].ci95
+    assert one.numbers[0].value == pytest.approx(0.55, rel=1e-3)
+    assert high - low == pytest.approx(2.0 * np.hypot(0.001, 0.004) / 2.0, rel=0.01)
 
 
 def test_units_are_never_pooled(models):
