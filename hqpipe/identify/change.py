@@ -134,7 +134,7 @@ class Changed:
             spread = p.spread if np.isfinite(p.spread) else max(abs(value) / 3.0, 1e-9)
             several = () if effect.parameters else tuple(np.clip([-spread, 0.0, spread], p.low - value, p.high - value))
             moved.append(replace(p, neutral=0.0, spread=spread, low=p.low - value, high=p.high - value, starts=several))
-        return replace(effect, parameters=tuple(moved), excludes=frozenset())
+        return replace(effect, parameters=tuple(moved))
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
         then = self.values.copy()
@@ -158,8 +158,8 @@ class Changed:
 def _with_references(found: JointFound) -> JointFound:
     """The joint with the numbers of both records in its causes; its base has those of the earlier record throughout."""
     changed = found.model
-    causes = tuple(_with_reference(changed, cause, found.full.values) for cause in found.causes)
-    values = found.full.values.copy()
+    causes = tuple(_with_reference(changed, cause, found.kept.values) for cause in found.causes)
+    values = found.kept.values.copy()
     values[len(changed.base) :] = 0.0
     base = replace(found.base, values=values, error=changed.error(values), heldout=changed.error(values, True))
     return replace(found, causes=causes, base=base)

@@ -60,9 +60,10 @@ class JointFound:
     """The answer for one joint.
 
     Attributes:
-        base: without any effect. named: with the causes alone: what is left unexplained is its error. full: with the generic
-            shapes that the logs ask for besides: what could be predicted at all. In all of them stands what the rest of the
-            machine does to the joint, where the logs ask for it.
+        base: without any effect. named: with the causes alone: what is left unexplained is its error. kept: with the generic
+            shapes that close enough to be kept besides; the numbers of the causes are those found here. full: with all that the
+            logs ask for: what could be predicted at all. In all of them stands what the rest of the machine does to the joint,
+            where the logs ask for it.
         causes: the largest first. without: cause → the joint with all causes but this one, fitted again.
         probabilities: effect → probability, of all that were considered, generic shapes included.
         gains: effect → ln of how much more probable the logs are with it than without it, beside the set that was found.
@@ -75,6 +76,7 @@ class JointFound:
     model: JointModel
     base: Fitted
     named: Fitted
+    kept: Fitted
     full: Fitted
     causes: tuple[JointCause, ...]
     without: dict[str, Fitted]

@@ -52,6 +52,7 @@ def answer(search: Search, best: Known) -> JointFound:
         model=search.model,
         base=fitted(search, base),
         named=fitted(search, named),
+        kept=fitted(search, core),
         full=fitted(search, min(best, core, key=lambda known: known.solution.square)),
         causes=tuple(JointCause(n, found[n][0], _numbers(search, core, n), found[n][1]) for n in causes),
         without={name: fitted(search, without[name]) for name in causes},
