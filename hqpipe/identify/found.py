@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -69,8 +69,11 @@ class JointFound:
         gains: effect → ln of how much more probable the logs are with it than without it, beside the set that was found.
         shapes: signal of each generic shape that closes enough to be kept → share of the squared error of `named` on the fit
             samples that it closes.
+        closes: cause → what it closes as the last one, and unexplained: what is left above the noise, both as a share of the
+            squared error of `base` on data left out of its fit.
         drifts: numbers that differ between trials by more than chance, as sentences.
-        withdrawn: effects that the fit trials ask for and that do not show in the held-out ones.
+        withdrawn: effects that the fit trials ask for and that do not show in the held-out ones. outweighed: effects that
+            they ask for and that are small beside what is left unexplained.
     """
 
     model: JointModel
@@ -83,8 +86,11 @@ class JointFound:
     probabilities: dict[str, float]
     gains: dict[str, float]
     shapes: dict[str, float]
+    closes: dict[str, float] = field(default_factory=dict)
+    unexplained: float = 0.0
     drifts: tuple[str, ...] = ()
     withdrawn: tuple[str, ...] = ()
+    outweighed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from hqpipe.identify.change import changes_between
 from hqpipe.identify.found import JointFound, LayerFound
 from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.model import JointModel, LayerJoints
+from hqpipe.identify.outweighed import without_outweighed
 from hqpipe.identify.search import Known, Search
 
 Progress = Callable[[float, float, str], None]
@@ -62,7 +63,8 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
             searched = list(
                 pool.map(lambda pair: _weighed_again(*pair[0], pair[1]), zip(searched, others, strict=True))
             )
-        return tuple(pool.map(lambda pair: answer(*pair), searched))
+        answers = tuple(pool.map(lambda pair: answer(*pair), searched))
+    return without_outweighed(searched, answers)
 
 
 def _half(progress: Progress | None, start: float) -> Progress | None:

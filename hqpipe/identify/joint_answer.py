@@ -9,7 +9,6 @@ from scipy.stats import t as student
 
 from hqpipe.identify.drifts import drifts
 from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
-from hqpipe.identify.left_out import left_out_square
 from hqpipe.identify.search import Known, Names, Search
 
 LEAST_GAIN = 0.05
@@ -48,6 +47,7 @@ def answer(search: Search, best: Known) -> JointFound:
     named = _only(search, core, frozenset(_causes(search, core)) | base.names)
     without = {name: search.without(named, name) for name in _causes(search, named)}
     causes = sorted(without, key=lambda name: -without[name].solution.square)
+    whole, square = max(search.left_out(base), np.finfo(float).tiny), search.left_out(claimed)
     return JointFound(
         model=search.model,
         base=fitted(search, base),
@@ -59,8 +59,11 @@ def answer(search: Search, best: Known) -> JointFound:
         probabilities=probabilities,
         gains=dict(search.gains),
         shapes=_shapes(search, core, named),
+        closes={n: (search.left_out(search.without(claimed, n)) - square) / whole for n in causes},
+        unexplained=max(square - _floor(search), 0.0) / whole,
         drifts=drifts(search, core),
         withdrawn=tuple(sorted(claimed.names - core.names)),
+        outweighed=tuple(sorted(search.barred)),
     )
 
 
@@ -68,7 +71,7 @@ def _context(search: Search, best: Known) -> Known:
     """What the rest of the machine does to the joint, if data left out of the fit and the held-out trials bear it out."""
     context = _only(search, best, frozenset(name for name in best.names if search.effects[name].context))
     plain = search.base
-    better = _left_out(search, context) < _left_out(search, plain)
+    better = search.left_out(context) < search.left_out(plain)
     return context if better and _heldout_square(search, context) <= _heldout_square(search, plain) else plain
 
 
@@ -85,19 +88,23 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
     Args:
         known: a set that the logs ask for. base: the context alone.
     """
-    floor = len(known.solution.error) * search.model.noise[0] ** 2
-    gap = max(_left_out(search, base) - floor, 0.0)
+    gap = max(search.left_out(base) - _floor(search), 0.0)
     while rest := sorted(known.names - base.names):
-        square = _left_out(search, known)
+        square = search.left_out(known)
         least = max(LEAST_GAIN * square, LEAST_SHARE * gap)
-        closes = {name: _left_out(search, search.without(known, name)) - square for name in rest}
+        closes = {name: search.left_out(search.without(known, name)) - square for name in rest}
         name = min(rest, key=lambda name: (_is_sizeable(search, known, name), closes[name]))
         if closes[name] >= least and _is_sizeable(search, known, name):
             break
         known = search.improved(search.without(known, name))
     persistence = float(np.sum((search.model.fit.held - search.model.fit.output) ** 2))
     # What predicts no better than holding the output, and leaves most of the gap, explains nothing.
-    return known if _left_out(search, known) < max(persistence, 0.5 * _left_out(search, base)) else base
+    return known if search.left_out(known) < max(persistence, 0.5 * search.left_out(base)) else base
+
+
+def _floor(search: Search) -> float:
+    """Squared error that the noise of the sensors leaves on the fit samples."""
+    return len(search.model.fit.trial) * search.model.noise[0] ** 2
 
 
 def _is_sizeable(search: Search, known: Known, name: str) -> bool:
@@ -113,10 +120,6 @@ def _is_sizeable(search: Search, known: Known, name: str) -> bool:
     most = abs(float(end - fitter.neutral[first]))
     least = LEAST_SIZE * fitter.spread[first] if np.isfinite(fitter.spread[first]) else 0.0
     return least <= size <= AT_BOUND * most
-
-
-def _left_out(search: Search, known: Known) -> float:
-    return left_out_square(search.fitter, known.solution)
 
 
 def _confirmed(search: Search, known: Known, base: Known) -> Known:

@@ -14,6 +14,7 @@ import numpy as np
 
 from hqpipe.identify.evidence import independence, log_bayes_factor, occam
 from hqpipe.identify.least_squares import Fitter, Solution
+from hqpipe.identify.left_out import left_out_square
 from hqpipe.identify.model import Effect, JointModel, positions
 from hqpipe.identify.sampling import Covariance, correlation_time, covariance
 
@@ -59,12 +60,15 @@ class Search:
     Attributes:
         odds: effect → ln of the prior odds that the joint has it.
         gains: effect → ln of how much more probable the logs are with it beside the set that is reached.
+        known: every set that was fitted. barred: effects that no set may have from now on.
     """
 
     model: JointModel
     odds: Mapping[str, float]
     fitter: Fitter = field(init=False)
     known: dict[Names, Known] = field(init=False, default_factory=dict)
+    barred: set[str] = field(init=False, default_factory=set)
+    _left_out: dict[Names, float] = field(init=False, default_factory=dict)
     gains: dict[str, float] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -130,6 +134,12 @@ class Search:
         difference = other.solution.square - one.solution.square
         return 0.5 * counts * difference / better.covariance.noise + self._price(one) - self._price(other)
 
+    def left_out(self, known: Known) -> float:
+        """Sum of the squared errors of groups of fit samples, each predicted from the others."""
+        if known.names not in self._left_out:
+            self._left_out[known.names] = left_out_square(self.fitter, known.solution)
+        return self._left_out[known.names]
+
     def rank_beside(self, best: Known) -> None:
         """Set the gains of all effects beside a set: of a fit where there is one, else of what the slope promises.
 
@@ -150,6 +160,7 @@ class Search:
     def addable(self, names: Names) -> list[str]:
         """Effects that may join a set."""
         shut = names.union(*(self.effects[name].excludes for name in names)) if names else names
+        shut |= self.barred
         return [n for n, e in self.effects.items() if n not in shut and not e.excludes & names]
 
     def screened(self, known: Known, names: Sequence[str]) -> list[tuple[float, str]]:
