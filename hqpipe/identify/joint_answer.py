@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.stats import t as student
 
 from hqpipe.identify.drifts import drifts
 from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
+from hqpipe.identify.intervals import half_widths
 from hqpipe.identify.search import Known, Names, Search
 
 LEAST_GAIN = 0.05
@@ -47,6 +47,7 @@ def answer(search: Search, best: Known) -> JointFound:
     named = _only(search, core, frozenset(_causes(search, core)) | base.names)
     without = {name: search.without(named, name) for name in _causes(search, named)}
     causes = sorted(without, key=lambda name: -without[name].solution.square)
+    half = half_widths(search, core)
     whole, square = max(search.left_out(base), np.finfo(float).tiny), search.left_out(claimed)
     return JointFound(
         model=search.model,
@@ -54,7 +55,7 @@ def answer(search: Search, best: Known) -> JointFound:
         named=fitted(search, named),
         kept=fitted(search, core),
         full=fitted(search, min(best, core, key=lambda known: known.solution.square)),
-        causes=tuple(JointCause(n, found[n][0], _numbers(search, core, n), found[n][1]) for n in causes),
+        causes=tuple(JointCause(n, found[n][0], _numbers(search, core, half, n), found[n][1]) for n in causes),
         without={name: fitted(search, without[name]) for name in causes},
         probabilities=probabilities,
         gains=dict(search.gains),
@@ -177,23 +178,17 @@ def _only(search: Search, best: Known, names: Names) -> Known:
     return known
 
 
-def _numbers(search: Search, best: Known, name: str) -> tuple[Number, ...]:
-    """The parameters of an effect, with intervals cut at the bounds."""
-    fitter, free = search.fitter, best.solution.free
-    freedom = max(best.covariance.blocks - len(free), 1)
-    reach = float(student.ppf(0.975, freedom))
-    found = []
-    first = len(search.model.base)
-    for effect in search.model.effects:
-        if effect.name == name:
-            for k, parameter in enumerate(effect.parameters):
-                index = first + k
-                place = int(np.flatnonzero(free == index)[0])
-                half = reach * float(np.sqrt(max(best.covariance.robust[place, place], 0.0)))
-                value = float(best.solution.values[index])
-                low, high = max(value - half, fitter.low[index]), min(value + half, fitter.high[index])
-                found.append(Number(parameter.name, parameter.unit, value, (float(low), float(high))))
-        first += len(effect.parameters)
+def _numbers(search: Search, best: Known, half: np.ndarray, name: str) -> tuple[Number, ...]:
+    """The parameters of an effect, with intervals cut at the bounds.
+
+    Args:
+        half: (F,) of the intervals of the free parameters.
+    """
+    fitter, free, found = search.fitter, best.solution.free, []
+    for index, parameter in zip(search.places(name), search.effects[name].parameters, strict=True):
+        reach, value = half[np.flatnonzero(free == index)[0]], float(best.solution.values[index])
+        low, high = max(value - reach, fitter.low[index]), min(value + reach, fitter.high[index])
+        found.append(Number(parameter.name, parameter.unit, value, (float(low), float(high))))
     return tuple(found)
 
 

@@ -2,7 +2,7 @@
 
 Where much of a gap is left, some effect will describe a part of it by chance, however certain it is that the logs are described
 better with it: the probability compares it with the library alone. Such a cause is believed only if it closes a share of the
-gap that counts beside what is left.
+gap that counts beside what is left, in the joint or in those joints of the machine that show it best.
 """
 
 from __future__ import annotations
@@ -14,35 +14,42 @@ from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.search import Known, Search
 
 LEAST_OF_UNKNOWN = 0.5
-"""Of what is left unexplained above the noise, in squares, that a cause must close over the joints that have it: then a third of
-what it and the unknown make together is known. Assumption: a law that is missing is alike to one of a dozen candidates by a
-third of its square at most. The cost: a real effect smaller than that is not named, and counts as unknown."""
+"""Of what is left unexplained above the noise, in squares, that a cause must close: then a third of what it and the unknown
+make together is known. Assumption: a law that is missing is alike to one of a dozen candidates by a third of its square at
+most, as the best of twelve random directions in a space of ten shapes is in half of all cases. The cost: a real effect smaller
+than that is not named, and counts as unknown."""
 
 
-def without_outweighed(searched: Sequence[tuple[Search, Known]], answers: Sequence[JointFound]) -> tuple[JointFound, ...]:
+def without_outweighed(
+    searched: Sequence[tuple[Search, Known]], answers: Sequence[JointFound]
+) -> tuple[JointFound, ...]:
     """The answers of a machine's joints without such causes; the least one goes first, as others may take its part.
 
     Args:
         searched, answers: of each joint.
     """
     answers = list(answers)
-    while ratios := _ratios(answers):
-        effect = min(ratios, key=lambda name: (ratios[name], name))
-        if ratios[effect] >= LEAST_OF_UNKNOWN:
-            break
-        for j, (search, best) in enumerate(searched):
-            if effect in answers[j].closes:
-                search.barred.add(effect)
-                answers[j] = answer(search, search.improved(search.without(best, effect)))
+    while weak := _outweighed(answers):
+        _, effect, j = min(weak)
+        search, best = searched[j]
+        search.barred.add(effect)
+        answers[j] = answer(search, search.improved(search.without(best, effect)))
     return tuple(answers)
 
 
-def _ratios(answers: Sequence[JointFound]) -> dict[str, float]:
-    """Cause → what it closes over what is left, each joint's squared errors relative to its base."""
-    closed: dict[str, float] = {}
-    left: dict[str, float] = {}
-    for joint in answers:
-        for effect, share in joint.closes.items():
-            closed[effect] = closed.get(effect, 0.0) + share
-            left[effect] = left.get(effect, 0.0) + joint.unexplained
-    return {effect: share / left[effect] if left[effect] > 0.0 else float("inf") for effect, share in closed.items()}
+def _outweighed(answers: Sequence[JointFound]) -> list[tuple[float, str, int]]:
+    """(what it closes over what is left, effect, joint) of each such cause.
+
+    Joints that show an effect vouch for it in those that show it less, each counted relative to its base.
+    """
+    found = []
+    for effect in sorted({name for joint in answers for name in joint.closes}):
+        shown = [
+            (joint.closes[effect], joint.unexplained, j) for j, joint in enumerate(answers) if effect in joint.closes
+        ]
+        closed = left = 0.0
+        for closes, unexplained, j in sorted(shown, key=lambda s: -s[0] / max(s[1], 1e-12)):
+            closed, left = closed + closes, left + unexplained
+            if closed < LEAST_OF_UNKNOWN * left:
+                found.append((closes / max(unexplained, 1e-12), effect, j))
+    return found

@@ -1,0 +1,82 @@
+"""95 % intervals of the numbers of a fit, from three sources of error.
+
+- Within trials: the robust covariance, see `hqpipe.identify.sampling`.
+- Between trials: what differs from one trial to the next, as oil temperature or a law that is wrong in another way at another
+  motion, is one observation a trial. Leaving out one trial at a time (the jackknife of Quenouille and Tukey) shows it; with few
+  trials its Student factor is large.
+- The law: how far the number moves if every generic shape that the set lacks is let in. A shape that closes too little to be
+  kept is still a way in which the law may be wrong.
+
+Each source has its own Student factor; the half widths add up in squares, as those of independent errors do.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as student
+
+from hqpipe.identify.least_squares import Fitter
+from hqpipe.identify.search import Known, Search
+
+_LEVEL = 0.975  # one-sided, of a 95 % interval
+_SINGULAR = 1e-10  # of the largest eigenvalue: what the samples do not show stays as it is
+
+
+def half_widths(search: Search, known: Known) -> np.ndarray:
+    """(F,) of the 95 % intervals of the free parameters of a set; infinite where the prediction overflows."""
+    free = known.solution.free
+    if not np.isfinite(known.solution.square):
+        return np.full(len(free), np.inf)
+    within = np.sqrt(np.maximum(np.diag(known.covariance.robust), 0.0))
+    within = _factor(known.covariance.blocks - len(free)) * within
+    return np.sqrt(within**2 + _between(search.fitter, known) ** 2 + _law(search, known) ** 2)
+
+
+def _between(fitter: Fitter, known: Known) -> np.ndarray:
+    """(F,) from the scatter of fits without one of the trials; 0 where there is one trial alone."""
+    solution, trial = known.solution, fitter.model.fit.trial
+    present = np.unique(trial)
+    if len(present) < 2:
+        return np.zeros(len(solution.free))
+    columns, error, values = solution.jacobian, solution.error, solution.values
+    steps = []
+    for left_out in present:
+        rest = trial != left_out
+        steps.append(_step(fitter, known, solution.free, values, columns[rest], error[rest]))
+    count = len(present)
+    deviation = np.sqrt((count - 1.0) / count * np.sum((np.array(steps) - np.mean(steps, axis=0)) ** 2, axis=0))
+    return _factor(count - 1) * deviation
+
+
+def _law(search: Search, known: Known) -> np.ndarray:
+    """(F,) from the generic shapes that the set lacks, all at once, by one step of a fit."""
+    fitter, solution = search.fitter, known.solution
+    lacking = [name for name in search.addable(known.names) if not search.effects[name].named]
+    if not lacking:
+        return np.zeros(len(solution.free))
+    places = np.concatenate([search.places(name) for name in lacking])
+    shapes = fitter.jacobian(solution.values, solution.error, places)
+    columns, free = np.hstack([solution.jacobian, shapes]), np.concatenate([solution.free, places])
+    step = _step(fitter, known, free, solution.values, columns, solution.error)
+    alone = _step(fitter, known, solution.free, solution.values, solution.jacobian, solution.error)
+    return float(norm.ppf(_LEVEL)) * np.abs(step[: len(alone)] - alone)
+
+
+def _step(
+    fitter: Fitter, known: Known, free: np.ndarray, values: np.ndarray, columns: np.ndarray, error: np.ndarray
+) -> np.ndarray:
+    """(F,) of one step of least squares with priors."""
+    spread = fitter.spread[free]
+    sized = np.isfinite(spread)
+    prior = np.where(sized, known.covariance.noise / spread**2, 0.0)
+    away = np.where(sized, (values - fitter.neutral)[free], 0.0)
+    normal = columns.T @ columns + np.diag(prior)
+    scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    slope = (columns.T @ error + prior * away) / scale
+    return -np.linalg.lstsq(normal / np.outer(scale, scale), slope, rcond=_SINGULAR)[0] / scale
+
+
+def _factor(freedom: int) -> float:
+    """Quantile of Student's t of a 95 % interval."""
+    return float(student.ppf(_LEVEL, max(freedom, 1)))
