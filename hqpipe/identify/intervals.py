@@ -4,8 +4,8 @@
 - Between trials: what differs from one trial to the next, as oil temperature or a law that is wrong in another way at another
   motion, is one observation a trial. Leaving out one trial at a time (the jackknife of Quenouille and Tukey) shows it; with few
   trials its Student factor is large.
-- The law: how far the number moves if every generic shape that the set lacks is let in. A shape that closes too little to be
-  kept is still a way in which the law may be wrong.
+- The law: how far the number moves if one more effect or generic shape is let in, weighed with its probability (Bayesian
+  model averaging, Hoeting et al. 1999). What closes too little to be a cause is still a way in which the law is wrong.
 
 Each source has its own Student factor; the half widths add up in squares, as those of independent errors do.
 """
@@ -20,11 +20,15 @@ from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.search import Known, Search
 
 _LEVEL = 0.975  # one-sided, of a 95 % interval
+_FAR = 50.0  # ln of odds beyond which nothing changes
 _SINGULAR = 1e-10  # of the largest eigenvalue: what the samples do not show stays as it is
 
 
 def half_widths(search: Search, known: Known) -> np.ndarray:
-    """(F,) of the 95 % intervals of the free parameters of a set; infinite where the prediction overflows."""
+    """(F,) of the 95 % intervals of the free parameters of a set; infinite where the prediction overflows.
+
+    Call `Search.rank_beside` before: what else the logs may ask for counts.
+    """
     free = known.solution.free
     if not np.isfinite(known.solution.square):
         return np.full(len(free), np.inf)
@@ -50,17 +54,28 @@ def _between(fitter: Fitter, known: Known) -> np.ndarray:
 
 
 def _law(search: Search, known: Known) -> np.ndarray:
-    """(F,) from the generic shapes that the set lacks, all at once, by one step of a fit."""
-    fitter, solution = search.fitter, known.solution
-    lacking = [name for name in search.addable(known.names) if not search.effects[name].named]
-    if not lacking:
-        return np.zeros(len(solution.free))
-    places = np.concatenate([search.places(name) for name in lacking])
-    shapes = fitter.jacobian(solution.values, solution.error, places)
-    columns, free = np.hstack([solution.jacobian, shapes]), np.concatenate([solution.free, places])
-    step = _step(fitter, known, free, solution.values, columns, solution.error)
-    alone = _step(fitter, known, solution.free, solution.values, solution.jacobian, solution.error)
-    return float(norm.ppf(_LEVEL)) * np.abs(step[: len(alone)] - alone)
+    """(F,) from sets with one effect or shape more, those that are refused for their size among them."""
+    free, values = known.solution.free, known.solution.values
+    variance = np.zeros(len(free))
+    for larger in search.beside(known):
+        probability = 1.0 / (1.0 + np.exp(-np.clip(search.gain(larger, known), -_FAR, _FAR)))
+        move = _share(search, known, larger) * (larger.solution.values - values)[free]
+        variance += probability * move**2
+    return float(norm.ppf(_LEVEL)) * np.sqrt(variance)
+
+
+def _share(search: Search, known: Known, larger: Known) -> float:
+    """How much of an effect more counts: as much of it as is no larger than the error that it is to explain.
+
+    An effect beyond that does not correct the law but divides it in another way, as a curve that takes the place of a straight
+    line and its slope.
+    """
+    values, (added,) = known.solution.values.copy(), larger.names - known.names
+    place = search.places(added)
+    values[place] = larger.solution.values[place]
+    change = search.fitter.error(values) - known.solution.error
+    size = float(change @ change)
+    return min(1.0, float(np.sqrt(known.solution.square / size))) if 0.0 < size < np.inf else 0.0
 
 
 def _step(

@@ -25,6 +25,7 @@ _PRIOR_HOLDS = 0.5  # of the variance that a prior was weighed with, below which
 _MOST = 8  # effects in one joint; assumption: more cannot be told apart in one output
 _STARTS = 24  # combinations of starting values; assumption: more would be a search of its own
 _ROUNDS = 3  # of additions and exchanges; assumption: what still changes then is a draw
+_UNLIKELY = -3.0  # ln of odds below which an effect is left aside: 5 %
 _FARTHEST = 4.0  # starts away from neutral that the slope may suggest
 BASE_STARTS = 12  # combinations of starting values of base parameters that are tried
 
@@ -162,6 +163,15 @@ class Search:
         shut = names.union(*(self.effects[name].excludes for name in names)) if names else names
         shut |= self.barred
         return [n for n, e in self.effects.items() if n not in shut and not e.excludes & names]
+
+    def beside(self, known: Known) -> list[Known]:
+        """Sets with one effect more that the logs may ask for, those that are barred among them; after `rank_beside`."""
+        able = {*self.addable(known.names), *self.barred} - known.names
+        able = {name for name in able if not self.effects[name].excludes & known.names}
+        likely = sorted(
+            (name for name in able if self.gains[name] > _UNLIKELY), key=lambda name: (-self.gains[name], name)
+        )
+        return [self.grown_by(known, name) for name in likely[:_REFITTED]]
 
     def screened(self, known: Known, names: Sequence[str]) -> list[tuple[float, str]]:
         """(squared error that the slope promises, effect), the best first; those that promise nothing are left out."""

@@ -15,6 +15,7 @@ def _half(model, name="coulomb_friction"):
     """Half width and value of the first number of an effect that is fitted alone."""
     search = Search(model, prior_odds(model, {}, 0))
     known = search.grown_by(search.base, name)
+    search.rank_beside(known)
     place = int(np.flatnonzero(known.solution.free == search.places(name)[0])[0])
     return half_widths(search, known)[place], known.solution.values[search.places(name)[0]]
 
