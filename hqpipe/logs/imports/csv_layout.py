@@ -13,7 +13,7 @@ DELIMITERS = (",", ";", "\t", "|")
 BLANKS = " "  # columns that any number of blanks separates
 MISSING = ("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "?")
 _TRUTHS = ("true", "false")
-_COMMENT = re.compile(r"^\s*(#+|%+|//)\s*")
+COMMENT = re.compile(r"^\s*(#+|%+|//)\s*")
 _POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE)
 _COMMA = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE)
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-]\d\d:?\d\d)?")
@@ -102,7 +102,7 @@ def _first_row(lines: Sequence[str], delimiter: str, decimal: str) -> tuple[int,
     rows = [
         (i, [_kind(c, decimal) for c in cells_of(line, delimiter)])
         for i, line in enumerate(lines)
-        if line.strip() and not _COMMENT.match(line)
+        if line.strip() and not COMMENT.match(line)
     ]
     for at, (index, kinds) in enumerate(rows):
         numbers = sum(kind in ("number", "date") for kind in kinds)
@@ -115,7 +115,7 @@ def _first_row(lines: Sequence[str], delimiter: str, decimal: str) -> tuple[int,
 
 
 def _described(lines: Sequence[str], delimiter: str, decimal: str, first: int) -> Layout:
-    rows = [cells_of(line, delimiter) for line in lines[first:] if line.strip() and not _COMMENT.match(line)]
+    rows = [cells_of(line, delimiter) for line in lines[first:] if line.strip() and not COMMENT.match(line)]
     width = Counter(map(len, rows)).most_common(1)[0][0]
     rows = [row for row in rows if len(row) == width]
     kinds = tuple(_column_kind([_kind(row[c], decimal) for row in rows]) for c in range(width))
@@ -150,7 +150,7 @@ def _header(
     above = [i for i in range(first) if lines[i].strip()]
     units: list[str] = []
     for place, i in enumerate(reversed(above)):
-        cells = cells_of(_COMMENT.sub("", lines[i]), delimiter)
+        cells = cells_of(COMMENT.sub("", lines[i]), delimiter)
         if len(cells) < min(width, 2) or abs(len(cells) - width) > max(1, width // 2):
             continue
         kinds = [_kind(cell, decimal) for cell in cells]

@@ -17,7 +17,7 @@ from hqpipe.logs.columns import SHARED_UNITS, TIME, joint_column
 from hqpipe.logs.drive import DRIVE, LOAD
 from hqpipe.logs.imports.recording import ImportLogError
 from hqpipe.logs.imports.units import COUNTS, KINDS, SAMPLES, UNITS, Unit, kinds_of, slides
-from hqpipe.logs.manifest import CHOICES, SPLITS
+from hqpipe.logs.manifest import CHOICES, COMMAND_OF, SPLITS
 
 FORMAT = "hqpipe-log-map/1"
 SKIP = "skip"
@@ -158,6 +158,8 @@ def parse_map(content: dict[str, Any], path: Path) -> LogMap:
     for name, joint in joints.items():
         sources |= _joint(name, joint)
     _check_complete(fields["joints"], sources)
+    if "control_mode" in fields:
+        _check_mode(fields["control_mode"], sources)
     for name, source in fields["shared"].table().items() if "shared" in fields else ():
         _check_shared(name, source)
         sources[name] = _source(source, name)
@@ -206,6 +208,14 @@ def _check_complete(entry: Entry, sources: MappingType[str, Source]) -> None:
         if lacking and channel in CHANNELS_OF_A_LOG_SET:
             what = f"joint '{joint}' has {channel}, joint '{lacking[0]}' has not; a log set has it for every joint or for none"
             raise entry.error(what, f"add {channel} to {', '.join(lacking)}, or drop it")
+
+
+def _check_mode(entry: Entry, sources: MappingType[str, Source]) -> None:
+    """Refuse a control mode whose command is not mapped, which no log set may state."""
+    channel = COMMAND_OF.get(entry.text(CHOICES["control_mode"]))
+    if channel and not any(column.endswith(f"/{channel}") for column in sources):
+        what = f"{entry.value} control has {channel} as its input, which no joint has"
+        raise entry.error(what, f"add {channel} to the joints, or leave control_mode out")
 
 
 def _check_shared(name: str, entry: Entry) -> None:
