@@ -104,7 +104,7 @@ def _find_all(recording: Recording, log_map: LogMap) -> dict[str, list[tuple[Str
     if missing:
         names = listed(list(dict.fromkeys(" or ".join(f"'{n}'" for n in each) for each in missing)))
         known = [f"{s.name}/{f}" if s.name else f for s in recording.streams for f in s.fields]
-        what = f"no field {names}{near_match(missing[0][0], known)}"
+        what = f"no field {names}{near_match(missing[0][0], known) or f' (it has {listed(known)})'}"
         raise _wrong(recording, missing[0][0], what, "map it in a mapping file of its own, or leave the file out")
     return found
 

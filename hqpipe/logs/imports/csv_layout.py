@@ -13,6 +13,7 @@ DELIMITERS = (",", ";", "\t", "|")
 BLANKS = " "  # columns that any number of blanks separates
 MISSING = ("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "?")
 _TRUTHS = ("true", "false")
+_UNIT_LABELS = ("unit", "units")  # what a row of units may begin with
 COMMENT = re.compile(r"^\s*(#+|%+|//)\s*")
 _POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE)
 _COMMA = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE)
@@ -109,6 +110,8 @@ def _first_row(lines: Sequence[str], delimiter: str, decimal: str) -> tuple[int,
         if not numbers or 2 * kinds.count("text") > len(kinds):
             continue
         following = rows[at : at + _ALIKE]
+        if any(2 * each.count("text") > len(each) for _, each in following):
+            continue  # settings above the header
         if all(len(each) == len(kinds) for _, each in following[:-1]):  # the last line may be cut
             return index, len(kinds), sum(k in ("number", "date") for _, each in following for k in each)
     return None
@@ -157,6 +160,7 @@ def _header(
         if "text" not in kinds or "number" in kinds:
             continue
         bare = [m[1] if (m := _BRACKETS.match(cell)) else cell for cell in cells]
+        bare = ["" if cell.casefold() in _UNIT_LABELS else cell for cell in bare]
         named = sum(cell in UNITS for cell in bare)
         more_above = place + 1 < len(above)
         if not units and more_above and 2 * named > sum(bool(cell) for cell in bare):

@@ -47,6 +47,8 @@ LAYOUTS = {
     "header in a comment": "# " + PLAIN,
     "MATLAB's comment": "% made today\n%t,q,tau\n" + "\n".join(ROWS),
     "title": "Test run 17\n\n" + PLAIN,
+    "settings of as many cells above the header": "Interval,0.1,0.2\n" + PLAIN,
+    "several settings above the header": "Axis1\nNumber of samples,1024\nInterval (ms),0.667\n" + PLAIN,
     "blank lines": PLAIN.replace("\n", "\n\n"),
     "byte order mark": b"\xef\xbb\xbf" + PLAIN.encode(),
     "UTF-16": PLAIN.encode("utf-16"),
@@ -147,3 +149,14 @@ def test_a_delimiter_at_the_end_of_rows_without_header_makes_no_column(tmp_path)
 def test_a_second_column_without_values_is_none_to_be_cut(tmp_path):
     stream, _ = read(tmp_path, "t;q\n0.0;\n0.1;\n0.2;1.5\n")
     np.testing.assert_array_equal(stream.fields["q"], [np.nan, np.nan, 1.5])
+
+
+def test_a_recorder_with_settings_a_row_of_labels_and_one_of_units(tmp_path):
+    """As the oscilloscopes of one maker write it: each channel with a column of times."""
+    head = "Timestamp,2020-03-16 17:04:51,Timestamp,2020-03-16 17:04:51\nInterval,0.1,Interval,0.1\n"
+    names = 'Channel name,"Force",Channel name,"Input 1"\nUnit,"N",Unit,"V"\n'
+    rows = "".join(f"{t},{q},{t},{tau}\n" for t, q, tau in zip(T, Q, TAU, strict=True))
+    stream, _ = read(tmp_path, head + names + rows)
+    assert list(stream.fields) == ["Channel name", "Force", "Channel name (2)", "Input 1"]
+    assert stream.units == {"Force": "N", "Input 1": "V"}
+    np.testing.assert_array_equal(stream.fields["Force"], Q)
