@@ -7,6 +7,7 @@ import numpy as np
 from hqpipe.logs.differentiate import differentiate
 from hqpipe.logs.findings import Finding
 from hqpipe.logs.trajectory import Trajectory
+from hqpipe.logs.turns import jumps
 
 DEGREE = np.pi / 180.0
 _POSITION_RAD = 7.0  # just above a full turn: joints of legs and arms stay below it
@@ -59,6 +60,9 @@ def _clock(file: str, trial: Trajectory, rate_hz: float | None) -> list[Finding]
 def _ranges(file: str, trial: Trajectory) -> list[Finding]:
     found = []
     for j, joint in enumerate(trial.joints):
+        if times := int(np.count_nonzero(np.diff(jumps(trial.position[:, j])))):
+            text = "starts again after a turn ({} times): unwrap it, as hqpipe logs import does"
+            found.append(Finding("wrap", file, text, joint, "position", float(times)))
         for channel in ("position", "position_command"):
             values = getattr(trial, channel)
             top = 0.0 if values is None else _top(values[:, j])

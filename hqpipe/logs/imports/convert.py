@@ -14,6 +14,7 @@ from hqpipe.logs.imports.clock import MOST_DROPPED, increasing, regularity
 from hqpipe.logs.imports.mapping import FIX, ClockSource, LogMap, Term
 from hqpipe.logs.imports.recording import ImportLogError, Recording, Stream
 from hqpipe.logs.imports.units import KINDS, UNITS, Unit, kinds_of, to_si
+from hqpipe.logs.turns import TURN, jumps, nearest_turn
 
 _LEAST_LAG = 0.5  # samples; a lag below is not worth a line
 _NO_CLOCK = (
@@ -76,12 +77,31 @@ def convert(recording: Recording, log_map: LogMap, *, strict: bool = False) -> C
             values = _in_si(recording, stream, name, term, column)[clocks[stream.name].rows]
             total += _on_clock(clock, clocks[stream.name].time, values, column)
         columns[column] = _finite(recording, column, total, found[column])
+    notes += _unwrap(recording, columns, log_map, strict)
     if len({clocked.owner for clocked in clocks.values()}) > 1:
         notes += _alignment(clocks, main, start, end)
     if len(clocks) > 1:
         notes += _row_by_row(clocks) + _lags(columns, found)
     notes += _assumed(log_map, found)
     return Converted(columns, main.name, tuple(notes))
+
+
+def _unwrap(recording: Recording, columns: dict[str, np.ndarray], log_map: LogMap, strict: bool) -> list[str]:
+    """Let positions that start again after a turn run on, and their commands with them."""
+    notes = []
+    for joint in joints_of(columns):
+        position, command = joint_column(joint, "position"), joint_column(joint, "position_command")
+        behind = jumps(columns[position])
+        if log_map.sliding(joint) or not behind.any():
+            continue
+        what = f"{position} starts again after a turn"
+        if strict:
+            raise _wrong(recording, position, what, "record it without, or import without --strict")
+        columns[position] = columns[position] + TURN * behind
+        if command in columns:
+            columns[command] = nearest_turn(columns[command], columns[position])
+        notes.append(f"{what}: joined to one motion")
+    return notes
 
 
 def _on_clock(clock: np.ndarray, time: np.ndarray, values: np.ndarray, column: str) -> np.ndarray:

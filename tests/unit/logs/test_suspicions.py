@@ -110,6 +110,15 @@ def test_without_a_velocity_turns_and_degrees_cannot_be_told_apart(logs):
     assert "unless it spins" in text
 
 
+def test_a_position_that_starts_again_after_a_turn_is_told(logs):
+    def wrap(columns):
+        turning(2.5, velocity=False)(columns)
+        columns["joint/hip/position"] = np.mod(columns["joint/hip/position"], 2 * np.pi)
+
+    found = warnings(logs, wrap)
+    assert any("joint/hip/position starts again after a turn (4 times)" in text for text in found), found
+
+
 def test_units_of_the_clock_against_the_stated_rate(logs):
     found = warnings(logs, scale("time", by=1e3), "rate_hz: 1000")
     assert any("time steps by 1 where rate_hz says 0.001: looks like ms" in w for w in found), found

@@ -176,6 +176,27 @@ def test_a_joint_that_turns_further_by_its_own_velocity_is_in_no_other_unit(tmp_
     assert sum("position" in text for text in result.warnings) == warned
 
 
+def test_a_position_that_starts_again_after_a_turn_is_joined(tmp_path):
+    time = np.arange(0, 10, 0.01)
+    for seed in range(2):
+        angle = 0.4 * 360 * time + 30.0 * seed
+        write_csv(tmp_path / f"t{seed}.csv", {"t": time, "q": np.mod(angle, 360), "goal": np.mod(angle + 20, 360)})
+    joints = {
+        "shaft": {"position": {"field": "q", "unit": "deg"}, "position_command": {"field": "goal", "unit": "deg"}}
+    }
+    content = {"format": "hqpipe-log-map/1", "clock": {"field": "t"}, "joints": joints}
+    result = run(tmp_path, tmp_path, content=content)
+    assert any("starts again after a turn: joined to one motion" in note for note in result.notes())
+    first = read_log_set(tmp_path / "out").trials[0].trajectory
+    np.testing.assert_allclose(first.position[:, 0], np.deg2rad(0.4 * 360 * time), atol=1e-5)
+    np.testing.assert_allclose(first.position_command[:, 0], np.deg2rad(0.4 * 360 * time + 20), atol=1e-5)
+    with pytest.raises(ImportLogError, match="starts again after a turn"):
+        (tmp_path / "strict").mkdir()
+        for seed in range(2):
+            (tmp_path / f"t{seed}.csv").rename(tmp_path / "strict" / f"t{seed}.csv")
+        run(tmp_path / "strict", tmp_path / "strict" / "t0.csv", content=content, strict=True)
+
+
 def test_sums_zeros_and_the_first_field_that_exists(tmp_path):
     known = machine()
     time, q, target = (known[n] for n in ("time", "joint/hip/position", "joint/hip/position_command"))
