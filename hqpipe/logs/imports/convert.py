@@ -11,7 +11,7 @@ from hqpipe.logs.columns import TIME, joint_column, joints_of
 from hqpipe.logs.imports.align import is_held, lag_of_velocity, onto, overlap
 from hqpipe.logs.imports.arrays import listed
 from hqpipe.logs.imports.clock import MOST_DROPPED, increasing, regularity
-from hqpipe.logs.imports.mapping import FIX, ClockSource, LogMap, Term
+from hqpipe.logs.imports.mapping import FIX, ClockSource, LogMap, Term, speed_of
 from hqpipe.logs.imports.recording import ImportLogError, Recording, Stream
 from hqpipe.logs.imports.units import KINDS, UNITS, Unit, kinds_of, to_si
 from hqpipe.logs.turns import TURN, jumps, nearest_turn
@@ -74,8 +74,12 @@ def convert(recording: Recording, log_map: LogMap, *, strict: bool = False) -> C
     for column, source in log_map.sources.items():
         total = np.full(len(clock), source.offset)
         for (stream, name), term in zip(found[column], source.terms, strict=True):
-            values = _in_si(recording, stream, name, term, column)[clocks[stream.name].rows]
+            measured = speed_of(column) if source.integral else column
+            values = _in_si(recording, stream, name, term, measured)[clocks[stream.name].rows]
             total += _on_clock(clock, clocks[stream.name].time, values, column)
+        if source.integral:
+            total = _integral(clock, total)
+            notes.append(f"{column} is the integral of '{found[column][0][1]}', from 0: its drift is not the machine's")
         columns[column] = _finite(recording, column, total, found[column])
     notes += _unwrap(recording, columns, log_map, strict)
     if len({clocked.owner for clocked in clocks.values()}) > 1:
@@ -84,6 +88,16 @@ def convert(recording: Recording, log_map: LogMap, *, strict: bool = False) -> C
         notes += _row_by_row(clocks) + _lags(columns, found)
     notes += _assumed(log_map, found)
     return Converted(columns, main.name, tuple(notes))
+
+
+def _integral(clock: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    """(T,) the integral of a speed by trapezoids, from 0; NaN where a sample is missing, over which it runs straight."""
+    present = np.isfinite(speed)
+    if present.sum() < 2:
+        return np.full(len(speed), np.nan)
+    whole = np.interp(clock, clock[present], speed[present])
+    travelled = np.concatenate([[0.0], np.cumsum(0.5 * (whole[1:] + whole[:-1]) * np.diff(clock))])
+    return np.where(present, travelled, np.nan)
 
 
 def _unwrap(recording: Recording, columns: dict[str, np.ndarray], log_map: LogMap, strict: bool) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping as MappingType
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -66,10 +66,11 @@ class Term:
 
 @dataclass(frozen=True)
 class Source:
-    """Where a column comes from: the sum of `terms`, plus `offset`."""
+    """Where a column comes from: the sum of `terms`, plus `offset`; with `integral` a position, the integral of that from 0."""
 
     terms: tuple[Term, ...]
     offset: float = 0.0
+    integral: bool = False
 
 
 @dataclass(frozen=True)
@@ -232,7 +233,24 @@ def _source(entry: Entry, column: str) -> Source:
         fields = entry.mapping(("sum",), ("offset",))
         terms = tuple(_term(item, column) for item in fields["sum"].items(1, 8))
         return Source(terms, fields["offset"].number(-_MOST, _MOST) if "offset" in fields else 0.0)
+    if isinstance(entry.value, dict) and "integral" in entry.value:
+        return _integral(entry, column)
     return Source((_term(entry, column),))
+
+
+def _integral(entry: Entry, column: str) -> Source:
+    """A position of which only the speed was recorded."""
+    rest = dict(entry.value)
+    if rest.pop("integral") is not True:
+        raise entry.error("integral: expected true", "write integral: true, or leave it out")
+    if not column.endswith("/position"):
+        raise entry.error("integral belongs to a position, of which only the speed was recorded")
+    return Source((_term(replace(entry, value=rest), speed_of(column)),), integral=True)
+
+
+def speed_of(position: str) -> str:
+    """The column of the velocity of a joint whose position's column is given."""
+    return position.removesuffix("position") + "velocity"
 
 
 def _term(entry: Entry, column: str) -> Term:

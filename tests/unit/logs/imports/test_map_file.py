@@ -43,6 +43,9 @@ def refused(tmp_path, content) -> ImportLogError:
 HIP = ("joints", "hip")
 WRONG = [
     (("control_mode",), "valve", "control_mode", "valve control has valve_command as its input, which no joint has"),
+    ((*HIP, "effort"), {"field": "i", "integral": True}, "joints.hip.effort", "integral belongs to a position"),
+    ((*HIP, "position"), {"field": "n", "unit": "rpm", "integral": "yes"}, "joints.hip.position", "expected true"),
+    ((*HIP, "position"), {"field": "n", "unit": "deg", "integral": True}, "joints.hip.position.unit", "unit of angle"),
     (("clock",), {"rate_hz": 0}, "clock.rate_hz", "expected 0.001 to"),
     (("clock",), {"unit": "samples", "rate_hz": 50}, "clock", "a unit belongs to a field"),
     (("join",), "{trial}.csv", "join", "{part} once"),

@@ -176,6 +176,31 @@ def test_a_joint_that_turns_further_by_its_own_velocity_is_in_no_other_unit(tmp_
     assert sum("position" in text for text in result.warnings) == warned
 
 
+def test_a_position_is_the_integral_of_a_recorded_speed(tmp_path):
+    time = np.arange(0, 10, 0.01)
+    for seed in range(2):
+        speed = 60.0 * np.cos(time + seed)
+        rows = [
+            f"{t!r},{'' if i == 50 else repr(v)}"
+            for i, (t, v) in enumerate(zip(time.tolist(), speed.tolist(), strict=True))
+        ]
+        (tmp_path / f"t{seed}.csv").write_text("\n".join(["t,n", *rows]))
+    joints = {
+        "shaft": {
+            "position": {"field": "n", "unit": "rpm", "integral": True},
+            "velocity": {"field": "n", "unit": "rpm"},
+        }
+    }
+    content = {"format": "hqpipe-log-map/1", "clock": {"field": "t"}, "joints": joints}
+    result = run(tmp_path, tmp_path, content=content)
+    assert any("is the integral of 'n'" in note for note in result.notes())
+    first = ParquetReader.read(tmp_path / "out" / "t0.parquet").columns["joint/shaft/position"]
+    wanted = 2 * np.pi * np.sin(time)
+    present = np.arange(len(time)) != 50
+    np.testing.assert_allclose(first[present], wanted[present], atol=1e-3)
+    assert np.isnan(first[50])
+
+
 def test_a_position_that_starts_again_after_a_turn_is_joined(tmp_path):
     time = np.arange(0, 10, 0.01)
     for seed in range(2):
