@@ -62,7 +62,7 @@ def join_files(found: Found, pattern: str, map_path: Path) -> Found:
         map_path: the mapping file that states it, named in messages.
 
     Raises:
-        ImportLogError: no file fits the pattern.
+        ImportLogError: no file fits the pattern, or two stand for one part of a trial.
     """
     depth = pattern.count("/") + 1
     trials: dict[Path, dict[str, SourceFile]] = {}
@@ -73,6 +73,13 @@ def join_files(found: Found, pattern: str, map_path: Path) -> Found:
         reader = reader_of(path) if parts else None
         if parts and reader:
             trial, part = parts
+            if other := trials.get(trial, {}).get(part):
+                what = (
+                    f"{path}: join: {pattern} takes it and {other.path.name} for the same part '{part}' of {trial.name}"
+                )
+                raise ImportLogError(
+                    what, file=path, field="join", fix="tell them apart in the pattern, or move one away"
+                )
             trials.setdefault(trial, {})[part] = SourceFile(path, reader)
         else:
             others.append(path)
