@@ -141,3 +141,10 @@ def test_a_pattern_that_no_file_fits_names_some(tmp_path):
 def test_a_bad_pattern_says_what_is_expected(tmp_path, pattern):
     with pytest.raises(ImportLogError, match=r"join: expected file names with \{part\} once"):
         run(tmp_path, tmp_path, join=pattern)
+
+
+def test_two_files_for_one_part_are_refused(tmp_path):
+    for name in ("q.csv", "q.txt"):
+        column(tmp_path / "raw" / name, signals()[1])
+    with pytest.raises(ImportLogError, match=r"q\.txt: join: .* takes it and q\.csv for the same part 'q' of raw"):
+        run(tmp_path, tmp_path / "raw", join="{part}.*", clock={"rate_hz": RATE})
