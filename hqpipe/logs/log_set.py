@@ -16,7 +16,7 @@ from hqpipe.logs.differentiate import window_s
 from hqpipe.logs.findings import Finding, grouped
 from hqpipe.logs.joint_kinds import completed
 from hqpipe.logs.long_logs import coverage, joined, plan, read_sections
-from hqpipe.logs.manifest import FILE, SPLITS, Manifest, read_manifest
+from hqpipe.logs.manifest import COMMAND_OF, FILE, SPLITS, Manifest, read_manifest
 from hqpipe.logs.overlap import check_apart
 from hqpipe.logs.same_files import check_copies, check_distinct, digests_of
 from hqpipe.logs.size import check_size
@@ -25,8 +25,6 @@ from hqpipe.logs.trajectory import LogSet, Trajectory, Trial, recording_of
 from hqpipe.logs.units import unit_findings
 from hqpipe.logs.whole_logs import Logs, read_whole
 from hqpipe.logs.wiring import wiring_findings
-
-_COMMAND_OF = {"position": "position_command", "torque": "effort_command", "valve": "valve_command"}
 
 
 def read_log_set(
@@ -60,7 +58,7 @@ def read_log_set(
     copies = check_copies(folder, digests, splits)
     mode = _control_mode(folder, manifest, next(iter(outlines.values())))
     options = {
-        "command": _COMMAND_OF[mode] if mode else None,
+        "command": COMMAND_OF[mode] if mode else None,
         "stated_hz": manifest.rate_hz if manifest else None,
         "strict": strict,
     }
@@ -226,10 +224,10 @@ def _same_joints(folder: Path, trials: list[Trial]) -> list[Trial]:
 
 def _control_mode(folder: Path, manifest: Manifest | None, first: Shape) -> str | None:
     joints = joints_of(first.names)
-    recorded = [m for m, channel in _COMMAND_OF.items() if joint_column(joints[0], channel) in first.names]
+    recorded = [m for m, channel in COMMAND_OF.items() if joint_column(joints[0], channel) in first.names]
     if manifest is None or manifest.control_mode is None:
         return recorded[0] if recorded else None
-    channel = _COMMAND_OF[manifest.control_mode]
+    channel = COMMAND_OF[manifest.control_mode]
     if manifest.control_mode not in recorded:
         raise LogError(
             f"{folder / FILE}: control_mode is {manifest.control_mode}, but the trials have no column "

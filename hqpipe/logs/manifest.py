@@ -23,6 +23,8 @@ CHOICES = {
     "control_mode": ("position", "torque", "valve"),
     "effort_source": ("pressure", "load_cell", "current", "estimate"),
 }
+COMMAND_OF = {"position": "position_command", "torque": "effort_command", "valve": "valve_command"}
+"""Control mode → the channel that is its input."""
 _KEYS = (
     "format",
     "robot",

@@ -103,7 +103,7 @@ def check_apart(fit: Sequence[Fingerprint], heldout: Sequence[Fingerprint]) -> l
         LogError: names both files and the rows.
     """
     pool = _pool(fit)
-    warnings = []
+    alike: dict[tuple[tuple[str, ...], bool], list[Shared]] = {}
     for trial in heldout:
         joints = _joints_in(pool, trial)
         for other in fit:
@@ -111,8 +111,9 @@ def check_apart(fit: Sequence[Fingerprint], heldout: Sequence[Fingerprint]) -> l
             whole = [shared for shared in found if shared.whole]
             if any(shared.certain for shared in whole) or len(whole) >= _JOINTS:
                 raise _refusal(whole[0])
-            warnings += [_warning(shared) for shared in found[:1]]
-    return warnings
+            for shared in found[:1]:
+                alike.setdefault((shared.columns, shared.whole), []).append(shared)
+    return [_warning(each) for each in alike.values()]
 
 
 def _pool(fit: Sequence[Fingerprint]) -> dict[str, np.ndarray]:
@@ -168,12 +169,17 @@ def _refusal(shared: Shared) -> LogError:
     )
 
 
-def _warning(shared: Shared) -> str:
+def _warning(alike: Sequence[Shared]) -> str:
+    """On pairs of trials that share the same columns; the first pair stands for the others."""
+    shared = alike[0]
+    more = f" (and {len(alike) - 1} more pairs of trials)" if len(alike) > 1 else ""
     if shared.whole:
         reason = "a machine that repeats its motion within the resolution of its sensor does so, and a copy does"
+    elif all(column.endswith("/effort") for column in shared.columns):
+        reason = "although the motion differs: a torque that was sent does so, which is effort_command, and a changed copy does"
     else:
         reason = "although what else was measured differs: a simulation without noise does so, and a changed copy does"
-    return f"{shared.heldout.name}: {_repeats(shared)}; {reason}, which would make the held-out error too small"
+    return f"{shared.heldout.name}: {_repeats(shared)}{more}; {reason}, which would make the held-out error too small"
 
 
 def _repeats(shared: Shared) -> str:

@@ -7,9 +7,13 @@ import numpy as np
 from hqpipe.logs.differentiate import differentiate
 from hqpipe.logs.findings import Finding
 from hqpipe.logs.trajectory import Trajectory
+from hqpipe.logs.turns import jumps
 
 DEGREE = np.pi / 180.0
 _POSITION_RAD = 7.0  # just above a full turn: joints of legs and arms stay below it
+_TWO_TURNS_DEG = 720.0  # assumption: beyond two turns in degrees a joint spins, and its range says nothing of the unit
+_FASTEST_RAD_S = 60.0  # assumption: a joint that stays within two turns is slower; in degrees per second that is slow
+_ALIKE = (0.75, 1.33)  # assumption: slopes between two channels of one quantity and one unit
 _BAR_TOP = 1.0e3  # hydraulic supplies are below 700 bar
 _PSI_TOP = 1.0e4
 _BASE_METRES = 1.0e3
@@ -56,10 +60,14 @@ def _clock(file: str, trial: Trajectory, rate_hz: float | None) -> list[Finding]
 def _ranges(file: str, trial: Trajectory) -> list[Finding]:
     found = []
     for j, joint in enumerate(trial.joints):
+        if times := int(np.count_nonzero(np.diff(jumps(trial.position[:, j])))):
+            text = "starts again after a turn ({} times): unwrap it, as hqpipe logs import does"
+            found.append(Finding("wrap", file, text, joint, "position", float(times)))
         for channel in ("position", "position_command"):
             values = getattr(trial, channel)
-            if values is not None and (top := np.quantile(np.abs(values[:, j]), 0.99)) > _POSITION_RAD:
-                text = "reaches {}: looks like degrees (×0.0174533), or mm (×0.001) if the joint slides"
+            top = 0.0 if values is None else _top(values[:, j])
+            if _POSITION_RAD < top and not _spins(trial, j, top):
+                text = "reaches {}: looks like degrees (×0.0174533), or mm (×0.001) if it slides, unless it spins"
                 found.append(Finding("unit", file, text, joint, channel, float(top)))
         for channel in ("pressure_a", "pressure_b"):
             values = getattr(trial, channel)
@@ -67,6 +75,16 @@ def _ranges(file: str, trial: Trajectory) -> list[Finding]:
                 text = f"reaches {{}}: looks like {unit}, expected Pa"
                 found.append(Finding("unit", file, text, joint, channel, _top(values[:, j])))
     return found
+
+
+def _spins(trial: Trajectory, j: int, top: float) -> bool:
+    """Whether a joint that goes beyond a turn is one that spins, by its own velocity or by how far it goes."""
+    if top > _TWO_TURNS_DEG:
+        return True
+    if trial.velocity_source != "measured" or _top(trial.velocity[:, j]) > _FASTEST_RAD_S:
+        return False
+    slope = _slope_on(trial.velocity[:, j], differentiate(trial.position[:, [j]], trial.dt)[:, 0])
+    return slope is not None and _ALIKE[0] < slope < _ALIKE[1]
 
 
 def _top(values: np.ndarray) -> float:
@@ -122,14 +140,21 @@ def _ratios(file: str, trial: Trajectory, j: int, joint: str) -> list[Finding]:
 
 def _slope(first: np.ndarray, second: np.ndarray, second_name: str) -> list[tuple[str, float]]:
     """What the slope of one signal on another means, and the slope."""
-    x, y = second - second.mean(), first - first.mean()
-    scale = np.sqrt((x @ x) * (y @ y))
-    if scale == 0 or abs(x @ y) < _CORRELATED * scale:
+    slope = _slope_on(first, second)
+    if slope is None:
         return []
-    slope = float((x @ y) / (x @ x))
     for factor, meaning in _FACTORS.items():
-        if 0.75 < slope / factor < 1.33:
+        if _ALIKE[0] < slope / factor < _ALIKE[1]:
             return [(f"is {{}} times {second_name}: {meaning}", slope)]
     if slope < 0:
         return [(f"runs against {second_name} (slope {{}}): one of them has its sign flipped", slope)]
     return []
+
+
+def _slope_on(first: np.ndarray, second: np.ndarray) -> float | None:
+    """The slope of one signal on another; None where they go so little together that it says nothing."""
+    x, y = second - second.mean(), first - first.mean()
+    scale = np.sqrt((x @ x) * (y @ y))
+    if scale == 0 or abs(x @ y) < _CORRELATED * scale:
+        return None
+    return float((x @ y) / (x @ x))

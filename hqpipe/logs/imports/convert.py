@@ -11,11 +11,15 @@ from hqpipe.logs.columns import TIME, joint_column, joints_of
 from hqpipe.logs.imports.align import is_held, lag_of_velocity, onto, overlap
 from hqpipe.logs.imports.arrays import listed
 from hqpipe.logs.imports.clock import MOST_DROPPED, increasing, regularity
-from hqpipe.logs.imports.mapping import FIX, ClockSource, LogMap, Term
+from hqpipe.logs.imports.mapping import FIX, ClockSource, LogMap, Term, speed_of
 from hqpipe.logs.imports.recording import ImportLogError, Recording, Stream
 from hqpipe.logs.imports.units import KINDS, UNITS, Unit, kinds_of, to_si
+from hqpipe.logs.turns import TURN, jumps, nearest_turn
 
 _LEAST_LAG = 0.5  # samples; a lag below is not worth a line
+_NO_CLOCK = (
+    "name its field in the mapping file: clock: {field: …, unit: …}; or clock: {rate_hz: …} if none was recorded"
+)
 _SI = {symbol: UNITS[symbol] for symbol in KINDS.values()}
 
 
@@ -36,12 +40,13 @@ class Converted:
 
 @dataclass(frozen=True, eq=False)
 class _Clocked:
-    """A stream with a clock that increases: (T,) s, and which rows of the stream it has."""
+    """A stream with a clock that increases: (T,) s, and which rows of the stream it has; `name` is one of `owner`'s fields."""
 
     stream: Stream
     time: np.ndarray
     rows: np.ndarray
     name: str
+    owner: str
 
 
 def convert(recording: Recording, log_map: LogMap, *, strict: bool = False) -> Converted:
@@ -69,16 +74,56 @@ def convert(recording: Recording, log_map: LogMap, *, strict: bool = False) -> C
     for column, source in log_map.sources.items():
         total = np.full(len(clock), source.offset)
         for (stream, name), term in zip(found[column], source.terms, strict=True):
-            values = _in_si(recording, stream, name, term, column)[clocks[stream.name].rows]
-            if stream is main.stream:
-                total += values[common]
-            else:
-                total += onto(clock, clocks[stream.name].time, values, held=is_held(column))
+            measured = speed_of(column) if source.integral else column
+            values = _in_si(recording, stream, name, term, measured)[clocks[stream.name].rows]
+            total += _on_clock(clock, clocks[stream.name].time, values, column)
+        if source.integral:
+            total = _integral(clock, total)
+            notes.append(f"{column} is the integral of '{found[column][0][1]}', from 0: its drift is not the machine's")
         columns[column] = _finite(recording, column, total, found[column])
+    notes += _unwrap(recording, columns, log_map, strict)
+    if len({clocked.owner for clocked in clocks.values()}) > 1:
+        notes += _alignment(clocks, main, start, end)
     if len(clocks) > 1:
-        notes += _alignment(clocks, main, start, end) + _lags(columns, found)
+        notes += _row_by_row(clocks) + _lags(columns, found)
     notes += _assumed(log_map, found)
     return Converted(columns, main.name, tuple(notes))
+
+
+def _integral(clock: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    """(T,) the integral of a speed by trapezoids, from 0; NaN where a sample is missing, over which it runs straight."""
+    present = np.isfinite(speed)
+    if present.sum() < 2:
+        return np.full(len(speed), np.nan)
+    whole = np.interp(clock, clock[present], speed[present])
+    travelled = np.concatenate([[0.0], np.cumsum(0.5 * (whole[1:] + whole[:-1]) * np.diff(clock))])
+    return np.where(present, travelled, np.nan)
+
+
+def _unwrap(recording: Recording, columns: dict[str, np.ndarray], log_map: LogMap, strict: bool) -> list[str]:
+    """Let positions that start again after a turn run on, and their commands with them."""
+    notes = []
+    for joint in joints_of(columns):
+        position, command = joint_column(joint, "position"), joint_column(joint, "position_command")
+        behind = jumps(columns[position])
+        if log_map.sliding(joint) or not behind.any():
+            continue
+        what = f"{position} starts again after a turn"
+        if strict:
+            raise _wrong(recording, position, what, "record it without, or import without --strict")
+        columns[position] = columns[position] + TURN * behind
+        if command in columns:
+            columns[command] = nearest_turn(columns[command], columns[position])
+        notes.append(f"{what}: joined to one motion")
+    return notes
+
+
+def _on_clock(clock: np.ndarray, time: np.ndarray, values: np.ndarray, column: str) -> np.ndarray:
+    """Values at the times of another clock: the samples themselves where they have its time stamps."""
+    at = np.searchsorted(time, clock)
+    if at[-1] < len(time) and np.array_equal(time[at], clock):
+        return values[at]
+    return onto(clock, time, values, held=is_held(column))
 
 
 def _find_all(recording: Recording, log_map: LogMap) -> dict[str, list[tuple[Stream, str]]]:
@@ -93,7 +138,7 @@ def _find_all(recording: Recording, log_map: LogMap) -> dict[str, list[tuple[Str
     if missing:
         names = listed(list(dict.fromkeys(" or ".join(f"'{n}'" for n in each) for each in missing)))
         known = [f"{s.name}/{f}" if s.name else f for s in recording.streams for f in s.fields]
-        what = f"no field {names}{near_match(missing[0][0], known)}"
+        what = f"no field {names}{near_match(missing[0][0], known) or f' (it has {listed(known)})'}"
         raise _wrong(recording, missing[0][0], what, "map it in a mapping file of its own, or leave the file out")
     return found
 
@@ -115,7 +160,7 @@ def _lookup(recording: Recording, name: str) -> tuple[Stream, str] | None:
 
 def _clocked(recording: Recording, stream: Stream, log_map: LogMap, notes: list[str], strict: bool) -> _Clocked:
     """The clock of a stream in seconds; rows that cannot be ordered are dropped."""
-    time, name = _time(recording, stream, log_map.clocks.get(stream.name, log_map.clock))
+    time, name, owner = _time(recording, stream, log_map.clocks.get(stream.name, log_map.clock))
     rows, repeated, disordered = increasing(time)
     where = f"stream '{stream.name}': " if stream.name else ""
     if repeated or disordered:
@@ -127,29 +172,49 @@ def _clocked(recording: Recording, stream: Stream, log_map: LogMap, notes: list[
         notes.append(f"{what}: dropped")
     if rows.sum() < 2:
         raise _wrong(recording, name, f"{where}fewer than 2 rows with a time stamp", "leave the file out")
-    return _Clocked(stream, time[rows], rows, name)
+    return _Clocked(stream, time[rows], rows, name, owner)
 
 
-def _time(recording: Recording, stream: Stream, source: ClockSource) -> tuple[np.ndarray, str]:
-    """(T,) s, and what it was taken from."""
+def _time(recording: Recording, stream: Stream, source: ClockSource) -> tuple[np.ndarray, str, str]:
+    """(T,) s, what it was taken from, and the name of the stream that has it."""
+    count = len(next(iter(stream.fields.values())))
+    if source.rows_hz is not None:
+        return np.arange(count) / source.rows_hz, f"rows at {source.rows_hz:g} Hz", stream.name
     if source.field is None:
         if stream.time is None:
             what = f"stream '{stream.name}' has no clock of its own" if stream.name else "no clock is named"
-            raise _wrong(recording, "clock", what, "name its field in the mapping file: clock: {field: …, unit: …}")
-        return np.asarray(stream.time, np.float64), stream.time_name or "recorder"
-    field = source.field.removeprefix(f"{stream.name}/") if stream.name else source.field
-    if field not in stream.fields:
-        where = f" in stream '{stream.name}'" if stream.name else ""
-        what = f"no field '{source.field}'{where}, the clock{near_match(source.field, stream.fields)}"
-        raise _wrong(recording, source.field, what, "name the clock of each stream under clocks:")
-    stated = UNITS.get(stream.units.get(field, ""))
+            raise _wrong(recording, "clock", what, _NO_CLOCK)
+        return np.asarray(stream.time, np.float64), stream.time_name or "recorder", stream.name
+    owner, field = _clock_of(recording, stream, source.field, count)
+    stated = UNITS.get(owner.units.get(field, ""))
     factor = source.factor or (stated.factor if stated and stated.kind == "time" else 1.0)
-    values = stream.fields[field]
+    values = owner.fields[field][:count]
     present = np.flatnonzero(np.isfinite(values))
     origin = values[present[0]] if len(present) and len(recording.streams) == 1 else 0.0
-    return (
-        values - origin
-    ) * factor, field  # the difference first: nanoseconds since 1970 have more digits than a float
+    # the difference first: nanoseconds since 1970 have more digits than a float
+    return (values - origin) * factor, field, owner.name
+
+
+def _clock_of(recording: Recording, stream: Stream, name: str, count: int) -> tuple[Stream, str]:
+    """The stream whose field is the clock of a stream of `count` rows, and the field.
+
+    Files of one trial that have no clock go row by row with the one that has it; inputs may end a row earlier.
+    """
+    field = name.removeprefix(f"{stream.name}/") if stream.name else name
+    if field in stream.fields:
+        return stream, field
+    other = _lookup(recording, name) if stream.time is None else None
+    if other is None:
+        where = f" in stream '{stream.name}'" if stream.name else ""
+        what = f"no field '{name}'{where}, the clock{near_match(name, stream.fields)}"
+        raise _wrong(recording, name, what, "name the clock of each stream under clocks:")
+    rows = len(other[0].fields[other[1]])
+    if not rows - 1 <= count <= rows:
+        what = f"'{stream.name}' has {count} rows and no clock, '{name}' has {rows}: they cannot go row by row"
+        raise _wrong(
+            recording, name, what, f"state its clock: clocks: {{{stream.name}: {{rate_hz: …}}}}, or leave the file out"
+        )
+    return other
 
 
 def _main_stream(
@@ -199,14 +264,25 @@ def _finite(recording: Recording, column: str, values: np.ndarray, found: list[t
 
 def _alignment(clocks: dict[str, _Clocked], main: _Clocked, start: float, end: float) -> list[str]:
     """How each stream ran, and what of it the trial has."""
-    notes = [f"on the clock of stream '{main.stream.name}', {end - start:.1f} s in common"]
+    notes = [f"on the clock of stream '{main.owner}', {end - start:.1f} s in common"]
     for name, clocked in clocks.items():
+        if clocked.owner != name:
+            continue
         runs = regularity(clocked.time)
         gaps = f", {runs.gaps} gaps up to {runs.longest_s:.3g} s" if runs.gaps else ""
         lost = (clocked.time[-1] - clocked.time[0]) - (end - start)
         beyond = f", {lost:.1f} s outside of it" if lost > 1.0 / runs.rate_hz else ""
         notes.append(f"stream '{name}': {runs.rate_hz:.4g} Hz, jitter {runs.jitter:.1%}{gaps}{beyond}")
     return notes
+
+
+def _row_by_row(clocks: dict[str, _Clocked]) -> list[str]:
+    """Which streams have the clock of another one."""
+    taken: dict[tuple[str, str], list[str]] = {}
+    for name, clocked in clocks.items():
+        if clocked.owner != name:
+            taken.setdefault((clocked.owner, clocked.name), []).append(name)
+    return [f"no clock in {listed(names)}: row by row with '{field}'" for (_, field), names in taken.items()]
 
 
 def _lags(columns: dict[str, np.ndarray], found: dict[str, list[tuple[Stream, str]]]) -> list[str]:

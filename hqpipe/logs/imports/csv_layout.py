@@ -13,7 +13,8 @@ DELIMITERS = (",", ";", "\t", "|")
 BLANKS = " "  # columns that any number of blanks separates
 MISSING = ("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "?")
 _TRUTHS = ("true", "false")
-_COMMENT = re.compile(r"^\s*(#+|%+|//)\s*")
+_UNIT_LABELS = ("unit", "units")  # what a row of units may begin with
+COMMENT = re.compile(r"^\s*(#+|%+|//)\s*")
 _POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE)
 _COMMA = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE)
 _DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?(Z|[+-]\d\d:?\d\d)?")
@@ -102,20 +103,22 @@ def _first_row(lines: Sequence[str], delimiter: str, decimal: str) -> tuple[int,
     rows = [
         (i, [_kind(c, decimal) for c in cells_of(line, delimiter)])
         for i, line in enumerate(lines)
-        if line.strip() and not _COMMENT.match(line)
+        if line.strip() and not COMMENT.match(line)
     ]
     for at, (index, kinds) in enumerate(rows):
         numbers = sum(kind in ("number", "date") for kind in kinds)
         if not numbers or 2 * kinds.count("text") > len(kinds):
             continue
         following = rows[at : at + _ALIKE]
+        if any(2 * each.count("text") > len(each) for _, each in following):
+            continue  # settings above the header
         if all(len(each) == len(kinds) for _, each in following[:-1]):  # the last line may be cut
             return index, len(kinds), sum(k in ("number", "date") for _, each in following for k in each)
     return None
 
 
 def _described(lines: Sequence[str], delimiter: str, decimal: str, first: int) -> Layout:
-    rows = [cells_of(line, delimiter) for line in lines[first:] if line.strip() and not _COMMENT.match(line)]
+    rows = [cells_of(line, delimiter) for line in lines[first:] if line.strip() and not COMMENT.match(line)]
     width = Counter(map(len, rows)).most_common(1)[0][0]
     rows = [row for row in rows if len(row) == width]
     kinds = tuple(_column_kind([_kind(row[c], decimal) for row in rows]) for c in range(width))
@@ -150,13 +153,14 @@ def _header(
     above = [i for i in range(first) if lines[i].strip()]
     units: list[str] = []
     for place, i in enumerate(reversed(above)):
-        cells = cells_of(_COMMENT.sub("", lines[i]), delimiter)
+        cells = cells_of(COMMENT.sub("", lines[i]), delimiter)
         if len(cells) < min(width, 2) or abs(len(cells) - width) > max(1, width // 2):
             continue
         kinds = [_kind(cell, decimal) for cell in cells]
         if "text" not in kinds or "number" in kinds:
             continue
         bare = [m[1] if (m := _BRACKETS.match(cell)) else cell for cell in cells]
+        bare = ["" if cell.casefold() in _UNIT_LABELS else cell for cell in bare]
         named = sum(cell in UNITS for cell in bare)
         more_above = place + 1 < len(above)
         if not units and more_above and 2 * named > sum(bool(cell) for cell in bare):

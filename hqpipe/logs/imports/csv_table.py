@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from hqpipe.logs.imports.arrays import listed
-from hqpipe.logs.imports.csv_layout import BLANKS, MISSING, Layout, find_layout
+from hqpipe.logs.imports.csv_layout import BLANKS, COMMENT, MISSING, Layout, find_layout
 from hqpipe.logs.imports.decoding import decoding
 from hqpipe.logs.imports.recording import ImportLogError, Recording, Stream
 
 _SAMPLE = 1 << 17  # bytes in which header and first rows are looked for
 _HEAD = 512  # bytes; binary formats have zeros in their headers
 _UNICODE = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
+_ROW_ENDS = (b";", b",")
 _MOST_BAD = 0.1  # assumption: a table with more rows of another length has been misread
 
 
@@ -42,7 +43,7 @@ class CsvReader:
             ImportLogError: empty, no text, no row of numbers, or a header or rows of other lengths than most rows.
         """
         with decoding(path, "a table"):
-            text = _text(path)
+            text, ends = _without_row_ends(_text(path))
             sample = text[:_SAMPLE]
             lines = sample.decode("utf-8", "replace").splitlines()
             layout = find_layout(lines[:-1] if len(text) > _SAMPLE else lines)
@@ -51,12 +52,13 @@ class CsvReader:
             if layout.unclear:  # a header of another program version; names would stand at the wrong columns
                 raise ImportLogError(f"{path}: {layout.unclear}", file=path, fix="correct the header")
             fields, notes = _columns(path, text, layout)
+            _drop_empty_end(fields, layout)
         if not fields:
             raise ImportLogError(f"{path}: no column of numbers in it", file=path, fix="leave it out")
         units = {name: unit for name, unit in zip(layout.names, layout.units, strict=True) if unit and name in fields}
         dates = [n for n, kind in zip(layout.names, layout.kinds, strict=True) if kind == "date"]
         units |= {name: "s" for name in dates if name in fields}
-        return [Recording(path, (Stream("", fields, units),), notes=(*layout.notes, *notes))]
+        return [Recording(path, (Stream("", fields, units),), notes=(*ends, *layout.notes, *notes))]
 
 
 def _text(path: Path) -> bytes:
@@ -73,6 +75,27 @@ def _text(path: Path) -> bytes:
         except UnicodeDecodeError:  # degree signs of older Windows programs
             content = content.decode("cp1252", "replace").encode("utf-8")
     return content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+
+
+def _without_row_ends(text: bytes) -> tuple[bytes, list[str]]:
+    """The text without a sign that ends every row and separates nothing, as in `0.1,0.2;`, and a note on it."""
+    lines = [line.rstrip() for line in text[:_SAMPLE].split(b"\n")[: -1 if len(text) > _SAMPLE else None]]
+    lines = [line for line in lines if line and not COMMENT.match(line.decode("utf-8", "replace"))]
+    for sign in _ROW_ENDS:
+        rows = [line for line in lines if line[:1].isdigit() or line[:1] in b"+-."]
+        between = any(sign in line[:-1] for line in lines)
+        if len(rows) > 1 and not between and all(line.endswith(sign) for line in rows):
+            return re.sub(rb"(?m)" + re.escape(sign) + rb"[ \t]*$", b"", text), [
+                f"'{sign.decode()}' at the end of rows skipped"
+            ]
+    return text, []
+
+
+def _drop_empty_end(fields: dict[str, np.ndarray], layout: Layout) -> None:
+    """Leave out the empty column without a name that a delimiter at the end of rows makes."""
+    last = f"column{len(layout.names) - 1}"
+    if len(fields) > 1 and layout.names[-1] == last and last in fields and np.isnan(fields[last]).all():
+        del fields[last]
 
 
 def _columns(path: Path, text: bytes, layout: Layout) -> tuple[dict[str, np.ndarray], list[str]]:

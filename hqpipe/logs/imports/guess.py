@@ -12,7 +12,6 @@ from hqpipe.logs.columns import CHANNELS as COMPLETE
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.imports import guess_values as values_of
 from hqpipe.logs.imports.arrays import listed
-from hqpipe.logs.imports.clock import increasing
 from hqpipe.logs.imports.guess_fields import Draft, NamedField, clocks_of, fields_of
 from hqpipe.logs.imports.recording import Recording
 from hqpipe.logs.imports.units import COUNTS, UNITS, kinds_of, to_si
@@ -51,7 +50,7 @@ def draft_map(recording: Recording) -> Draft:
     units = _units(joints, clocks, draft)
     _write_joints(joints, units, draft)
     _write_shared(fields, draft)
-    _write_head(joints, clocks, draft)
+    _write_head(draft)
     return draft
 
 
@@ -302,7 +301,7 @@ def _write_shared(fields: list[NamedField], draft: Draft) -> None:
         draft.content["shared"] = shared
 
 
-def _write_head(joints: dict[str, dict[str, list[NamedField]]], clocks: Mapping[str, np.ndarray], draft: Draft) -> None:
+def _write_head(draft: Draft) -> None:
     channels = [channel for entry in draft.content["joints"].values() for channel in entry]
     modes = [mode for channel, mode in _MODES.items() if channel in channels]
     if modes:
@@ -310,11 +309,3 @@ def _write_head(joints: dict[str, dict[str, list[NamedField]]], clocks: Mapping[
         draft.reasons[("control_mode",)] = f"the joints have {next(c for c, m in _MODES.items() if m == modes[0])}"
     if "effort" not in channels:
         draft.left["(no effort)"] = "no field is named like a torque or force"
-    if joints and clocks:
-        stream = next(iter(joints.values()))["position"][0].stream
-        if stream.name in clocks:
-            time = clocks[stream.name]
-            time = time[increasing(time)[0]]
-            if len(time) > 1:
-                draft.content["rate_hz"] = float(f"{1.0 / np.median(np.diff(time)):.3g}")
-                draft.reasons[("rate_hz",)] = "median of the clock"

@@ -80,7 +80,8 @@ def clocks_of(recording: Recording, fields: list[NamedField], draft: Draft) -> d
             n for n in stream.fields if n not in names and values_of.is_clock(stream.fields[n]) and _is_fine(stream, n)
         ]
         if not names and not others:
-            draft.unclear.append(f"which field{_of(stream)} is the clock? none increases from row to row")
+            what = f"which field{_of(stream)} is the clock? none increases from row to row"
+            draft.unclear.append(f"{what}; if none was recorded, write clock: {{rate_hz: …}}")
             continue
         chosen = (names or others)[0]
         entry, reason, factor = _clock_entry(stream, chosen, next((f.unit for f in named if f.short == chosen), ""))

@@ -15,6 +15,7 @@ from hqpipe.logs.checks import check_length
 from hqpipe.logs.columns import TIME, RawTable, check_names, joints_of
 from hqpipe.logs.drive import merged
 from hqpipe.logs.imports.convert import Converted, convert
+from hqpipe.logs.imports.joined import join_files
 from hqpipe.logs.imports.mapping import SKIP, LogMap, TrialRule
 from hqpipe.logs.imports.recording import ImportLogError, Recording
 from hqpipe.logs.imports.sources import Found, SourceFile
@@ -136,6 +137,8 @@ def import_logs(
         UsageError: `out` holds something. ImportLogError: no file fits, or strict and one does not.
     """
     check_free(out)
+    if log_map.join:
+        found = join_files(found, log_map.join, log_map.path)
     folder = new_folder(out)
     try:
         writing = _Writing(_writer(folder, log_map))
@@ -194,6 +197,7 @@ def _skip_found(writing: _Writing, found: Found, strict: bool) -> None:
     left = [(path, f"same bytes as {first.name}") for path, first in found.copies.items()]
     left += [(path, "no reader for this kind of file") for path in found.unknown]
     left += [(path, "a folder inside a folder, which is not looked into") for path in found.folders]
+    left += [(path, "not named as join in the mapping says") for path in found.unmatched]
     for path, reason in left:
         if strict:
             fix = "leave it out, name a folder inside as SRC of its own, or import without --strict"

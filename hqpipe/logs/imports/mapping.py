@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping as MappingType
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +17,12 @@ from hqpipe.logs.columns import SHARED_UNITS, TIME, joint_column
 from hqpipe.logs.drive import DRIVE, LOAD
 from hqpipe.logs.imports.recording import ImportLogError
 from hqpipe.logs.imports.units import COUNTS, KINDS, SAMPLES, UNITS, Unit, kinds_of, slides
-from hqpipe.logs.manifest import CHOICES, SPLITS
+from hqpipe.logs.manifest import CHOICES, COMMAND_OF, SPLITS
 
 FORMAT = "hqpipe-log-map/1"
 SKIP = "skip"
+PART, TRIAL = "{part}", "{trial}"
+"""In the pattern of `join`: what differs between the files of one trial, and between trials."""
 _STATED = {"drive": DRIVE, "load": LOAD}
 FIX = "correct the mapping file; docs/how-to/import-logs.md lists what it may hold"
 CHANNELS = (
@@ -64,10 +66,11 @@ class Term:
 
 @dataclass(frozen=True)
 class Source:
-    """Where a column comes from: the sum of `terms`, plus `offset`."""
+    """Where a column comes from: the sum of `terms`, plus `offset`; with `integral` a position, the integral of that from 0."""
 
     terms: tuple[Term, ...]
     offset: float = 0.0
+    integral: bool = False
 
 
 @dataclass(frozen=True)
@@ -75,11 +78,13 @@ class ClockSource:
     """A clock: `field` of its stream, None for the stream's own time; `factor` makes it seconds.
 
     `stream` is the one whose clock the trial keeps, None for that of the effort, else of the position.
+    `rows_hz` is given where no clock was recorded: the rows came at this steady rate.
     """
 
     field: str | None = None
     factor: float | None = None
     stream: str | None = None
+    rows_hz: float | None = None
 
 
 @dataclass(frozen=True)
@@ -102,6 +107,7 @@ class LogMap:
         sources: full column name → where it comes from.
         clock, clocks: for all streams, and stream → its own.
         trials: rules, the first that matches a file counts. drive, load: joint → quantity → value, of all trials.
+        join: how the files that make one trial together are named, None where a file is a trial.
         robot, base, control_mode, effort_source, rate_hz: as in logset.yaml.
     """
 
@@ -112,6 +118,7 @@ class LogMap:
     trials: tuple[TrialRule, ...] = ()
     drive: dict[str, dict[str, float]] = field(default_factory=dict)
     load: dict[str, dict[str, float]] = field(default_factory=dict)
+    join: str | None = None
     robot: str | None = None
     base: str | None = None
     control_mode: str | None = None
@@ -141,7 +148,7 @@ def parse_map(content: dict[str, Any], path: Path) -> LogMap:
         content: of the file. path: named in messages.
     """
     entry = Entry(content, path, FIX, kind=ImportLogError)
-    optional = ("robot", *CHOICES, "rate_hz", "clock", "clocks", "shared", "trials", "drive", "load")
+    optional = ("robot", *CHOICES, "rate_hz", "clock", "clocks", "shared", "trials", "drive", "load", "join")
     fields = entry.mapping(("format", "joints"), optional)
     if fields["format"].value != FORMAT:
         raise fields["format"].wrong(FORMAT)
@@ -152,6 +159,8 @@ def parse_map(content: dict[str, Any], path: Path) -> LogMap:
     for name, joint in joints.items():
         sources |= _joint(name, joint)
     _check_complete(fields["joints"], sources)
+    if "control_mode" in fields:
+        _check_mode(fields["control_mode"], sources)
     for name, source in fields["shared"].table().items() if "shared" in fields else ():
         _check_shared(name, source)
         sources[name] = _source(source, name)
@@ -164,6 +173,7 @@ def parse_map(content: dict[str, Any], path: Path) -> LogMap:
         if "trials" in fields
         else (),
         **{key: per_joint(fields[key], tuple(joints), known) for key, known in _STATED.items() if key in fields},
+        join=_join(fields["join"]) if "join" in fields else None,
         robot=fields["robot"].text() if "robot" in fields else None,
         rate_hz=fields["rate_hz"].number(1e-3, 1e7, unit="Hz") if "rate_hz" in fields else None,
         **{key: fields[key].text(CHOICES[key]) for key in CHOICES if key in fields},
@@ -201,6 +211,14 @@ def _check_complete(entry: Entry, sources: MappingType[str, Source]) -> None:
             raise entry.error(what, f"add {channel} to {', '.join(lacking)}, or drop it")
 
 
+def _check_mode(entry: Entry, sources: MappingType[str, Source]) -> None:
+    """Refuse a control mode whose command is not mapped, which no log set may state."""
+    channel = COMMAND_OF.get(entry.text(CHOICES["control_mode"]))
+    if channel and not any(column.endswith(f"/{channel}") for column in sources):
+        what = f"{entry.value} control has {channel} as its input, which no joint has"
+        raise entry.error(what, f"add {channel} to the joints, or leave control_mode out")
+
+
 def _check_shared(name: str, entry: Entry) -> None:
     known = name in SHARED or name.split("/")[0] in ("foot", "servo", "other")
     if not known or name == TIME:
@@ -215,7 +233,24 @@ def _source(entry: Entry, column: str) -> Source:
         fields = entry.mapping(("sum",), ("offset",))
         terms = tuple(_term(item, column) for item in fields["sum"].items(1, 8))
         return Source(terms, fields["offset"].number(-_MOST, _MOST) if "offset" in fields else 0.0)
+    if isinstance(entry.value, dict) and "integral" in entry.value:
+        return _integral(entry, column)
     return Source((_term(entry, column),))
+
+
+def _integral(entry: Entry, column: str) -> Source:
+    """A position of which only the speed was recorded."""
+    rest = dict(entry.value)
+    if rest.pop("integral") is not True:
+        raise entry.error("integral: expected true", "write integral: true, or leave it out")
+    if not column.endswith("/position"):
+        raise entry.error("integral belongs to a position, of which only the speed was recorded")
+    return Source((_term(replace(entry, value=rest), speed_of(column)),), integral=True)
+
+
+def speed_of(position: str) -> str:
+    """The column of the velocity of a joint whose position's column is given."""
+    return position.removesuffix("position") + "velocity"
 
 
 def _term(entry: Entry, column: str) -> Term:
@@ -274,6 +309,9 @@ def unit_named(name: str, entry: Entry) -> Unit:
 def _clock(entry: Entry, with_stream: bool = True) -> ClockSource:
     fields = entry.mapping((), ("field", "unit", "rate_hz", *(("stream",) if with_stream else ())))
     factor = None
+    rows_hz = None
+    if "rate_hz" in fields and not {"field", "unit"} & set(fields):
+        rows_hz = fields.pop("rate_hz").number(1e-3, 1e7, unit="Hz")
     if "unit" in fields:
         unit = unit_named(fields["unit"].text(), fields["unit"])
         if unit.kind != "time":
@@ -284,11 +322,22 @@ def _clock(entry: Entry, with_stream: bool = True) -> ClockSource:
                 raise fields["unit"].error("samples need rate_hz", "write rate_hz: samples per second")
             factor = 1.0 / fields["rate_hz"].number(1e-3, 1e9, unit="Hz")
     if "rate_hz" in fields and (not factor or fields["unit"].value != SAMPLES):
-        raise fields["rate_hz"].error("belongs to unit: samples; the nominal rate stands at the top of the file")
+        what = "belongs to unit: samples, or stands alone where no clock was recorded"
+        raise fields["rate_hz"].error(what, "write the nominal rate at the top of the file")
     if factor is not None and "field" not in fields:
         raise entry.error("a unit belongs to a field", "name the field of the clock, or leave the unit out")
     text = {key: fields[key].text() for key in ("field", "stream") if key in fields}
-    return ClockSource(text.get("field"), factor, text.get("stream"))
+    return ClockSource(text.get("field"), factor, text.get("stream"), rows_hz)
+
+
+def _join(entry: Entry) -> str:
+    pattern = entry.text()
+    holes = [hole for hole in (PART, TRIAL) for _ in range(pattern.count(hole))]
+    rest = pattern.replace(PART, "").replace(TRIAL, "")
+    if holes not in ([PART], [PART, TRIAL]) or set("{}") & set(rest) or pattern.startswith("/") or ".." in rest:
+        expected = f"file names with {PART} once and {TRIAL} at most once, such as '{TRIAL}_{PART}.csv' or '{TRIAL}/{PART}.csv'"
+        raise entry.wrong(expected)
+    return pattern
 
 
 def _rule(entry: Entry, joints: tuple[str, ...]) -> TrialRule:

@@ -19,7 +19,7 @@ class SourceFile:
     """A file, or a folder that is one recording, and its reader."""
 
     path: Path
-    reader: type[ForeignReader]
+    reader: type[ForeignReader] | ForeignReader
 
 
 @dataclass(frozen=True)
@@ -30,12 +30,15 @@ class Found:
         files: to be read, in the order of their names within each source.
         copies: files with the same bytes as an earlier one → that one.
         unknown: files that no reader reads. folders: that were not looked into.
+        given: as named. unmatched: files that the pattern of a join leaves out.
     """
 
     files: tuple[SourceFile, ...]
     copies: dict[Path, Path]
     unknown: tuple[Path, ...]
     folders: tuple[Path, ...]
+    given: tuple[Path, ...] = ()
+    unmatched: tuple[Path, ...] = ()
 
 
 def find_sources(given: Iterable[Path]) -> Found:
@@ -44,6 +47,7 @@ def find_sources(given: Iterable[Path]) -> Found:
     Raises:
         UsageError: a path does not exist, or a file is of no known format.
     """
+    given = tuple(given)
     readers = dict(FOREIGN_READERS.items())
     files: list[SourceFile] = []
     unknown: list[Path] = []
@@ -61,7 +65,7 @@ def find_sources(given: Iterable[Path]) -> Found:
             raise UsageError(what, file=path, fix="export it to one of these")
         else:
             for inner in sorted(path.iterdir()):
-                if inner.name.startswith(".") or inner.name.casefold() in NOT_LOGS:
+                if _passed_over(inner):
                     continue
                 if reader := _reader_of(inner, readers):
                     files.append(SourceFile(inner, reader))
@@ -69,7 +73,29 @@ def find_sources(given: Iterable[Path]) -> Found:
                     (folders if inner.is_dir() else unknown).append(inner)
     files = list({file.path.resolve(): file for file in files}.values())
     copies = _copies([file.path for file in files])
-    return Found(tuple(f for f in files if f.path not in copies), copies, tuple(unknown), tuple(folders))
+    return Found(tuple(f for f in files if f.path not in copies), copies, tuple(unknown), tuple(folders), given)
+
+
+def candidates(given: Iterable[Path], levels: int) -> list[Path]:
+    """Files as they are, and of folders the files in them and in folders inside, down to `levels` levels in all."""
+    found: list[Path] = []
+    for path in given:
+        if not path.is_dir():
+            found.append(path)
+            continue
+        for level in range(levels):
+            found += sorted(p for p in path.glob("*/" * level + "*") if p.is_file() and not _passed_over(p))
+    return list({path.resolve(): path for path in found}.values())
+
+
+def reader_of(path: Path) -> type[ForeignReader] | None:
+    """The reader of a file, or of a folder that is one recording; None where there is none."""
+    return _reader_of(path, dict(FOREIGN_READERS.items()))
+
+
+def _passed_over(path: Path) -> bool:
+    """Whether a file or folder in a folder is none of its logs by its name."""
+    return path.name.startswith(".") or path.name.casefold() in NOT_LOGS
 
 
 def _reader_of(path: Path, readers: dict[str, type[ForeignReader]]) -> type[ForeignReader] | None:

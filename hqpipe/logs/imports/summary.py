@@ -9,12 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.logs.columns import TIME
+from hqpipe.logs.columns import TIME, joint_column, joints_of
 from hqpipe.logs.imports.clock import regularity
 from hqpipe.logs.imports.mapping import LogMap
 from hqpipe.logs.imports.units import KINDS, kinds_of, slides
 
 _OUTLIER = 5.0  # times the usual size; assumption: motions differ by less, units (cm, mm, deg) by more
+_STRIDES = 400  # in a trial; assumption: enough for a slope, and each longer than the noise of an encoder
+_CORRELATED, _SLOPES = 0.8, (0.75, 1.33)  # assumption: as for the units of a log set
+_LEAST_POINTS = 20  # that a slope is taken from
 _LEAST_TRIALS = 4  # that tell what is usual
 
 
@@ -27,6 +30,7 @@ class TrialSummary:
         gaps: steps of more than four median ones, longest_s the longest step.
         ranges: column → smallest and largest value. missing: column → samples without a value.
         notes: on reading and converting it.
+        agreeing: positions and velocities that go with each other, and commands that go with the position, in one unit.
     """
 
     file: str
@@ -41,6 +45,7 @@ class TrialSummary:
     ranges: dict[str, tuple[float, float]]
     missing: dict[str, int]
     notes: tuple[str, ...]
+    agreeing: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,19 +126,79 @@ def summarise(file: str, source: str, split: str, columns: dict[str, np.ndarray]
         },
         missing={name: count for name, count in missing.items() if count},
         notes=tuple(notes),
+        agreeing=_agreeing(columns),
     )
 
 
+def _agreeing(columns: dict[str, np.ndarray]) -> frozenset[str]:
+    """Columns of joints in which one unit is confirmed by another column."""
+    found: set[str] = set()
+    time = columns[TIME]
+    for joint in joints_of(columns):
+        position, velocity, command = (joint_column(joint, c) for c in ("position", "velocity", "position_command"))
+        if velocity in columns:
+            steps = 0.5 * (columns[velocity][1:] + columns[velocity][:-1]) * np.diff(time)
+            travelled = np.concatenate([[0.0], np.nancumsum(steps)])
+            if _alike(_strides(travelled), _strides(columns[position])):
+                found |= {position, velocity}
+        if command in columns and _alike(columns[command], columns[position]):
+            found.add(command)
+    return frozenset(found)
+
+
+def _strides(values: np.ndarray) -> np.ndarray:
+    """Differences over some samples, so that a coarse encoder does not hide the motion."""
+    apart = max(1, len(values) // _STRIDES)
+    return values[apart::apart] - values[:-apart:apart]
+
+
+def _alike(first: np.ndarray, second: np.ndarray) -> bool:
+    """Whether two signals go together with a slope of about 1."""
+    both = np.isfinite(first) & np.isfinite(second)
+    if both.sum() < _LEAST_POINTS:
+        return False
+    x, y = second[both] - second[both].mean(), first[both] - first[both].mean()
+    scale = np.sqrt((x @ x) * (y @ y))
+    return bool(scale > 0 and x @ y > _CORRELATED * scale and _SLOPES[0] < (x @ y) / (x @ x) < _SLOPES[1])
+
+
 def outliers(trials: Sequence[TrialSummary]) -> list[str]:
-    """Trials in which a channel is far larger than in the others, as in another unit."""
+    """Trials in which a channel is far larger than in the others, as in another unit.
+
+    A joint alone that moves further, and one whose position and velocity confirm each other, are no sign of that: a recorder
+    has one unit for a channel of all joints.
+    """
+    if len(trials) < _LEAST_TRIALS:
+        return []
+    names = [name for name in trials[0].ranges if not name.startswith("other/")]  # of no known quantity
+    sizes = {n: np.array([max(map(abs, t.ranges.get(n, (np.nan,)))) for t in trials]) for n in names}
+    larger = {n: _larger(n, sizes[n], trials) for n in names}
     found = []
-    for name in trials[0].ranges if len(trials) >= _LEAST_TRIALS else ():
-        sizes = np.array([max(map(abs, trial.ranges.get(name, (np.nan,)))) for trial in trials])
-        usual = float(np.nanmedian(sizes))
-        odd = [t.file for t, size in zip(trials, sizes, strict=True) if usual > 0 and size > _OUTLIER * usual]
+    for name in names:
+        alike = [n for n in names if _channel(n) == _channel(name)]
+        most = 2 * sum(larger[n] for n in alike) > len(alike)
+        odd = [
+            trial.file
+            for trial, each, all_joints in zip(trials, larger[name], most, strict=True)
+            if each and all_joints
+        ]
         if odd:
+            usual = float(np.nanmedian(sizes[name]))
             more = f" and {len(odd) - 3} more" if len(odd) > 3 else ""
-            top = float(np.nanmax(sizes))
+            top = float(np.nanmax(sizes[name]))
             what = f"{name} reaches {top:.4g} in {', '.join(odd[:3])}{more}, {usual:.4g} in most trials"
             found.append(f"{what}: another unit or header? split: skip in the mapping leaves them out")
     return found
+
+
+def _larger(name: str, sizes: np.ndarray, trials: Sequence[TrialSummary]) -> np.ndarray:
+    """(N,) bool: in which trials a column is far larger than usual, and nothing confirms its unit."""
+    usual = float(np.nanmedian(sizes))
+    confirmed = np.array([name in trial.agreeing for trial in trials])
+    return (usual > 0) & (sizes > _OUTLIER * usual) & ~confirmed
+
+
+def _channel(name: str) -> str:
+    """The channel of a joint's column, whatever the joint; other columns stand for themselves."""
+    parts = name.split("/")
+    return parts[2] if parts[0] == "joint" and len(parts) == 3 else name

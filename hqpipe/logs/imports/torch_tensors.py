@@ -20,6 +20,7 @@ import numpy as np
 
 from hqpipe.errors import shown
 from hqpipe.logs.imports.decoding import decoding
+from hqpipe.logs.imports.pickled_arrays import PickledArray, PickledType, bytes_of, type_of
 from hqpipe.logs.imports.recording import ImportLogError
 
 _FIX = "save it again with torch.save({'name': tensor, …}), tensors and nothing else"
@@ -68,14 +69,16 @@ class _Tensor:
 
 _REBUILD, _ORDERED = _Name("torch._utils _rebuild_tensor_v2"), _Name("collections OrderedDict")
 _STORAGES = {_Name(f"torch {name}"): dtype for name, dtype in _TYPES.items()}
-_KNOWN = {_REBUILD, _ORDERED, *_STORAGES}
+_RECONSTRUCT = {_Name(f"numpy.{core}.multiarray _reconstruct") for core in ("core", "_core")}
+_NDARRAY, _DTYPE, _ENCODE = _Name("numpy ndarray"), _Name("numpy dtype"), _Name("_codecs encode")
+_KNOWN = {_REBUILD, _ORDERED, *_STORAGES, *_RECONSTRUCT, _NDARRAY, _DTYPE, _ENCODE}
 
 
 def read_tensors(path: Path) -> dict[str, np.ndarray]:
-    """Name → array of each tensor in the dictionary that the file holds; other values in it are passed over.
+    """Name → array of each tensor and NumPy array in the dictionary that the file holds; other values are passed over.
 
     Raises:
-        ImportLogError: no file of torch.save, damaged, or with anything in it that is no tensor, number or text.
+        ImportLogError: no file of torch.save, damaged, or with anything in it that is no tensor, array, number or text.
     """
     with decoding(path, "a file of torch.save", _FIX), zipfile.ZipFile(path) as archive:
         entries = {entry.filename: entry for entry in archive.infolist()}
@@ -91,11 +94,14 @@ def read_tensors(path: Path) -> dict[str, np.ndarray]:
             raise ImportLogError(f"{path}: its description of tensors is too long", file=path, fix=_FIX)
         order = archive.read(f"{folder}byteorder") if f"{folder}byteorder" in entries else b"little"
         described = _Program(path).run(archive.read(programs[0]))
-        return {
-            name: _array(path, tensor, archive, folder, ">" if order == b"big" else "<")
-            for name, tensor in described.items()
-            if isinstance(tensor, _Tensor)
-        }
+        sign = ">" if order == b"big" else "<"
+        found = {}
+        for name, value in described.items():
+            if isinstance(value, _Tensor):
+                found[name] = _array(path, value, archive, folder, sign)
+            elif isinstance(value, PickledArray) and value.values is not None:
+                found[name] = value.values
+        return found
 
 
 def _array(path: Path, tensor: _Tensor, archive: zipfile.ZipFile, folder: str, order: str) -> np.ndarray:
@@ -192,8 +198,15 @@ class _Program:
         raise self._refused("a storage of an unknown form")
 
     def reduce(self) -> None:
-        """A call; the two that describe tensors are understood, and none is made."""
+        """A call; those that describe tensors and arrays are understood, and none is made."""
         arguments, function = self._stack.pop(), self._stack.pop()
+        if function in _RECONSTRUCT and isinstance(arguments, tuple) and arguments[:1] == (_NDARRAY,):
+            self._stack.append(PickledArray())
+            return
+        made = type_of(arguments) if function == _DTYPE else bytes_of(arguments) if function == _ENCODE else None
+        if made is not None:
+            self._stack.append(made)
+            return
         if function == _ORDERED and arguments == ():
             self._stack.append({})
             return
@@ -205,6 +218,12 @@ class _Program:
                         self._stack.append(_Tensor(storage, offset, size, stride))
                         return
         raise self._refused("a call that makes no tensor of at most two dimensions")
+
+    def build(self) -> None:
+        """The state of an array or of its type."""
+        state, target = self._stack.pop(), self._stack[-1]
+        if not isinstance(target, PickledArray | PickledType) or not target.set_state(state):
+            raise self._refused("an array of another form than numbers in at most two dimensions")
 
 
 _Step = Callable[[_Program, Any], None]
@@ -227,6 +246,8 @@ _STEPS: dict[str, _Step] = {
     "TUPLE3": lambda program, _: program.push(tuple(program.last(3))),
     "SETITEM": lambda program, _: program.set_items(program.last(2)),
     "SETITEMS": lambda program, _: program.set_items(program.since_mark()),
+    **dict.fromkeys(("BINBYTES", "SHORT_BINBYTES"), _Program.push),
+    "BUILD": lambda program, _: program.build(),
     "BINPERSID": lambda program, _: program.storage(),
     "REDUCE": lambda program, _: program.reduce(),
 }

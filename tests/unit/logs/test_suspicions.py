@@ -73,6 +73,52 @@ def test_units(logs, change, words):
     assert any(words in text for text in found), found
 
 
+def turning(turns, factor=1.0, velocity=True):
+    """The hip turns on and on, `turns` times in all, and comes back."""
+
+    def change(columns):
+        time = columns["time"]
+        phase = np.pi * time / time[-1]
+        angle = 2 * np.pi * turns * np.sin(phase) ** 2
+        columns["joint/hip/position"] = columns["joint/hip/position_command"] = angle * factor
+        for joint in ("hip", "knee"):
+            del columns[f"joint/{joint}/velocity"]
+            if velocity:
+                columns[f"joint/{joint}/velocity"] = np.gradient(columns[f"joint/{joint}/position"] / factor, time)
+
+    return change
+
+
+def degrees(found):
+    return [text for text in found if "joint/hip/position reaches" in text and "looks like degrees" in text]
+
+
+def test_a_joint_that_spins_is_not_taken_for_one_in_degrees(logs):
+    assert degrees(warnings(logs, turning(5))) == []
+
+
+def test_what_spins_in_any_unit_is_not_taken_for_degrees(logs):
+    assert degrees(warnings(logs, turning(300, velocity=False))) == []
+
+
+def test_degrees_beside_a_velocity_in_radians_are_told(logs):
+    assert degrees(warnings(logs, turning(0.4, factor=180 / np.pi)))
+
+
+def test_without_a_velocity_turns_and_degrees_cannot_be_told_apart(logs):
+    (text,) = degrees(warnings(logs, turning(5, velocity=False)))
+    assert "unless it spins" in text
+
+
+def test_a_position_that_starts_again_after_a_turn_is_told(logs):
+    def wrap(columns):
+        turning(2.5, velocity=False)(columns)
+        columns["joint/hip/position"] = np.mod(columns["joint/hip/position"], 2 * np.pi)
+
+    found = warnings(logs, wrap)
+    assert any("joint/hip/position starts again after a turn (4 times)" in text for text in found), found
+
+
 def test_units_of_the_clock_against_the_stated_rate(logs):
     found = warnings(logs, scale("time", by=1e3), "rate_hz: 1000")
     assert any("time steps by 1 where rate_hz says 0.001: looks like ms" in w for w in found), found

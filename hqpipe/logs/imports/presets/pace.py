@@ -18,6 +18,7 @@ _TIME, _POSITION, _COMMAND = (
     "des_dof_pos",
 )  # s and rad, as scripts/pace/data_collection.py writes them
 _OPTIONAL = {"dof_vel": ("velocity", "rad/s"), "dof_torque": ("effort", "N·m")}
+_GAINS = ("kp", "kd")  # N·m/rad and N·m·s/rad, as collectors that add them to the file send them to the motors
 _EVEN = 1e-3  # of a step; float32 seconds are even to 1e-4 of a 5 ms step over some minutes
 _FIX = "save time (T,), dof_pos (T, n) and des_dof_pos (T, n)"
 
@@ -47,6 +48,8 @@ class PaceReader:
             raise ImportLogError(f"{what}, expected (T, n) for both", file=path, fix=_FIX)
         fields = Fields()
         for name, values in tensors.items():
+            if name in _GAINS:
+                continue
             columns = values.reshape(len(time), -1) if values.ndim and len(values) == len(time) else None
             if columns is None:
                 fields.left[name] = "of another length than time"
@@ -59,7 +62,19 @@ class PaceReader:
         steps = np.diff(time)
         if np.ptp(steps) < _EVEN * abs(np.median(steps)):
             notes.append("time is evenly spaced: computed afterwards, so that jitter and delay are not in it")
-        return [Recording(path, (stream_of("", fields, fields.arrays),), notes=tuple(notes))]
+        drive = _gains(tensors, position.shape[1])
+        return [Recording(path, (stream_of("", fields, fields.arrays),), notes=tuple(notes), drive=drive)]
+
+
+def _gains(tensors: dict[str, np.ndarray], joints: int) -> dict[str, dict[str, float]]:
+    """Joint → gains of its position loop, where the file holds one of each per joint."""
+    found = {n: tensors[n].reshape(-1) for n in _GAINS if n in tensors and tensors[n].size == joints}
+    sound = {n: values for n, values in found.items() if np.isfinite(values).all() and (values >= 0).all()}
+    return {_joint(j): {n: float(values[j]) for n, values in sound.items()} for j in range(joints)} if sound else {}
+
+
+def _joint(index: int) -> str:
+    return f"joint_{index:02d}"
 
 
 def mapping(recordings: Sequence[Recording]) -> dict[str, Any]:
@@ -72,7 +87,7 @@ def mapping(recordings: Sequence[Recording]) -> dict[str, Any]:
     for index in range(count):
         channels = {_POSITION: ("position", "rad"), _COMMAND: ("position_command", "rad")}
         channels |= {n: kind for n, kind in _OPTIONAL.items() if all(f"{n}[{count - 1}]" in each for each in fields)}
-        joints[f"joint_{index:02d}"] = {
+        joints[_joint(index)] = {
             channel: {"field": f"{name}[{index}]", "unit": unit} for name, (channel, unit) in channels.items()
         }
     return {

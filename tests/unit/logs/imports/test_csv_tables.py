@@ -39,10 +39,16 @@ LAYOUTS = {
     "trailing delimiter": PLAIN.replace("\n", ",\n"),
     "trailing delimiter in the header alone": PLAIN.replace("tau\n", "tau,\n"),
     "trailing delimiter in the rows alone": "t,q,tau\n" + "\n".join(row + "," for row in ROWS),
+    "semicolons at the end of rows": PLAIN.replace("\n", ";\n"),
+    "semicolons at the end of rows below a header": "t,q,tau\n" + "\n".join(row + ";" for row in ROWS),
+    "semicolons at the end of rows, blanks between cells": PLAIN.replace(",", " ").replace("\n", ";\n"),
+    "a separator and a semicolon at the end of rows": "t,q,tau\n" + "\n".join(row + ",;" for row in ROWS),
     "comments": "# recorded by rig 3\n# operator: me, myself\n" + PLAIN,
     "header in a comment": "# " + PLAIN,
     "MATLAB's comment": "% made today\n%t,q,tau\n" + "\n".join(ROWS),
     "title": "Test run 17\n\n" + PLAIN,
+    "settings of as many cells above the header": "Interval,0.1,0.2\n" + PLAIN,
+    "several settings above the header": "Axis1\nNumber of samples,1024\nInterval (ms),0.667\n" + PLAIN,
     "blank lines": PLAIN.replace("\n", "\n\n"),
     "byte order mark": b"\xef\xbb\xbf" + PLAIN.encode(),
     "UTF-16": PLAIN.encode("utf-16"),
@@ -125,3 +131,32 @@ def test_dat_files_that_are_not_text_are_left_to_others(tmp_path):
     text.write_text(PLAIN)
     binary.write_bytes(b"MDF     4.10\0\0\0\0" + bytes(200))
     assert CsvReader.claims_file(text) and not CsvReader.claims_file(binary)
+
+
+@pytest.mark.parametrize("end", [";", ","])
+def test_one_number_and_a_sign_a_row_is_one_column(tmp_path, end):
+    stream, notes = read(tmp_path, "".join(f"{value}{end}\n" for value in Q), "q.txt")
+    assert list(stream.fields) == ["column0"]
+    np.testing.assert_array_equal(stream.fields["column0"], Q)
+    assert f"'{end}' at the end of rows skipped" in notes
+
+
+def test_a_delimiter_at_the_end_of_rows_without_header_makes_no_column(tmp_path):
+    stream, _ = read(tmp_path, "\n".join(row.replace(",", "\t") + "\t" for row in ROWS))
+    assert list(stream.fields) == ["column0", "column1", "column2"]
+
+
+def test_a_second_column_without_values_is_none_to_be_cut(tmp_path):
+    stream, _ = read(tmp_path, "t;q\n0.0;\n0.1;\n0.2;1.5\n")
+    np.testing.assert_array_equal(stream.fields["q"], [np.nan, np.nan, 1.5])
+
+
+def test_a_recorder_with_settings_a_row_of_labels_and_one_of_units(tmp_path):
+    """As the oscilloscopes of one maker write it: each channel with a column of times."""
+    head = "Timestamp,2020-03-16 17:04:51,Timestamp,2020-03-16 17:04:51\nInterval,0.1,Interval,0.1\n"
+    names = 'Channel name,"Force",Channel name,"Input 1"\nUnit,"N",Unit,"V"\n'
+    rows = "".join(f"{t},{q},{t},{tau}\n" for t, q, tau in zip(T, Q, TAU, strict=True))
+    stream, _ = read(tmp_path, head + names + rows)
+    assert list(stream.fields) == ["Channel name", "Force", "Channel name (2)", "Input 1"]
+    assert stream.units == {"Force": "N", "Input 1": "V"}
+    np.testing.assert_array_equal(stream.fields["Force"], Q)

@@ -19,6 +19,7 @@ FULL = MAP | {
     "clocks": {"pressures": {"field": "t", "unit": "samples", "rate_hz": 500}},
     "trials": [{"files": "a*", "split": "heldout", "command": {"vx": 1}, "base": "fixed", "drive": {"hip": {"kp": 1}}}],
     "load": {"knee": {"mass_kg": 3}},
+    "join": "{trial}/{part}.csv",
 }
 
 
@@ -41,6 +42,13 @@ def refused(tmp_path, content) -> ImportLogError:
 
 HIP = ("joints", "hip")
 WRONG = [
+    (("control_mode",), "valve", "control_mode", "valve control has valve_command as its input, which no joint has"),
+    ((*HIP, "effort"), {"field": "i", "integral": True}, "joints.hip.effort", "integral belongs to a position"),
+    ((*HIP, "position"), {"field": "n", "unit": "rpm", "integral": "yes"}, "joints.hip.position", "expected true"),
+    ((*HIP, "position"), {"field": "n", "unit": "deg", "integral": True}, "joints.hip.position.unit", "unit of angle"),
+    (("clock",), {"rate_hz": 0}, "clock.rate_hz", "expected 0.001 to"),
+    (("clock",), {"unit": "samples", "rate_hz": 50}, "clock", "a unit belongs to a field"),
+    (("join",), "{trial}.csv", "join", "{part} once"),
     (("format",), "hqpipe-log-map/2", "format", "expected hqpipe-log-map/1"),
     (("joint",), {}, "joint", "did you mean 'joints'"),
     (("joints",), {}, "joints", "at least one joint"),

@@ -59,6 +59,14 @@ def test_pace(tmp_path: Path) -> None:
     assert any("evenly spaced" in note for note in recordings[0].notes)
 
 
+def test_pace_with_the_gains_of_its_drives(tmp_path: Path) -> None:
+    torch = pytest.importorskip("torch")
+    made = {"time": torch.linspace(0, 1, 201), "dof_pos": torch.zeros(201, 2), "des_dof_pos": torch.zeros(201, 2)}
+    torch.save({**made, "kp": np.array([80.0, 120.0]), "kd": np.array([2.5, 2.0])}, tmp_path / "chirp.pt")
+    (recording,) = pace.PaceReader.read(tmp_path / "chirp.pt")
+    assert recording.drive == {"joint_00": {"kp": 80.0, "kd": 2.5}, "joint_01": {"kp": 120.0, "kd": 2.0}}
+
+
 def test_pace_with_a_measured_clock(tmp_path: Path) -> None:
     write_pace(tmp_path / "chirp.pt", even=False)
     assert not any("evenly spaced" in note for note in pace.PaceReader.read(tmp_path / "chirp.pt")[0].notes)

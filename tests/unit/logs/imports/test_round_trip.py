@@ -142,6 +142,86 @@ def test_a_trial_far_larger_than_the_others_is_warned_of(tmp_path):
     assert len(result.warnings) == 2 and all("t4.parquet" in text for text in result.warnings)
 
 
+def moved_alone(tmp_path, channels):
+    """Warnings on five trials, in each of which one joint of three moves while the others hardly do."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0, 10, 0.01)
+    joints = {f"j{j}": {channel: f"{channel}{j}" for channel in channels} for j in range(3)}
+    for moving in range(5):
+        table = {"t": time}
+        for j in range(3):
+            size = 1.0 if j == moving % 3 else 0.01
+            made = {"position": np.sin(time), "velocity": np.cos(time), "effort": 20 * np.sin(time)}
+            table |= {f"{n}{j}": size * made[n] + 1e-4 * rng.normal(size=len(time)) for n in channels}
+        write_csv(tmp_path / f"t{moving}.csv", table)
+    content = {"format": "hqpipe-log-map/1", "clock": {"field": "t"}, "joints": joints}
+    return run(tmp_path, tmp_path, content=content).warnings
+
+
+@pytest.mark.parametrize("channels", [("position",), ("position", "effort"), ("position", "velocity", "effort")])
+def test_joints_that_move_one_at_a_time_are_in_no_other_unit(tmp_path, channels):
+    assert moved_alone(tmp_path, channels) == ()
+
+
+@pytest.mark.parametrize(("factor", "warned"), [(1.0, 0), (180 / np.pi, 1)])
+def test_a_joint_that_turns_further_by_its_own_velocity_is_in_no_other_unit(tmp_path, factor, warned):
+    time = np.arange(0, 10, 0.01)
+    for seed in range(5):
+        turns = 40.0 if seed == 4 else 1.0
+        angle, speed = turns * np.sin(0.3 * time + seed), 0.3 * turns * np.cos(0.3 * time + seed)
+        table = {"t": time, "q": angle * (factor if seed == 4 else 1.0), "v": speed}
+        write_csv(tmp_path / f"t{seed}.csv", table)
+    joints = {"shaft": {"position": "q", "velocity": "v"}}
+    result = run(tmp_path, tmp_path, content={"format": "hqpipe-log-map/1", "clock": {"field": "t"}, "joints": joints})
+    assert sum("position" in text for text in result.warnings) == warned
+
+
+def test_a_position_is_the_integral_of_a_recorded_speed(tmp_path):
+    time = np.arange(0, 10, 0.01)
+    for seed in range(2):
+        speed = 60.0 * np.cos(time + seed)
+        rows = [
+            f"{t!r},{'' if i == 50 else repr(v)}"
+            for i, (t, v) in enumerate(zip(time.tolist(), speed.tolist(), strict=True))
+        ]
+        (tmp_path / f"t{seed}.csv").write_text("\n".join(["t,n", *rows]))
+    joints = {
+        "shaft": {
+            "position": {"field": "n", "unit": "rpm", "integral": True},
+            "velocity": {"field": "n", "unit": "rpm"},
+        }
+    }
+    content = {"format": "hqpipe-log-map/1", "clock": {"field": "t"}, "joints": joints}
+    result = run(tmp_path, tmp_path, content=content)
+    assert any("is the integral of 'n'" in note for note in result.notes())
+    first = ParquetReader.read(tmp_path / "out" / "t0.parquet").columns["joint/shaft/position"]
+    wanted = 2 * np.pi * np.sin(time)
+    present = np.arange(len(time)) != 50
+    np.testing.assert_allclose(first[present], wanted[present], atol=1e-3)
+    assert np.isnan(first[50])
+
+
+def test_a_position_that_starts_again_after_a_turn_is_joined(tmp_path):
+    time = np.arange(0, 10, 0.01)
+    for seed in range(2):
+        angle = 0.4 * 360 * time + 30.0 * seed
+        write_csv(tmp_path / f"t{seed}.csv", {"t": time, "q": np.mod(angle, 360), "goal": np.mod(angle + 20, 360)})
+    joints = {
+        "shaft": {"position": {"field": "q", "unit": "deg"}, "position_command": {"field": "goal", "unit": "deg"}}
+    }
+    content = {"format": "hqpipe-log-map/1", "clock": {"field": "t"}, "joints": joints}
+    result = run(tmp_path, tmp_path, content=content)
+    assert any("starts again after a turn: joined to one motion" in note for note in result.notes())
+    first = read_log_set(tmp_path / "out").trials[0].trajectory
+    np.testing.assert_allclose(first.position[:, 0], np.deg2rad(0.4 * 360 * time), atol=1e-5)
+    np.testing.assert_allclose(first.position_command[:, 0], np.deg2rad(0.4 * 360 * time + 20), atol=1e-5)
+    with pytest.raises(ImportLogError, match="starts again after a turn"):
+        (tmp_path / "strict").mkdir()
+        for seed in range(2):
+            (tmp_path / f"t{seed}.csv").rename(tmp_path / "strict" / f"t{seed}.csv")
+        run(tmp_path / "strict", tmp_path / "strict" / "t0.csv", content=content, strict=True)
+
+
 def test_sums_zeros_and_the_first_field_that_exists(tmp_path):
     known = machine()
     time, q, target = (known[n] for n in ("time", "joint/hip/position", "joint/hip/position_command"))

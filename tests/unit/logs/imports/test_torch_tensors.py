@@ -56,6 +56,31 @@ def test_other_values_are_passed_over(tmp_path: Path) -> None:
     assert list(read_tensors(tmp_path / "log.pt")) == ["q"]
 
 
+@pytest.mark.parametrize("protocol", [2, 3, 4])
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.array([80.0, 120.5]),
+        np.arange(6, dtype=np.int16).reshape(2, 3),
+        np.asfortranarray(np.arange(6.0).reshape(2, 3)),
+        np.arange(3, dtype=">f4"),
+        np.array(2.5),
+        np.array([True, False]),
+    ],
+)
+def test_numpy_arrays_beside_tensors_come_back(tmp_path: Path, protocol: int, values: np.ndarray) -> None:
+    write_program(tmp_path / "log.pt", dumped({"kp": values, "again": values}, protocol))
+    found = read_tensors(tmp_path / "log.pt")
+    np.testing.assert_array_equal(found["kp"], values.astype(np.float64))
+    np.testing.assert_array_equal(found["again"], values.astype(np.float64))
+
+
+@pytest.mark.parametrize("values", [np.array([None, 1]), np.array(["a"]), np.zeros(2, "f4,i4"), np.zeros((2, 2, 2))])
+def test_other_arrays_are_refused(tmp_path: Path, values: np.ndarray) -> None:
+    write_program(tmp_path / "log.pt", dumped({"kp": values}))
+    refused(tmp_path / "log.pt")
+
+
 @pytest.mark.parametrize("protocol", [0, 1, 2, 4, 5])
 @pytest.mark.parametrize("function", [os.system, builtins.eval, builtins.exec, builtins.getattr, __import__])
 def test_calls_are_refused_and_do_not_happen(tmp_path: Path, function: object, protocol: int) -> None:
