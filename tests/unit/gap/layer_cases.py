@@ -74,7 +74,9 @@ def made_up(model, base, named, full=None, causes=(), without=None, shapes=None)
     without = {name: fitted(size) for name, size in (without or {}).items()}
     full = named if full is None else full
     gains = {"spring": -3.0}
-    return JointFound(model, fitted(base), fitted(named), fitted(full), fitted(full), tuple(causes), without, {}, gains, shapes or {})
+    return JointFound(
+        model, fitted(base), fitted(named), fitted(full), fitted(full), tuple(causes), without, {}, gains, shapes or {}
+    )
 
 
 def layer_found(*joints, **more) -> LayerFound:
