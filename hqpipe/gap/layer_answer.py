@@ -16,6 +16,7 @@ from hqpipe.gap.layer_causes import SENSING, UNSIGNED, LayerCause, layer_of
 from hqpipe.gap.layer_errors import RAN_AWAY, LayerErrors
 from hqpipe.gap.layer_experiment import next_experiment
 from hqpipe.gap.layer_verdict import LayerEvidence
+from hqpipe.gap.layer_visible import visible_from
 from hqpipe.gap.left_out import LeftOut
 from hqpipe.gap.locate import Place, telling
 from hqpipe.gap.schema import validate_diagnosis
@@ -166,6 +167,7 @@ def considered(errors: LayerErrors, layer: str, withdrawn: Mapping[str, str]) ->
             reason = "helps, but the logs are as probable without it"
         else:
             reason = "the logs are no more probable with it" if gains else "nothing of the error points to it"
+            reason += visible_from([joint.found for joint in errors.joints], effect)
         rows.append(
             {
                 "effect": effect,

@@ -17,6 +17,7 @@ from hqpipe.gap.layer_causes import merge_causes, shares, unsigned_joints
 from hqpipe.gap.layer_errors import LayerErrors, layer_errors
 from hqpipe.gap.layer_traces import layer_traces
 from hqpipe.gap.layer_verdict import weigh_layer
+from hqpipe.gap.layer_visible import unseen_changes
 from hqpipe.gap.left_out import LeftOut, of_joints
 from hqpipe.gap.locate import Place, locate
 from hqpipe.gap.since import EarlierLogs
@@ -227,7 +228,7 @@ def _warnings_of(found: LayerFound) -> list[str]:
     joints = found.joints
     notes: dict[str, list[str]] = {}
     for joint in found.found:
-        for note in (*joint.model.notes, *joint.drifts):
+        for note in (*joint.model.notes, *joint.drifts, *unseen_changes(joint)):
             notes.setdefault(note.removeprefix(f"{joint.model.joint}: "), []).append(joint.model.joint)
     left: dict[str, list[str]] = {}
     for joint, reason in joints.left.items():

@@ -71,6 +71,8 @@ class JointFound:
             samples that it closes.
         closes: cause → what it closes as the last one, and unexplained: what is left above the noise, both as a share of the
             squared error of `base` on data left out of its fit.
+        visible: named effect that the joint was not given → how far from neutral its first number would have to be for these
+            logs to name it; those that the joint's other numbers can imitate are left out.
         drifts: numbers that differ between trials by more than chance, as sentences.
         withdrawn: effects that the fit trials ask for and that do not show in the held-out ones. outweighed: effects that
             they ask for and that are small beside what is left unexplained.
@@ -88,6 +90,7 @@ class JointFound:
     shapes: dict[str, float]
     closes: dict[str, float] = field(default_factory=dict)
     unexplained: float = 0.0
+    visible: dict[str, float] = field(default_factory=dict)
     drifts: tuple[str, ...] = ()
     withdrawn: tuple[str, ...] = ()
     outweighed: tuple[str, ...] = ()

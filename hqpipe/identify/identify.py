@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from threading import Lock
 
 import numpy as np
@@ -14,6 +15,7 @@ from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.model import JointModel, LayerJoints
 from hqpipe.identify.outweighed import without_outweighed
 from hqpipe.identify.search import Known, Search
+from hqpipe.identify.visible import least_visible
 
 Progress = Callable[[float, float, str], None]
 _EXPECTED = 1.0  # effects of a joint beforehand; assumption: logs are diagnosed because something is wrong
@@ -64,7 +66,13 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
                 pool.map(lambda pair: _weighed_again(*pair[0], pair[1]), zip(searched, others, strict=True))
             )
         answers = tuple(pool.map(lambda pair: answer(*pair), searched))
-    return without_outweighed(searched, answers)
+    answers = without_outweighed(searched, answers)
+    return tuple(_with_visible(search, found) for (search, _), found in zip(searched, answers, strict=True))
+
+
+def _with_visible(search: Search, found: JointFound) -> JointFound:
+    known = search.known[frozenset(found.kept.effects)]
+    return replace(found, visible=least_visible(search, known))
 
 
 def _half(progress: Progress | None, start: float) -> Progress | None:

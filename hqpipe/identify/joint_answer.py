@@ -61,7 +61,7 @@ def answer(search: Search, best: Known) -> JointFound:
         gains=dict(search.gains),
         shapes=_shapes(search, core, named),
         closes={n: (search.left_out(search.without(claimed, n)) - square) / whole for n in causes},
-        unexplained=max(square - _floor(search), 0.0) / whole,
+        unexplained=max(square - floor_of(search), 0.0) / whole,
         drifts=drifts(search, core),
         withdrawn=tuple(sorted(claimed.names - core.names)),
         outweighed=tuple(sorted(search.barred)),
@@ -89,7 +89,7 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
     Args:
         known: a set that the logs ask for. base: the context alone.
     """
-    gap = max(search.left_out(base) - _floor(search), 0.0)
+    gap = max(search.left_out(base) - floor_of(search), 0.0)
     while rest := sorted(known.names - base.names):
         square = search.left_out(known)
         least = max(LEAST_GAIN * square, LEAST_SHARE * gap)
@@ -103,7 +103,7 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
     return known if search.left_out(known) < max(persistence, 0.5 * search.left_out(base)) else base
 
 
-def _floor(search: Search) -> float:
+def floor_of(search: Search) -> float:
     """Squared error that the noise of the sensors leaves on the fit samples."""
     return len(search.model.fit.trial) * search.model.noise[0] ** 2
 

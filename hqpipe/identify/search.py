@@ -6,7 +6,7 @@ already. The held-out samples play no part.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
@@ -25,6 +25,7 @@ _PRIOR_HOLDS = 0.5  # of the variance that a prior was weighed with, below which
 _MOST = 8  # effects in one joint; assumption: more cannot be told apart in one output
 _STARTS = 24  # combinations of starting values; assumption: more would be a search of its own
 _ROUNDS = 3  # of additions and exchanges; assumption: what still changes then is a draw
+_SAME = 1e-9  # of the squared error: a change below it is one of rounding
 _UNLIKELY = -3.0  # ln of odds below which an effect is left aside: 5 %
 _FARTHEST = 4.0  # starts away from neutral that the slope may suggest
 BASE_STARTS = 12  # combinations of starting values of base parameters that are tried
@@ -173,6 +174,16 @@ class Search:
         )
         return [self.grown_by(known, name) for name in likely[:_REFITTED]]
 
+    def reach(self, known: Known, name: str) -> tuple[float, float] | None:
+        """A size of an effect's first number, from neutral, and what that changes in the squared error that the free parameters
+        cannot; None where they can do all of it."""
+        first = self.places(name)[0]
+        for moved, _, square in self._secants(known, name):
+            size = abs(float(moved[first] - self.fitter.neutral[first]))
+            if size > 0.0 and square > _SAME * known.solution.square:
+                return size, square
+        return None
+
     def screened(self, known: Known, names: Sequence[str]) -> list[tuple[float, str]]:
         """(squared error that the slope promises, effect), the best first; those that promise nothing are left out."""
         found = [(promises[0].gain, name) for name in names if (promises := self._promises(known, name))]
@@ -242,26 +253,30 @@ class Search:
 
         The slope is a secant from neutral to a combination of starting values, less what the free parameters can do.
         """
-        values, error, span = known.solution.values, known.solution.error, known.span
-        found = []
-        for combination in self._combinations(name):
-            moved = values.copy()
-            moved[self.places(name)] = combination
-            change = self.fitter.error(moved) - error
-            if not np.isfinite(change).all():
-                continue
-            change -= span @ (span.T @ change)
-            size = float(change @ change)
-            if size <= 0.0:
-                continue
+        error, found = known.solution.error, []
+        for moved, change, size in self._secants(known, name):
+            first = self.places(name)[0]
+            combination = moved[self.places(name)]
             low, high = self._shares(name, combination)
             share = float(np.clip(-float(change @ error) / size, low, high))
             gain = -2.0 * share * float(change @ error) - share**2 * size
             if gain > 0.0:
-                first = self.places(name)[0]
                 moved[first] = self.fitter.neutral[first] + share * (combination[0] - self.fitter.neutral[first])
                 found.append(Promise(gain, np.clip(moved, self.fitter.low, self.fitter.high)))
         return sorted(found, key=lambda promise: -promise.gain)
+
+    def _secants(self, known: Known, name: str) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
+        """Values at each start of an effect, what they change in the error that the free parameters cannot, and its square."""
+        for combination in self._combinations(name):
+            moved = known.solution.values.copy()
+            moved[self.places(name)] = combination
+            change = self.fitter.error(moved) - known.solution.error
+            if not np.isfinite(change).all():
+                continue
+            change -= known.span @ (known.span.T @ change)
+            size = float(change @ change)
+            if size > 0.0:
+                yield moved, change, size
 
     def _shares(self, name: str, combination: np.ndarray) -> tuple[float, float]:
         """How far along the secant the first parameter may go."""

@@ -26,8 +26,8 @@ def held(joint):
     return joint
 
 
-def toy(joint, seed, seconds=20.0, **truth):
-    made = ToyJoint(joint, truth, seed=seed, seconds=seconds)
+def toy(joint, seed, seconds=20.0, noise=0.1, **truth):
+    made = ToyJoint(joint, truth, noise=noise, seed=seed, seconds=seconds)
     for name in ("fit", "heldout"):
         setattr(made, name, replace(getattr(made, name), held=getattr(made, name).output.copy()))
     return held(made)

@@ -1,0 +1,34 @@
+"""How large an effect would have to be for these logs to name it: what "no cause" is worth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hqpipe.identify.joint_answer import LEAST_GAIN, LEAST_SHARE, LEAST_SIZE, floor_of
+from hqpipe.identify.outweighed import LEAST_OF_UNKNOWN
+from hqpipe.identify.sampling import correlation_time
+from hqpipe.identify.search import Known, Search
+
+
+def least_visible(search: Search, known: Known) -> dict[str, float]:
+    """Named effect that a set lacks → how far its first number has to be from neutral to be named beside the set.
+
+    Each rule of the criterion asks for a share of the squared error. What an effect takes off it grows with the square of its
+    size, as far as the free numbers cannot do the same. Effects that the free numbers can imitate are left out.
+    """
+    left, unexplained = search.left_out(known), max(search.left_out(known) - floor_of(search), 0.0)
+    gap = max(search.left_out(search.base) - floor_of(search), 0.0)
+    rules = max(LEAST_GAIN * left, LEAST_SHARE * gap, LEAST_OF_UNKNOWN * unexplained)
+    time = correlation_time(known.solution.error, search.model.fit)
+    independent = max(len(known.solution.error) / time, 1.0)
+    found = {}
+    for name in search.addable(known.names):
+        effect, reached = search.effects[name], search.reach(known, name)
+        if not effect.named or reached is None:
+            continue
+        size, square = reached
+        charge = 0.5 * len(effect.parameters) * float(np.log(independent)) - search.odds[name]
+        needed = max(rules, 2.0 * max(charge, 0.0) * known.covariance.noise * time)
+        spread = search.fitter.spread[search.places(name)[0]]
+        found[name] = float(max(size * np.sqrt(needed / square), LEAST_SIZE * spread))
+    return found
