@@ -15,7 +15,8 @@ import numpy as np
 
 from hqpipe.benchmark import cylinder, cylinder_effects, electric, electric_effects
 from hqpipe.benchmark.planted import SIZES, Motion, Planted
-from hqpipe.errors import HqpipeError, UsageError, near_match
+from hqpipe.drawing import apportion, endless, shares_of
+from hqpipe.errors import HqpipeError, UsageError
 
 FAMILIES = ("servo", "arm", "cylinder")
 KINDS = {"none": 0.10, "single": 0.40, "mixture": 0.25, "place": 0.10, "outside": 0.15}
@@ -93,7 +94,7 @@ def cases(n: int, seed: int, machine: str = "joints", kinds: Sequence[str] = ())
         raise UsageError(f"machine '{machine}', expected joints, {', '.join(FAMILIES)}", field="--machine")
     families = FAMILIES if machine == "joints" else (machine,)
     rng = np.random.default_rng([seed, n, len(families), FAMILIES.index(families[0])])
-    order = _apportion(_shares(kinds), n, rng)
+    order = apportion(shares_of(kinds, KINDS, ON_REQUEST), n, rng)
     plans: dict[tuple[str, str], Iterator[Any]] = {}
     found = []
     for index, kind in enumerate(order):
@@ -103,34 +104,6 @@ def cases(n: int, seed: int, machine: str = "joints", kinds: Sequence[str] = ())
             _case(index, family, kind, next(plan), np.random.default_rng([seed, FAMILIES.index(family), index]))
         )
     return found
-
-
-def _shares(kinds: Sequence[str]) -> dict[str, float]:
-    known = KINDS | ON_REQUEST
-    for kind in kinds:
-        if kind not in known:
-            what = f"--kind {kind[:80]}{near_match(kind[:80], known)}: no such kind of case (known: {', '.join(known)})"
-            raise UsageError(what, field="--kind", fix="name one of these")
-    if not kinds:
-        return KINDS
-    total = sum(known[kind] for kind in set(kinds))
-    return {kind: weight / total for kind, weight in known.items() if kind in kinds}
-
-
-def _apportion(shares: dict[str, float], n: int, rng: np.random.Generator) -> list[str]:
-    """`n` names in these shares (largest remainders), shuffled."""
-    exact = np.array(list(shares.values())) * n
-    counts = np.floor(exact).astype(int)
-    for index in np.argsort(counts - exact, kind="stable")[: n - counts.sum()]:
-        counts[index] += 1
-    return [str(name) for name in rng.permutation(np.repeat(list(shares), counts))]
-
-
-def _endless(items: Sequence[Any], rng: np.random.Generator) -> Iterator[Any]:
-    """All items in random order, then all in another, and so on."""
-    while True:
-        for index in rng.permutation(len(items)):
-            yield items[index]
 
 
 def _names(family: str, outside: bool) -> list[str]:
@@ -148,18 +121,18 @@ def _wishes(family: str, kind: str, rng: np.random.Generator) -> Iterator[Any]:
     if kind == "single":
         sized = [name for name in _names(family, False) if len(recipes[name].sizes) > 1]
         return _alternating(
-            _endless([(name, "typical") for name in _names(family, False)], rng),
-            _endless([(name, size) for name in sized for size in SIZES[::2]], rng),
+            endless([(name, "typical") for name in _names(family, False)], rng),
+            endless([(name, size) for name in sized for size in SIZES[::2]], rng),
         )
     if kind == "mixture":
-        return _endless((2, 2, 3), rng)
+        return endless((2, 2, 3), rng)
     if kind == "place":
-        return _endless([(name, "typical") for name in _names(family, False) if not recipes[name].machine], rng)
+        return endless([(name, "typical") for name in _names(family, False) if not recipes[name].machine], rng)
     if kind == "outside":
-        return _endless([(name, "typical") for name in _names(family, True)], rng)
+        return endless([(name, "typical") for name in _names(family, True)], rng)
     if kind == "change":
-        return _endless(CHANGES["cylinder" if family == "cylinder" else "electric"], rng)
-    return _endless((None,), rng)
+        return endless(CHANGES["cylinder" if family == "cylinder" else "electric"], rng)
+    return endless((None,), rng)
 
 
 def _alternating(first: Iterator[Any], second: Iterator[Any]) -> Iterator[Any]:

@@ -10,12 +10,10 @@ import numpy as np
 
 from hqpipe.benchmark.cylinder import STEP, CylinderMachine
 from hqpipe.benchmark.cylinder_record import references
-from hqpipe.benchmark.planted import SIZES, Planted
+from hqpipe.benchmark.planted import Built, Planted, plant_recipe
 
-Numbers = dict[str, float | None]
-Build = Callable[[CylinderMachine, int, float, np.random.Generator], tuple[dict[str, float], Numbers]]
+Build = Callable[[CylinderMachine, int, float, np.random.Generator], Built]
 SPOOL = "valve_lag"  # of which every valve has its own
-SCATTER = (0.05, 0.15)  # as of the electric machines
 
 
 @dataclass(frozen=True)
@@ -37,67 +35,67 @@ class CylinderRecipe:
     signed: bool = False
 
 
-def _deadband(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _deadband(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"overlap": size}, {"half_width": size}
 
 
-def _delay(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _delay(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     delay = max(round(size / STEP), 1) * STEP
     return {"delay_s": delay}, {"delay_s": delay}
 
 
-def _lag(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _lag(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"lag": size}, {"time_constant_s": size}
 
 
-def _saturation(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _saturation(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     needed = [np.quantile(np.abs(references(machine, trial)[1][:, j]), 0.95) for trial in machine.trials]
     limit = size * float(max(needed)) / float(machine.top_speed[j])
     return {"limit": limit}, {"limit": limit}
 
 
-def _asymmetry(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _asymmetry(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"asymmetry": size}, {"ratio": size}
 
 
-def _droop(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _droop(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     flow = sum(room.speed * float(axis["area_a"]) for room, axis in zip(machine.rooms, machine.axes, strict=True))
     slope, recovery = flow / (size * machine.supply[0]), float(rng.uniform(0.05, 0.4))
     return {"pump_slope": slope, "pump_capacity": slope * recovery}, {"droop": None, "recovery_s": recovery}
 
 
-def _drift(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _drift(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     longest = max(trial.seconds for trial in machine.trials)
     return {"drift": size / longest}, {"rate_per_s": size / longest}
 
 
-def _orifice(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _orifice(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     radius = machine.radius_of(j) if machine.kinds[j] == "revolute" else 1.0
     force = machine.supply[0] * float(machine.axes["area_a"][j])
     return {"load_share": size}, {"effort_max_nm": force * radius}
 
 
-def _load_only(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _load_only(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"load_share": size}, {}
 
 
-def _sticking(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _sticking(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"stiction": size}, {}
 
 
-def _play(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _play(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"play": size}, {}
 
 
-def _lost_frames(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _lost_frames(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"lost_frames": size}, {}
 
 
-def _temperature(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _temperature(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"jump_from": rng.uniform(0.35, 0.65), "jump_gain": 1.0 - size}, {}
 
 
-def _hunting(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _hunting(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"hunting": size, "hunting_hz": rng.uniform(0.1, 0.6)}, {}
 
 
@@ -156,23 +154,8 @@ def plant(
     rng: np.random.Generator,
 ) -> Planted:
     """An effect of a size in some joints, scattered between them."""
-    recipe = RECIPES[key]
-    sized = len(recipe.sizes) > 1
-    level = recipe.sizes[SIZES.index(size or "typical")] if sized else recipe.sizes[0]
-    level *= rng.uniform(0.85, 1.15)
-    if recipe.signed and rng.random() < 0.5:
-        level = -level
-    half = rng.uniform(*SCATTER)
-    settings, parameters = {}, {}
-    for name in joints:
-        if recipe.machine and settings:  # one number for all
-            first = next(iter(settings))
-            settings[name], parameters[name] = settings[first], parameters[first]
-            continue
-        own = level if recipe.machine else level * rng.uniform(1.0 - half, 1.0 + half)
-        fields, numbers = recipe.build(machine, machine.names.index(name), own, rng)
-        settings[name] = {field: float(value) for field, value in fields.items()}
-        parameters[name] = {what: None if value is None else float(value) for what, value in numbers.items()}
-    everywhere = tuple(joints) == machine.names
-    scope = "machine" if everywhere else "joint" if len(joints) == 1 else "group"
-    return Planted(key, "valve", recipe.outside, tuple(joints), scope, size if sized else None, parameters, settings)
+
+    def build(name: str, level: float) -> Built:
+        return RECIPES[key].build(machine, machine.names.index(name), level, rng)
+
+    return plant_recipe(RECIPES[key], key, "valve", size, joints, machine.names, build, rng)
