@@ -14,7 +14,7 @@ import argparse
 import numpy as np
 
 from hqpipe.benchmark import cylinder, cylinder_effects, electric, electric_effects
-from hqpipe.benchmark.cylinder_record import KEEP, references
+from hqpipe.benchmark.cylinder_record import KEEP, dead_times, references
 from hqpipe.benchmark.electric_record import record
 from hqpipe.benchmark.hydraulics import run_cylinders
 from hqpipe.benchmark.planted import SIZES
@@ -40,7 +40,6 @@ def _run(machine: cylinder.CylinderMachine, reference: np.ndarray, speed: np.nda
     if open_loop:
         axes["loop_gain"], axes["feedforward"] = 0.0, 1.0
     axes["jump_from"] = np.minimum(axes["jump_from"] * len(reference) * cylinder.STEP, 1e9)
-    late = np.array([round(machine.sensing.get(f"delay_s/{j}", 0.0) / cylinder.STEP) for j in range(count)])
     lost = np.zeros(reference.shape, dtype=np.bool_)
     for j in range(count):
         if machine.sensing.get(f"lost_frames/{j}", 0.0):
@@ -50,7 +49,18 @@ def _run(machine: cylinder.CylinderMachine, reference: np.ndarray, speed: np.nda
     fine = np.full(count, machine.logger.resolution)
     start = reference[0].copy()
     run_cylinders(
-        axes, np.array(machine.supply), reference, speed, lost, late, fine, cylinder.STEP, every, KEEP, start, kept
+        axes,
+        np.array(machine.supply),
+        reference,
+        speed,
+        lost,
+        dead_times(machine),
+        fine,
+        cylinder.STEP,
+        every,
+        KEEP,
+        start,
+        kept,
     )
     return kept
 
@@ -83,6 +93,9 @@ def rows(family: str, machines: int) -> list[str]:
                 if len(machine.names) > 3 or key not in effects.possible(machine, recipe.outside):
                     continue
                 planted = effects.plant(machine, key, size, machine.names, rng)
+                if family == "cylinder":  # the load without which it does not show is there in both
+                    for load in cylinder_effects.with_load(machine, (planted,), rng)[1:]:
+                        machine = cylinder.with_settings(machine, load.settings)
                 change = cylinder_change if family == "cylinder" else electric_change
                 values += change(machine, room.with_settings(machine, planted.settings))
                 done += 1

@@ -30,6 +30,9 @@ EXCLUSIVE = (
     {"gain_error", "transmission_compliance"},  # a soft gear in series with a position loop is a lower gain
     {"torque_limit", "voltage_sag"},  # both are what the motor can give at most
     {"valve_lag", "command_delay"},  # at the rates of these logs the one passes for the other
+    {"dead_time_asymmetry", "command_delay"},  # which part of two dead times is common is a convention
+    {"valve_deadband", "valve_deadband_with_jump"},  # one effect
+    {"counterbalance", "direction_asymmetry"},  # both make a cylinder slower in one direction
 )
 FRICTION = "coulomb_friction"
 ORDINARY = 0.5  # share of the other electric cases whose machine has the dry friction that real ones have
@@ -146,18 +149,22 @@ def _case(index: int, family: str, kind: str, wish: Any, rng: np.random.Generato
     for _ in range(ATTEMPTS):
         machine = _draw(family, rng)
         if kind == "none":
-            return Case(name, family, kind, machine, _with_ordinary(machine, family, ()))
+            return Case(name, family, kind, machine, _with_ordinary(machine, family, (), rng))
         if kind == "change":
             return _changed(name, family, machine, wish, rng)
         planted = _mixed(machine, family, wish, rng) if kind == "mixture" else _one(machine, family, kind, wish, rng)
         if planted:
-            return Case(name, family, kind, machine, _with_ordinary(machine, family, planted))
+            return Case(name, family, kind, machine, _with_ordinary(machine, family, planted, rng))
     raise HqpipeError(f"{name}: no machine shows {wish} in {ATTEMPTS} draws; this is an error of hqpipe, report it")
 
 
-def _with_ordinary(machine: Any, family: str, planted: tuple[Planted, ...]) -> tuple[Planted, ...]:
+def _with_ordinary(
+    machine: Any, family: str, planted: tuple[Planted, ...], rng: np.random.Generator
+) -> tuple[Planted, ...]:
     """With what every such machine has and no layer's base model knows of."""
-    return cylinder_effects.with_spools(machine, planted) if family == "cylinder" else planted
+    if family != "cylinder":
+        return planted
+    return cylinder_effects.with_spools(machine, cylinder_effects.with_load(machine, planted, rng))
 
 
 def _one(machine: Any, family: str, kind: str, wish: tuple[str, str], rng: np.random.Generator) -> tuple[Planted, ...]:

@@ -14,6 +14,7 @@ from hqpipe.benchmark.planted import Built, Planted, plant_recipe
 
 Build = Callable[[CylinderMachine, int, float, np.random.Generator], Built]
 SPOOL = "valve_lag"  # of which every valve has its own
+LOAD = "orifice_flow"  # what a load on the cylinder does to the flow at the same opening
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,7 @@ class CylinderRecipe:
         name: of the effect. sizes: small, typical, large; or one number. build: as in `hqpipe.benchmark.electric_effects`.
         outside: no library holds it. pressures: True if it needs them logged, False if they must not be, None if either.
         machine: belongs to all joints by nature. signed: has either sign, the same in all joints.
+        loaded: smallest and largest share of the supply's force that the load must take for the effect to show; None for any.
     """
 
     name: str
@@ -33,10 +35,41 @@ class CylinderRecipe:
     pressures: bool | None = None
     machine: bool = False
     signed: bool = False
+    loaded: tuple[float, float] | None = None
 
 
 def _deadband(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"overlap": size}, {"half_width": size}
+
+
+def _deadband_with_jump(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
+    """A driver that steps over the overlap once the command leaves a window: by too little (< 1) or by too much (> 1)."""
+    return {"overlap": size, "edge_jump": size * rng.uniform(0.3, 1.7)}, {"half_width": size}
+
+
+def _dead_time_asymmetry(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
+    side, steps = ("out" if size > 0.0 else "back"), max(round(abs(size) / STEP), 1)
+    return {f"delay_{side}_s": steps * STEP}, {"difference_s": float(np.sign(size)) * steps * STEP}
+
+
+def _leakage(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
+    """Past the piston, at the pressure of the supply: a share of the flow at full opening."""
+    flow = float(machine.top_speed[j]) * float(machine.axes["area_a"][j])
+    return {"worn": size * flow / machine.supply[0]}, {}
+
+
+def _counterbalance(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
+    """A load-holding valve that meters the lowering, behind a spool whose edge to the tank is wider by `size`."""
+    pressure, load = machine.supply[0], RECIPES["counterbalance"].loaded or (0.0, 0.0)
+    drop = rng.uniform(0.1, 0.3) * pressure  # across the open valve at full speed
+    fields = {
+        "hold_flow": float(machine.top_speed[j] * machine.axes["area_a"][j]) / np.sqrt(drop),
+        "hold_setting": 1.3 * load[1] * pressure,  # makers ask for 1.3 times the pressure of the largest load
+        "hold_span": rng.uniform(0.8, 1.5) * pressure,  # 50 to 100 bar of pilot pressure from cracking to open
+        "hold_ratio": rng.uniform(3.0, 4.5),  # the low ratios that are sold for loads which change
+        "meter_out": 1.0 + size,
+    }
+    return fields, {}
 
 
 def _delay(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
@@ -103,6 +136,7 @@ RECIPES: dict[str, CylinderRecipe] = {
     recipe.name: recipe
     for recipe in (
         CylinderRecipe("valve_deadband", (0.02, 0.06, 0.15), _deadband),
+        CylinderRecipe("valve_deadband_with_jump", (0.02, 0.06, 0.15), _deadband_with_jump),
         CylinderRecipe("command_delay", (0.01, 0.03, 0.08), _delay),
         CylinderRecipe("valve_lag", (0.035, 0.08, 0.2), _lag),
         CylinderRecipe("flow_saturation", (0.9, 0.75, 0.5), _saturation),
@@ -110,6 +144,9 @@ RECIPES: dict[str, CylinderRecipe] = {
         CylinderRecipe("supply_droop", (0.15, 0.4, 0.65), _droop, pressures=False, machine=True),
         CylinderRecipe("gain_drift", (0.05, 0.15, 0.3), _drift, signed=True),
         CylinderRecipe("orifice_flow", (0.15, 0.3, 0.5), _orifice, pressures=True),
+        CylinderRecipe("dead_time_asymmetry", (0.015, 0.04, 0.1), _dead_time_asymmetry, signed=True),
+        CylinderRecipe("leakage", (0.03, 0.08, 0.2), _leakage, pressures=True, loaded=(0.3, 0.45)),
+        CylinderRecipe("counterbalance", (0.5, 1.5, 4.0), _counterbalance, pressures=True, loaded=(0.25, 0.35)),
         CylinderRecipe("load_dependence", (0.4,), _load_only, outside=True, pressures=False),
         CylinderRecipe("sticking_valve", (0.08,), _sticking, outside=True),
         CylinderRecipe("hysteresis", (0.06,), _play, outside=True),
@@ -138,6 +175,25 @@ def with_spools(machine: CylinderMachine, planted: tuple[Planted, ...]) -> tuple
     return tuple(everywhere if effect is slow else effect for effect in planted)
 
 
+def with_load(machine: CylinderMachine, planted: tuple[Planted, ...], rng: np.random.Generator) -> tuple[Planted, ...]:
+    """The effects with the load beside which they show, and so the orifices' flow, if one of them needs it.
+
+    Its arm swings from nearly level to nearly upright, so that the load changes on the way.
+    """
+    needed = [RECIPES[one.effect].loaded for one in planted if one.effect in RECIPES and RECIPES[one.effect].loaded]
+    if not needed or any(one.effect == LOAD for one in planted):
+        return planted
+    recipe = replace(RECIPES[LOAD], sizes=(float(rng.uniform(*needed[0] or (0.0, 0.0))),))
+    turned = {"load_angle": float(rng.uniform(0.45, 0.75))}
+
+    def build(name: str, level: float) -> Built:
+        fields, numbers = recipe.build(machine, machine.names.index(name), level, rng)
+        return fields | turned, numbers
+
+    load = plant_recipe(recipe, LOAD, "valve", None, machine.names, machine.names, build, rng, ordinary=True)
+    return (*planted, load)
+
+
 def possible(machine: CylinderMachine, outside: bool = False) -> list[str]:
     """Keys of the recipes that show on this machine's logs."""
     pressures = machine.logger.pressures
@@ -158,4 +214,5 @@ def plant(
     def build(name: str, level: float) -> Built:
         return RECIPES[key].build(machine, machine.names.index(name), level, rng)
 
-    return plant_recipe(RECIPES[key], key, "valve", size, joints, machine.names, build, rng)
+    effect = key.removesuffix("_with_jump")
+    return plant_recipe(RECIPES[key], effect, "valve", size, joints, machine.names, build, rng)

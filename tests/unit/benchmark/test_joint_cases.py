@@ -15,7 +15,8 @@ import pytest
 
 from hqpipe.benchmark import cylinder, cylinder_effects, cylinder_record, electric, electric_effects, electric_record
 from hqpipe.benchmark.cases import EXCLUSIVE, FAMILIES, FRICTION, KINDS, cases, write
-from hqpipe.benchmark.cylinder_effects import SPOOL
+from hqpipe.benchmark.cylinder_effects import LOAD, SPOOL
+from hqpipe.benchmark.hydraulics import opening, run_cylinders, two_sided
 from hqpipe.errors import UsageError
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.logs.writer import LogSetWriter
@@ -87,8 +88,8 @@ def test_each_kind_holds_what_its_name_says():
         slow = about and about[0].effect == SPOOL  # every other spool has its own lag
         assert case.kind != "place" or slow or (about[0].scope == "joint" and len(case.machine.names) > 1)
         assert not any(pair <= {one.effect for one in about} for pair in EXCLUSIVE)
-        ordinary = SPOOL if case.family == "cylinder" else FRICTION
-        assert all(one.effect == ordinary and one.scope == "machine" for one in case.planted if one.ordinary)
+        ordinary = (SPOOL, LOAD) if case.family == "cylinder" else (FRICTION,)
+        assert all(one.effect in ordinary and one.scope == "machine" for one in case.planted if one.ordinary)
 
 
 def test_every_spool_has_a_lag_that_is_named_rightly():
@@ -97,6 +98,81 @@ def test_every_spool_has_a_lag_that_is_named_rightly():
         assert lag.joints == case.machine.names
         planted = {name for name, fields in lag.settings.items() if fields["lag"] > 0.02}
         assert lag.ordinary == (not planted)
+
+
+def test_what_shows_under_load_alone_is_planted_beside_a_load():
+    loaded = [
+        case
+        for case in cases(120, 8, "cylinder", ("single", "mixture"))
+        if {one.effect for one in case.planted} & {"leakage", "counterbalance"}
+    ]
+    assert len(loaded) > 5
+    for case in loaded:
+        assert case.machine.logger.pressures and LOAD in {one.effect for one in case.planted}
+
+
+def test_a_dead_time_differs_by_direction():
+    """A step of the command into each direction is answered later by what the truth says."""
+    machine, rng = drawn("cylinder", "dead_time_asymmetry")
+    planted = cylinder_effects.plant(machine, "dead_time_asymmetry", "large", machine.names, rng)
+    faulty = cylinder.with_settings(machine, planted.settings)
+    late = cylinder_record.dead_times(faulty) * cylinder.STEP
+    for j, name in enumerate(machine.names):
+        assert late.min() >= 0.0
+        assert late[j, 0] - late[j, 1] == pytest.approx(planted.parameters[name]["difference_s"])
+    sent = np.r_[np.zeros(100), np.ones(100), -np.ones(100)]
+    reached = np.array([two_sided(sent, i, np.array([30, 10]), 0.0) for i in range(300)])
+    assert np.flatnonzero(reached > 0.0)[0] == 130
+    assert np.flatnonzero(reached < 0.0)[0] == 230  # until then the late side still holds against the early one
+
+
+def test_a_deadband_with_a_jump_opens_by_the_jump():
+    axis = cylinder.draw_cylinder(np.random.default_rng(1)).axes[:1].copy()
+    axis["neutral"], axis["overlap"], axis["edge_jump"] = 0.0, 0.05, 0.03
+    assert opening(axis[0], 0.0499, 0.0) == 0.0 == opening(axis[0], -0.0499, 0.0)
+    assert opening(axis[0], 0.0501, 0.0) == pytest.approx(0.0301)
+    assert opening(axis[0], -0.0501, 0.0) == pytest.approx(-0.0301)
+
+
+def test_a_worn_piston_lets_the_load_down():
+    """Commands at the neutral point: the load sinks as fast as the oil leaks past the piston."""
+    machine, rng = drawn("cylinder", "leakage")
+    planted = cylinder_effects.plant(machine, "leakage", "large", machine.names, rng)
+    (_, load) = cylinder_effects.with_load(machine, (planted,), rng)
+    sound = cylinder.with_settings(machine, load.settings)
+    sunk = {}
+    for which in (sound, cylinder.with_settings(sound, planted.settings)):
+        place = np.full((20000, len(machine.names)), 0.5 * machine.axes["stroke"])
+        axes = which.axes.copy()
+        axes["neutral"] = axes["loop_gain"] = axes["feedforward"] = 0.0
+        kept = np.empty((2000, len(machine.names), 6))
+        late, lost = np.zeros((len(axes), 2), dtype=np.int64), np.zeros(place.shape, dtype=np.bool_)
+        resolution, supply = np.full(len(axes), 1e-6), np.array(which.supply)
+        run_cylinders(axes, supply, place, 0 * place, lost, late, resolution, 1e-4, 100, 10, place[0], kept)
+        sunk[which is sound] = kept[0, :, 0] - kept[-1, :, 0]
+    assert (sunk[False] > 3.0 * np.abs(sunk[True])).all()
+
+
+def test_a_load_holding_valve_makes_the_lowering_independent_of_the_load():
+    machine, rng = drawn("cylinder", "counterbalance", 2)
+    planted = cylinder_effects.plant(machine, "counterbalance", "large", machine.names, rng)
+    spreads = []
+    for fields in ({}, planted.settings):
+        speeds = []
+        for share in (0.1, 0.35):
+            load = {name: {"load_share": share, "load_angle": 1.2} for name in machine.names}
+            axes = cylinder.with_settings(cylinder.with_settings(machine, load), fields).axes.copy()
+            axes["neutral"] = axes["loop_gain"] = 0.0
+            axes["feedforward"] = 1.0
+            start = 0.7 * axes["stroke"]
+            speed = np.full((6000, len(axes)), -0.3)
+            kept = np.empty((600, len(axes), 6))
+            late, lost = np.zeros((len(axes), 2), dtype=np.int64), np.zeros(speed.shape, dtype=np.bool_)
+            resolution, supply = np.full(len(axes), 1e-6), np.array(machine.supply)
+            run_cylinders(axes, supply, speed, speed, lost, late, resolution, 1e-4, 100, 10, start, kept)
+            speeds.append(kept[300:, :, 1].mean(axis=0))
+        spreads.append(np.abs(speeds[1] / speeds[0] - 1.0))
+    assert (spreads[1] < 0.5 * spreads[0]).all()
 
 
 def test_half_of_the_electric_cases_have_ordinary_friction():
