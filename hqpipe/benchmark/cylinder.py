@@ -175,3 +175,12 @@ def with_settings(machine: CylinderMachine, settings: dict[str, dict[str, float]
             else:
                 sensing[f"{key}/{j}"] = value
     return replace(machine, axes=axes, supply=(supply[0], supply[1], supply[2], supply[3]), sensing=sensing)
+
+
+def at_viscosity(machine: CylinderMachine, factor: float) -> CylinderMachine:
+    """The machine with oil of another viscosity: seals drag more and leak less by as much."""
+    axes = machine.axes.copy()
+    axes["viscous"] *= factor
+    for name in ("leakage", "worn"):
+        axes[name] /= factor
+    return replace(machine, axes=axes)

@@ -13,6 +13,7 @@ from hqpipe.benchmark.cylinder_record import references
 from hqpipe.benchmark.planted import Built, Planted, plant_recipe
 
 Build = Callable[[CylinderMachine, int, float, np.random.Generator], Built]
+LAYER = "valve"
 SPOOL = "valve_lag"  # of which every valve has its own
 LOAD = "orifice_flow"  # what a load on the cylinder does to the flow at the same opening
 
@@ -157,7 +158,14 @@ RECIPES: dict[str, CylinderRecipe] = {
 }
 
 
-def with_spools(machine: CylinderMachine, planted: tuple[Planted, ...]) -> tuple[Planted, ...]:
+def with_ordinary(
+    machine: CylinderMachine, planted: tuple[Planted, ...], rng: np.random.Generator
+) -> tuple[Planted, ...]:
+    """The effects with what every such machine has and no layer's base model knows of."""
+    return with_lags(machine, with_load(machine, planted, rng), LAYER)
+
+
+def with_lags(machine: CylinderMachine, planted: tuple[Planted, ...], layer: str) -> tuple[Planted, ...]:
     """The effects with the lag that every spool has: one where none was planted is named rightly."""
     lag = {name: float(value) for name, value in zip(machine.names, machine.axes["lag"], strict=True)}
     slow = next((effect for effect in planted if effect.effect == SPOOL), None)
@@ -168,7 +176,7 @@ def with_spools(machine: CylinderMachine, planted: tuple[Planted, ...]) -> tuple
         settings = {name: {"lag": value} for name, value in lag.items()}
         return (
             *planted,
-            Planted(SPOOL, "valve", False, machine.names, "machine", None, parameters, settings, ordinary=True),
+            Planted(SPOOL, layer, False, machine.names, "machine", None, parameters, settings, ordinary=True),
         )
     parameters = {name: {"time_constant_s": value} for name, value in lag.items()} | slow.parameters
     everywhere = replace(slow, joints=machine.names, scope="machine", parameters=parameters)
@@ -190,7 +198,7 @@ def with_load(machine: CylinderMachine, planted: tuple[Planted, ...], rng: np.ra
         fields, numbers = recipe.build(machine, machine.names.index(name), level, rng)
         return fields | turned, numbers
 
-    load = plant_recipe(recipe, LOAD, "valve", None, machine.names, machine.names, build, rng, ordinary=True)
+    load = plant_recipe(recipe, LOAD, LAYER, None, machine.names, machine.names, build, rng, ordinary=True)
     return (*planted, load)
 
 
@@ -215,4 +223,4 @@ def plant(
         return RECIPES[key].build(machine, machine.names.index(name), level, rng)
 
     effect = key.removesuffix("_with_jump")
-    return plant_recipe(RECIPES[key], effect, "valve", size, joints, machine.names, build, rng)
+    return plant_recipe(RECIPES[key], effect, LAYER, size, joints, machine.names, build, rng)

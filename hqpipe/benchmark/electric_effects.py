@@ -236,6 +236,13 @@ def expected_peak(machine: ElectricMachine, j: int) -> float:
     return highest
 
 
+def with_ordinary(
+    machine: ElectricMachine, planted: tuple[Planted, ...], rng: np.random.Generator
+) -> tuple[Planted, ...]:
+    """The effects as they are: friction is drawn with them."""
+    return planted
+
+
 def possible(machine: ElectricMachine, outside: bool = False) -> list[str]:
     """Keys of the recipes that show on this machine's logs."""
     duty = bool(machine.joints["by_duty"].any())
