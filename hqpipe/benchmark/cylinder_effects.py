@@ -146,7 +146,7 @@ RECIPES: dict[str, CylinderRecipe] = {
         CylinderRecipe("gain_drift", (0.05, 0.15, 0.3), _drift, signed=True),
         CylinderRecipe("orifice_flow", (0.15, 0.3, 0.5), _orifice, pressures=True),
         CylinderRecipe("dead_time_asymmetry", (0.015, 0.04, 0.1), _dead_time_asymmetry, signed=True),
-        CylinderRecipe("leakage", (0.03, 0.08, 0.2), _leakage, pressures=True, loaded=(0.3, 0.45)),
+        CylinderRecipe("leakage", (0.05, 0.13, 0.3), _leakage, pressures=True, loaded=(0.3, 0.45)),
         CylinderRecipe("counterbalance", (0.5, 1.5, 4.0), _counterbalance, pressures=True, loaded=(0.25, 0.35)),
         CylinderRecipe("load_dependence", (0.4,), _load_only, outside=True, pressures=False),
         CylinderRecipe("sticking_valve", (0.08,), _sticking, outside=True),

@@ -90,12 +90,12 @@ RECIPES: dict[str, ForceRecipe] = {
     for recipe in (
         ForceRecipe("direction_asymmetry", (0.03, 0.08, 0.16), _asymmetry, signed=True),
         ForceRecipe("command_delay", (0.004, 0.012, 0.035), _delay),
-        ForceRecipe("valve_deadband", (0.006, 0.02, 0.05), _deadband),
+        ForceRecipe("valve_deadband", (0.002, 0.007, 0.02), _deadband),
         ForceRecipe("flow_saturation", (0.8, 0.6, 0.4), _saturation),
         ForceRecipe("supply_droop", (0.15, 0.35, 0.6), _droop, pressures=False, machine=True),
         ForceRecipe("valve_lag", (0.004, 0.009, 0.02), _lag),
         ForceRecipe("sticking_valve", (0.03,), _sticking, outside=True),
-        ForceRecipe("hysteresis", (0.03,), _play, outside=True),
+        ForceRecipe("hysteresis", (0.01,), _play, outside=True),
         ForceRecipe("dropped_frames", (0.15,), _lost_frames, outside=True),
     )
 }
