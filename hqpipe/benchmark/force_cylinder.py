@@ -24,6 +24,7 @@ STOPS = 0.3  # share of the machines whose pistons rest on their ends between st
 HOSES = 1.0  # volume of hoses and ports over that of the cylinder; assumption: a manifold on the body feeds the joints
 KEPT_S = 1.0e-3  # s, between the rows of a motion
 ROUNDING_S = 0.06  # s, each of two moving averages, so that no jump of the acceleration is asked for; assumption
+TURN = 2.4  # rad that a joint turns at most, as legs do; assumption
 SLOWEST = 60.0  # rad/s, of a load on its oil; assumption: robots are built stiffer than 10 Hz
 
 
@@ -78,7 +79,7 @@ def draw_force_cylinder(rng: np.random.Generator) -> ForceMachine:
         rooms=rooms,
         top_speed=top,
         supply=(pressure, slope, 0.01 * slope, NEVER),
-        radius=float(rng.uniform(0.03, 0.08)),
+        radius=max(float(rng.uniform(0.03, 0.08)), float(np.max(axes["stroke"])) / TURN),
         stops=stops,
         logger=logger,
         trials=trials,
