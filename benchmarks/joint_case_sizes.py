@@ -4,7 +4,8 @@
 
 Each number is a median over machines, joints and one trial: of the RMS change that the effect makes to the position (servo,
 share of the swing), to the torque that the same motion takes (arm, share of the typical torque) or to the speed at the same
-commands (cylinder, share of the RMS speed).
+commands (cylinder, share of the RMS speed); of cylinders commanded in force, what it adds to the RMS error of the force
+(share of the force's RMS).
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ import argparse
 
 import numpy as np
 
-from hqpipe.benchmark import cylinder, cylinder_effects, electric, electric_effects
-from hqpipe.benchmark.cylinder_record import KEEP, references
+from hqpipe.benchmark import cylinder, electric, force_cylinder
+from hqpipe.benchmark.cylinder_record import KEEP, dead_times, references
 from hqpipe.benchmark.electric_record import record
+from hqpipe.benchmark.families import FAMILIES
+from hqpipe.benchmark.force_record import run as run_force
 from hqpipe.benchmark.hydraulics import run_cylinders
 from hqpipe.benchmark.planted import SIZES
 
@@ -40,7 +43,6 @@ def _run(machine: cylinder.CylinderMachine, reference: np.ndarray, speed: np.nda
     if open_loop:
         axes["loop_gain"], axes["feedforward"] = 0.0, 1.0
     axes["jump_from"] = np.minimum(axes["jump_from"] * len(reference) * cylinder.STEP, 1e9)
-    late = np.array([round(machine.sensing.get(f"delay_s/{j}", 0.0) / cylinder.STEP) for j in range(count)])
     lost = np.zeros(reference.shape, dtype=np.bool_)
     for j in range(count):
         if machine.sensing.get(f"lost_frames/{j}", 0.0):
@@ -50,7 +52,18 @@ def _run(machine: cylinder.CylinderMachine, reference: np.ndarray, speed: np.nda
     fine = np.full(count, machine.logger.resolution)
     start = reference[0].copy()
     run_cylinders(
-        axes, np.array(machine.supply), reference, speed, lost, late, fine, cylinder.STEP, every, KEEP, start, kept
+        axes,
+        np.array(machine.supply),
+        reference,
+        speed,
+        lost,
+        dead_times(machine),
+        fine,
+        cylinder.STEP,
+        every,
+        KEEP,
+        start,
+        kept,
     )
     return kept
 
@@ -65,12 +78,23 @@ def cylinder_change(machine: cylinder.CylinderMachine, faulty: cylinder.Cylinder
     return list(np.sqrt(np.mean((other[:, :, 1] - sound[:, :, 1]) ** 2, axis=0)) / rms)
 
 
+def force_change(machine: force_cylinder.ForceMachine, faulty: force_cylinder.ForceMachine) -> list[float]:
+    """Share per joint, over the first trial: error of the force that the faulty machine has and the sound one has not."""
+    sound, other = run_force(machine, machine.trials[0]), run_force(faulty, machine.trials[0])
+    mine, its = [np.mean((rows[:, :, 4] - rows[:, :, 6]) ** 2, axis=0) for rows in (sound, other)]
+    return list(np.sqrt(np.maximum(its - mine, 0.0)) / np.std(other[:, :, 6], axis=0))
+
+
+CHANGES = {"cylinder": cylinder_change, force_cylinder.FAMILY: force_change}
+
+
 def rows(family: str, machines: int) -> list[str]:
     """Lines of the table."""
-    room, effects = (cylinder, cylinder_effects) if family == "cylinder" else (electric, electric_effects)
+    kind = FAMILIES[family]
+    room, effects = kind.room, kind.effects
     found = []
     for number, (key, recipe) in enumerate(effects.RECIPES.items()):
-        if family != "cylinder" and family not in recipe.families:
+        if kind.electric and family not in recipe.families:
             continue
         cells = []
         for size in SIZES if len(recipe.sizes) > 1 else ("typical",):
@@ -79,11 +103,14 @@ def rows(family: str, machines: int) -> list[str]:
             while done < machines and seed < 1000:
                 rng = np.random.default_rng([number, seed])
                 seed += 1
-                machine = getattr(room, f"draw_{family}")(rng)
+                machine = kind.draw(rng)
                 if len(machine.names) > 3 or key not in effects.possible(machine, recipe.outside):
                     continue
                 planted = effects.plant(machine, key, size, machine.names, rng)
-                change = cylinder_change if family == "cylinder" else electric_change
+                if family == "cylinder":  # the load without which it does not show is there in both
+                    for load in effects.with_load(machine, (planted,), rng)[1:]:
+                        machine = cylinder.with_settings(machine, load.settings)
+                change = CHANGES.get(family, electric_change)
                 values += change(machine, room.with_settings(machine, planted.settings))
                 done += 1
             cells.append(f"{100.0 * np.median(values):.2g} %")
@@ -95,10 +122,11 @@ def rows(family: str, machines: int) -> list[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--machines", type=int, default=12)
-    machines = parser.parse_args().machines
+    parser.add_argument("--family", choices=list(FAMILIES), action="append", help="repeatable; all without")
+    asked = parser.parse_args()
     print("| machine | effect | small | typical | large |\n|---|---|---|---|---|")
-    for family in ("servo", "arm", "cylinder"):
-        print("\n".join(rows(family, machines)), flush=True)
+    for family in asked.family or FAMILIES:
+        print("\n".join(rows(family, asked.machines)), flush=True)
 
 
 if __name__ == "__main__":

@@ -83,7 +83,7 @@ def draw_cylinder(rng: np.random.Generator) -> CylinderMachine:
     axes["feedforward"] = rng.choice([0.0, 0.8, 1.0]) / top
     axes["sent_limit"] = 1.0
     axes["limit"] = axes["jump_from"] = NEVER
-    axes["jump_gain"] = axes["hunting_hz"] = 1.0
+    axes["jump_gain"] = axes["hunting_hz"] = axes["meter_out"] = 1.0
     stops = bool(rng.random() < 0.15)
     rooms = tuple(_room(axis, speed, stops, rng) for axis, speed in zip(axes, top, strict=True))
     flow = float(np.sum(top * axes["area_a"]))
@@ -175,3 +175,12 @@ def with_settings(machine: CylinderMachine, settings: dict[str, dict[str, float]
             else:
                 sensing[f"{key}/{j}"] = value
     return replace(machine, axes=axes, supply=(supply[0], supply[1], supply[2], supply[3]), sensing=sensing)
+
+
+def at_viscosity(machine: CylinderMachine, factor: float) -> CylinderMachine:
+    """The machine with oil of another viscosity: seals drag more and leak less by as much."""
+    axes = machine.axes.copy()
+    axes["viscous"] *= factor
+    for name in ("leakage", "worn"):
+        axes[name] /= factor
+    return replace(machine, axes=axes)

@@ -10,12 +10,12 @@ import numpy as np
 
 from hqpipe.benchmark.cylinder import STEP, CylinderMachine
 from hqpipe.benchmark.cylinder_record import references
-from hqpipe.benchmark.planted import SIZES, Planted
+from hqpipe.benchmark.planted import Built, Planted, plant_recipe
 
-Numbers = dict[str, float | None]
-Build = Callable[[CylinderMachine, int, float, np.random.Generator], tuple[dict[str, float], Numbers]]
+Build = Callable[[CylinderMachine, int, float, np.random.Generator], Built]
+LAYER = "valve"
 SPOOL = "valve_lag"  # of which every valve has its own
-SCATTER = (0.05, 0.15)  # as of the electric machines
+LOAD = "orifice_flow"  # what a load on the cylinder does to the flow at the same opening
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,7 @@ class CylinderRecipe:
         name: of the effect. sizes: small, typical, large; or one number. build: as in `hqpipe.benchmark.electric_effects`.
         outside: no library holds it. pressures: True if it needs them logged, False if they must not be, None if either.
         machine: belongs to all joints by nature. signed: has either sign, the same in all joints.
+        loaded: smallest and largest share of the supply's force that the load must take for the effect to show; None for any.
     """
 
     name: str
@@ -35,69 +36,100 @@ class CylinderRecipe:
     pressures: bool | None = None
     machine: bool = False
     signed: bool = False
+    loaded: tuple[float, float] | None = None
 
 
-def _deadband(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _deadband(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"overlap": size}, {"half_width": size}
 
 
-def _delay(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _deadband_with_jump(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
+    """A driver that steps over the overlap once the command leaves a window: by too little (< 1) or by too much (> 1)."""
+    return {"overlap": size, "edge_jump": size * rng.uniform(0.3, 1.7)}, {"half_width": size}
+
+
+def _dead_time_asymmetry(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
+    side, steps = ("out" if size > 0.0 else "back"), max(round(abs(size) / STEP), 1)
+    return {f"delay_{side}_s": steps * STEP}, {"difference_s": float(np.sign(size)) * steps * STEP}
+
+
+def _leakage(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
+    """Past the piston, at the pressure of the supply: a share of the flow at full opening."""
+    flow = float(machine.top_speed[j]) * float(machine.axes["area_a"][j])
+    return {"worn": size * flow / machine.supply[0]}, {}
+
+
+def _counterbalance(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
+    """A load-holding valve that meters the lowering, behind a spool whose edge to the tank is wider by `size`."""
+    pressure, load = machine.supply[0], RECIPES["counterbalance"].loaded or (0.0, 0.0)
+    drop = rng.uniform(0.1, 0.3) * pressure  # across the open valve at full speed
+    fields = {
+        "hold_flow": float(machine.top_speed[j] * machine.axes["area_a"][j]) / np.sqrt(drop),
+        "hold_setting": 1.3 * load[1] * pressure,  # makers ask for 1.3 times the pressure of the largest load
+        "hold_span": rng.uniform(0.8, 1.5) * pressure,  # 50 to 100 bar of pilot pressure from cracking to open
+        "hold_ratio": rng.uniform(3.0, 4.5),  # the low ratios that are sold for loads which change
+        "meter_out": 1.0 + size,
+    }
+    return fields, {}
+
+
+def _delay(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     delay = max(round(size / STEP), 1) * STEP
     return {"delay_s": delay}, {"delay_s": delay}
 
 
-def _lag(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _lag(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"lag": size}, {"time_constant_s": size}
 
 
-def _saturation(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _saturation(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     needed = [np.quantile(np.abs(references(machine, trial)[1][:, j]), 0.95) for trial in machine.trials]
     limit = size * float(max(needed)) / float(machine.top_speed[j])
     return {"limit": limit}, {"limit": limit}
 
 
-def _asymmetry(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _asymmetry(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"asymmetry": size}, {"ratio": size}
 
 
-def _droop(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _droop(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     flow = sum(room.speed * float(axis["area_a"]) for room, axis in zip(machine.rooms, machine.axes, strict=True))
     slope, recovery = flow / (size * machine.supply[0]), float(rng.uniform(0.05, 0.4))
     return {"pump_slope": slope, "pump_capacity": slope * recovery}, {"droop": None, "recovery_s": recovery}
 
 
-def _drift(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _drift(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     longest = max(trial.seconds for trial in machine.trials)
     return {"drift": size / longest}, {"rate_per_s": size / longest}
 
 
-def _orifice(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _orifice(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     radius = machine.radius_of(j) if machine.kinds[j] == "revolute" else 1.0
     force = machine.supply[0] * float(machine.axes["area_a"][j])
     return {"load_share": size}, {"effort_max_nm": force * radius}
 
 
-def _load_only(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _load_only(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"load_share": size}, {}
 
 
-def _sticking(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _sticking(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"stiction": size}, {}
 
 
-def _play(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _play(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"play": size}, {}
 
 
-def _lost_frames(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _lost_frames(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"lost_frames": size}, {}
 
 
-def _temperature(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _temperature(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"jump_from": rng.uniform(0.35, 0.65), "jump_gain": 1.0 - size}, {}
 
 
-def _hunting(machine: CylinderMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _hunting(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"hunting": size, "hunting_hz": rng.uniform(0.1, 0.6)}, {}
 
 
@@ -105,6 +137,7 @@ RECIPES: dict[str, CylinderRecipe] = {
     recipe.name: recipe
     for recipe in (
         CylinderRecipe("valve_deadband", (0.02, 0.06, 0.15), _deadband),
+        CylinderRecipe("valve_deadband_with_jump", (0.02, 0.06, 0.15), _deadband_with_jump),
         CylinderRecipe("command_delay", (0.01, 0.03, 0.08), _delay),
         CylinderRecipe("valve_lag", (0.035, 0.08, 0.2), _lag),
         CylinderRecipe("flow_saturation", (0.9, 0.75, 0.5), _saturation),
@@ -112,6 +145,9 @@ RECIPES: dict[str, CylinderRecipe] = {
         CylinderRecipe("supply_droop", (0.15, 0.4, 0.65), _droop, pressures=False, machine=True),
         CylinderRecipe("gain_drift", (0.05, 0.15, 0.3), _drift, signed=True),
         CylinderRecipe("orifice_flow", (0.15, 0.3, 0.5), _orifice, pressures=True),
+        CylinderRecipe("dead_time_asymmetry", (0.015, 0.04, 0.1), _dead_time_asymmetry, signed=True),
+        CylinderRecipe("leakage", (0.05, 0.13, 0.3), _leakage, pressures=True, loaded=(0.3, 0.45)),
+        CylinderRecipe("counterbalance", (0.5, 1.5, 4.0), _counterbalance, pressures=True, loaded=(0.25, 0.35)),
         CylinderRecipe("load_dependence", (0.4,), _load_only, outside=True, pressures=False),
         CylinderRecipe("sticking_valve", (0.08,), _sticking, outside=True),
         CylinderRecipe("hysteresis", (0.06,), _play, outside=True),
@@ -122,7 +158,14 @@ RECIPES: dict[str, CylinderRecipe] = {
 }
 
 
-def with_spools(machine: CylinderMachine, planted: tuple[Planted, ...]) -> tuple[Planted, ...]:
+def with_ordinary(
+    machine: CylinderMachine, planted: tuple[Planted, ...], rng: np.random.Generator
+) -> tuple[Planted, ...]:
+    """The effects with what every such machine has and no layer's base model knows of."""
+    return with_lags(machine, with_load(machine, planted, rng), LAYER)
+
+
+def with_lags(machine: CylinderMachine, planted: tuple[Planted, ...], layer: str) -> tuple[Planted, ...]:
     """The effects with the lag that every spool has: one where none was planted is named rightly."""
     lag = {name: float(value) for name, value in zip(machine.names, machine.axes["lag"], strict=True)}
     slow = next((effect for effect in planted if effect.effect == SPOOL), None)
@@ -133,11 +176,30 @@ def with_spools(machine: CylinderMachine, planted: tuple[Planted, ...]) -> tuple
         settings = {name: {"lag": value} for name, value in lag.items()}
         return (
             *planted,
-            Planted(SPOOL, "valve", False, machine.names, "machine", None, parameters, settings, ordinary=True),
+            Planted(SPOOL, layer, False, machine.names, "machine", None, parameters, settings, ordinary=True),
         )
     parameters = {name: {"time_constant_s": value} for name, value in lag.items()} | slow.parameters
     everywhere = replace(slow, joints=machine.names, scope="machine", parameters=parameters)
     return tuple(everywhere if effect is slow else effect for effect in planted)
+
+
+def with_load(machine: CylinderMachine, planted: tuple[Planted, ...], rng: np.random.Generator) -> tuple[Planted, ...]:
+    """The effects with the load beside which they show, and so the orifices' flow, if one of them needs it.
+
+    Its arm swings from nearly level to nearly upright, so that the load changes on the way.
+    """
+    needed = [RECIPES[one.effect].loaded for one in planted if one.effect in RECIPES and RECIPES[one.effect].loaded]
+    if not needed or any(one.effect == LOAD for one in planted):
+        return planted
+    recipe = replace(RECIPES[LOAD], sizes=(float(rng.uniform(*needed[0] or (0.0, 0.0))),))
+    turned = {"load_angle": float(rng.uniform(0.45, 0.75))}
+
+    def build(name: str, level: float) -> Built:
+        fields, numbers = recipe.build(machine, machine.names.index(name), level, rng)
+        return fields | turned, numbers
+
+    load = plant_recipe(recipe, LOAD, LAYER, None, machine.names, machine.names, build, rng, ordinary=True)
+    return (*planted, load)
 
 
 def possible(machine: CylinderMachine, outside: bool = False) -> list[str]:
@@ -156,23 +218,9 @@ def plant(
     rng: np.random.Generator,
 ) -> Planted:
     """An effect of a size in some joints, scattered between them."""
-    recipe = RECIPES[key]
-    sized = len(recipe.sizes) > 1
-    level = recipe.sizes[SIZES.index(size or "typical")] if sized else recipe.sizes[0]
-    level *= rng.uniform(0.85, 1.15)
-    if recipe.signed and rng.random() < 0.5:
-        level = -level
-    half = rng.uniform(*SCATTER)
-    settings, parameters = {}, {}
-    for name in joints:
-        if recipe.machine and settings:  # one number for all
-            first = next(iter(settings))
-            settings[name], parameters[name] = settings[first], parameters[first]
-            continue
-        own = level if recipe.machine else level * rng.uniform(1.0 - half, 1.0 + half)
-        fields, numbers = recipe.build(machine, machine.names.index(name), own, rng)
-        settings[name] = {field: float(value) for field, value in fields.items()}
-        parameters[name] = {what: None if value is None else float(value) for what, value in numbers.items()}
-    everywhere = tuple(joints) == machine.names
-    scope = "machine" if everywhere else "joint" if len(joints) == 1 else "group"
-    return Planted(key, "valve", recipe.outside, tuple(joints), scope, size if sized else None, parameters, settings)
+
+    def build(name: str, level: float) -> Built:
+        return RECIPES[key].build(machine, machine.names.index(name), level, rng)
+
+    effect = key.removesuffix("_with_jump")
+    return plant_recipe(RECIPES[key], effect, LAYER, size, joints, machine.names, build, rng)

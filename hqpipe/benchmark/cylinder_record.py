@@ -34,19 +34,14 @@ def record(machine: CylinderMachine, trial: Motion) -> dict[str, np.ndarray]:
     count = len(machine.names)
     axes = machine.axes.copy()
     axes["jump_from"] = np.minimum(axes["jump_from"] * trial.seconds, 1e9)  # given as a share of the trial
-    lost = np.zeros(reference.shape, dtype=np.bool_)
-    for j in range(count):
-        if share := machine.sensing.get(f"lost_frames/{j}", 0.0):
-            lost[:, j] = _lost(len(lost), share, np.random.default_rng([trial.seed, j, 7]))
-    late = np.array([round(machine.sensing.get(f"delay_s/{j}", 0.0) / STEP) for j in range(count)])
     kept = np.empty((len(reference) // KEEP, count, 6))
     run_cylinders(
         axes,
         np.array(machine.supply),
         reference,
         speed,
-        lost,
-        late,
+        lost_frames(machine, trial, len(reference)),
+        dead_times(machine),
         np.full(count, machine.logger.resolution),
         STEP,
         round(1.0 / machine.logger.host_hz / STEP),
@@ -55,6 +50,23 @@ def record(machine: CylinderMachine, trial: Motion) -> dict[str, np.ndarray]:
         kept,
     )
     return _logged(machine, trial, kept)
+
+
+def dead_times(machine: CylinderMachine) -> np.ndarray:
+    """(J, 2) steps between the host and each joint's valve, of positive and of negative commands."""
+    sensing, count = machine.sensing, len(machine.names)
+    both = [sensing.get(f"delay_s/{j}", 0.0) for j in range(count)]
+    sides = [[sensing.get(f"delay_{side}_s/{j}", 0.0) + both[j] for side in ("out", "back")] for j in range(count)]
+    return np.round(np.array(sides) / STEP).astype(np.int64)
+
+
+def lost_frames(machine: CylinderMachine, trial: Motion, steps: int) -> np.ndarray:
+    """(T, J) True where a command does not arrive."""
+    lost = np.zeros((steps, len(machine.names)), dtype=np.bool_)
+    for j in range(len(machine.names)):
+        if share := machine.sensing.get(f"lost_frames/{j}", 0.0):
+            lost[:, j] = _lost(steps, share, np.random.default_rng([trial.seed, j, 7]))
+    return lost
 
 
 def _lost(steps: int, share: float, rng: np.random.Generator) -> np.ndarray:

@@ -319,3 +319,11 @@ def with_settings(machine: ElectricMachine, settings: dict[str, dict[str, float]
             else:
                 sensing[f"{key}/{j}"] = value
     return replace(machine, joints=joints, supply=(supply[0], supply[1]), sensing=sensing)
+
+
+def at_viscosity(machine: ElectricMachine, factor: float) -> ElectricMachine:
+    """The machine with grease of another viscosity, on which all friction of its gears depends."""
+    joints = machine.joints.copy()
+    for name in ("coulomb", "static", "viscous"):
+        joints[name] *= factor
+    return replace(machine, joints=joints)

@@ -14,11 +14,9 @@ import numpy as np
 
 from hqpipe.benchmark.electric import OUTPUT_SHARE, STEP, ElectricMachine
 from hqpipe.benchmark.electric_record import commanded
-from hqpipe.benchmark.planted import SIZES, Planted
+from hqpipe.benchmark.planted import Built, Numbers, Planted, plant_recipe
 
-Numbers = dict[str, float | None]
-Build = Callable[[ElectricMachine, int, float, np.random.Generator], tuple[dict[str, float], Numbers]]
-SCATTER = (0.05, 0.15)  # half width of the uniform scatter between joints, which so differ by 10 to 30 %
+Build = Callable[[ElectricMachine, int, float, np.random.Generator], Built]
 CONTACT_RATE = 2000.0  # rad/s, of the rotor against the flanks of a loose gear; assumption: faster than any log shows
 LOAD_RATE = 600.0  # rad/s, likewise of the load, so that the engine's step resolves it
 
@@ -48,31 +46,31 @@ class Recipe:
     signed: bool = False
 
 
-def _coulomb(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _coulomb(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     torque = size * machine.torque[j]
     return {"coulomb": torque}, {"friction_nm": torque, "asymmetry_nm": 0.0}
 
 
-def _stribeck(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _stribeck(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     torque, speed = size * machine.torque[j], rng.uniform(0.08, 0.2) * machine.rooms[j].speed
     return {"static": torque, "stribeck": speed}, {"static_nm": torque, "velocity_rad_s": speed}
 
 
-def _viscous(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _viscous(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     damping = size * machine.torque[j] / (0.5 * machine.rooms[j].speed)
     return {"viscous": damping}, {"nm_s_per_rad": damping}
 
 
-def _load_dependent(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _load_dependent(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     return {"load_share": size}, {"coefficient": size}
 
 
-def _armature(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _armature(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     inertia = size * machine.inertia[j]
     return {"armature": inertia}, {"kg_m2": inertia}
 
 
-def _backlash(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _backlash(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     gap = size * (machine.rooms[j].swing if machine.kinds[j] == "prismatic" else 1.0)
     rotor = float(machine.joints["rotor"][j])
     light = OUTPUT_SHARE * machine.links[j].armature or float(machine.inertia[j])
@@ -87,7 +85,7 @@ def _backlash(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[
     return fields, {"gap": gap}
 
 
-def _compliance(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _compliance(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     stiffness = machine.torque[j] / (size * (machine.rooms[j].swing if machine.kinds[j] == "prismatic" else 1.0))
     rotor = float(machine.joints["rotor"][j])
     # 3 % of critical damping of the load on the spring, as of harmonic drives; assumption
@@ -96,12 +94,12 @@ def _compliance(machine: ElectricMachine, j: int, size: float, rng: Any) -> tupl
     return fields, {"stiffness_nm_per_rad": stiffness}
 
 
-def _torque_limit(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _torque_limit(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     limit = size * expected_peak(machine, j)
     return {"limit": limit}, {"effort_max_nm": limit}
 
 
-def _voltage_sag(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _voltage_sag(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     volts, drawn = machine.supply[0], 0.0
     for k in range(len(machine.names)):
         stall = machine.joints["volt_torque"][k] * volts
@@ -111,52 +109,52 @@ def _voltage_sag(machine: ElectricMachine, j: int, size: float, rng: Any) -> tup
     return {"source_ohm": ohm}, {"ohm": ohm}
 
 
-def _gain_error(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _gain_error(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     return {"gain_ratio": 1.0 - size}, {"ratio": 1.0 - size}
 
 
-def _position_bias(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _position_bias(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     return {"bias": size}, {"rad": size}
 
 
-def _command_delay(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _command_delay(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     delay = max(round(size / STEP), 1) * STEP
     return {"delay_s": delay}, {"delay_s": delay}
 
 
-def _spring(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _spring(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     room = machine.rooms[j]
     stiffness, neutral = size * machine.torque[j] / room.swing, room.middle + rng.uniform(-0.5, 0.5) * room.swing
     return {"spring": stiffness, "neutral": neutral}, {"nm_per_rad": stiffness, "neutral_rad": neutral}
 
 
-def _channel_skew(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _channel_skew(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     late = size * max(1.0 / machine.logger.rate_hz, 8e-3)
     return {"skew_s": late}, {"skew_s": late}
 
 
-def _unsigned(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _unsigned(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     return {"unsigned": 1.0}, {}
 
 
-def _ripple(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _ripple(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     periods = float(rng.integers(5, 16)) / machine.rooms[j].swing  # radians of phase a radian of travel
     return {"ripple_nm": size * machine.torque[j], "ripple_periods": 2.0 * np.pi * periods / 2.0}, {}
 
 
-def _lost_frames(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _lost_frames(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     return {"lost_frames": size}, {}
 
 
-def _stale_rows(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _stale_rows(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     return {"stale_rows": size}, {}
 
 
-def _hysteresis(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _hysteresis(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     return {"hysteresis_nm": size * machine.torque[j], "hysteresis_rad": 0.3 * machine.rooms[j].swing}, {}
 
 
-def _push(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _push(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     start = rng.uniform(0.2, 0.7)  # share of the trial
     sign = float(rng.choice([-1.0, 1.0]))
     return {
@@ -166,11 +164,11 @@ def _push(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict
     }, {}
 
 
-def _hunting(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _hunting(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     return {"hunting": size, "hunting_hz": rng.uniform(0.3, 1.5)}, {}
 
 
-def _temperature(machine: ElectricMachine, j: int, size: float, rng: Any) -> tuple[dict[str, float], Numbers]:
+def _temperature(machine: ElectricMachine, j: int, size: float, rng: Any) -> Built:
     return {"warm_from": rng.uniform(0.35, 0.65), "warm_torque": 1.0 - size, "warm_friction": 0.5}, {}
 
 
@@ -238,6 +236,13 @@ def expected_peak(machine: ElectricMachine, j: int) -> float:
     return highest
 
 
+def with_ordinary(
+    machine: ElectricMachine, planted: tuple[Planted, ...], rng: np.random.Generator
+) -> tuple[Planted, ...]:
+    """The effects as they are: friction is drawn with them."""
+    return planted
+
+
 def possible(machine: ElectricMachine, outside: bool = False) -> list[str]:
     """Keys of the recipes that show on this machine's logs."""
     duty = bool(machine.joints["by_duty"].any())
@@ -262,30 +267,14 @@ def plant(
 ) -> Planted:
     """An effect of a size in some joints, scattered between them."""
     recipe = RECIPES[key]
-    sized = len(recipe.sizes) > 1
-    level = recipe.sizes[SIZES.index(size or "typical")] if sized else recipe.sizes[0]
-    level *= rng.uniform(0.85, 1.15)
-    if recipe.signed and rng.random() < 0.5:
-        level = -level
-    half = rng.uniform(*SCATTER)
-    settings, parameters = {}, {}
-    for name in joints:
-        own = level if recipe.machine else level * rng.uniform(1.0 - half, 1.0 + half)
-        fields, numbers = recipe.build(machine, machine.names.index(name), own, rng)
-        settings[name] = {field: float(value) for field, value in fields.items()}
-        parameters[name] = {what: None if value is None else float(value) for what, value in numbers.items()}
-    if recipe.layer == "sensing":
-        layer = "sensing"
-    else:
-        layer = "servo" if machine.family == "servo" else "joint_motion"
-    if layer != "servo":
-        parameters = {name: _as_logged(machine, name, numbers) for name, numbers in parameters.items()}
-    everywhere = tuple(joints) == machine.names
-    scope = "machine" if everywhere else "joint" if len(joints) == 1 else "group"
-    name = key.removesuffix("_of_arm")
-    return Planted(
-        name, layer, recipe.outside, tuple(joints), scope, size if sized else None, parameters, settings, ordinary
-    )
+    layer = recipe.layer or ("servo" if machine.family == "servo" else "joint_motion")
+
+    def build(name: str, level: float) -> Built:
+        fields, numbers = recipe.build(machine, machine.names.index(name), level, rng)
+        return fields, numbers if layer == "servo" else _as_logged(machine, name, numbers)
+
+    effect = key.removesuffix("_of_arm")
+    return plant_recipe(recipe, effect, layer, size, joints, machine.names, build, rng, ordinary)
 
 
 _TORQUES = ("friction_nm", "asymmetry_nm", "static_nm", "nm_s_per_rad", "nm_per_rad")

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
+import numpy as np
+
+Numbers = dict[str, float | None]
+Built = tuple[dict[str, float], Numbers]
+"""Fields of a joint and their values, and the numbers as in diagnosis.json."""
 SIZES = ("small", "typical", "large")
+SCATTER = (0.05, 0.15)  # half width of the uniform scatter between joints, which so differ by 10 to 30 %
 
 
 @dataclass(frozen=True)
@@ -54,6 +61,63 @@ class Planted:
             "per_joint": self.parameters,
             "ordinary": self.ordinary,
         }
+
+
+class Sized(Protocol):
+    """What every recipe of an effect says.
+
+    Attributes:
+        sizes: small, typical, large; or one number. outside: no library holds it.
+        machine: belongs to all joints by nature. signed: has either sign, the same in all joints.
+    """
+
+    @property
+    def sizes(self) -> tuple[float, ...]: ...
+    @property
+    def outside(self) -> bool: ...
+    @property
+    def machine(self) -> bool: ...
+    @property
+    def signed(self) -> bool: ...
+
+
+def plant_recipe(
+    recipe: Sized,
+    effect: str,
+    layer: str,
+    size: str | None,
+    joints: Sequence[str],
+    names: Sequence[str],
+    build: Callable[[str, float], Built],
+    rng: np.random.Generator,
+    ordinary: bool = False,
+) -> Planted:
+    """An effect of a size in some joints, scattered between them.
+
+    Args:
+        size: of `SIZES`; None for a typical one. joints: where. names: of all joints of the machine.
+        build: joint's name, size as a number → what it stands for. ordinary: as in `Planted`.
+    """
+    sized = len(recipe.sizes) > 1
+    level = recipe.sizes[SIZES.index(size or "typical")] if sized else recipe.sizes[0]
+    level *= rng.uniform(0.85, 1.15)
+    if recipe.signed and rng.random() < 0.5:
+        level = -level
+    half = rng.uniform(*SCATTER)
+    settings: dict[str, dict[str, float]] = {}
+    parameters: dict[str, Numbers] = {}
+    for name in joints:
+        if recipe.machine and settings:  # one number for all
+            first = next(iter(settings))
+            settings[name], parameters[name] = settings[first], parameters[first]
+            continue
+        own = level if recipe.machine else level * rng.uniform(1.0 - half, 1.0 + half)
+        fields, numbers = build(name, own)
+        settings[name] = {field: float(value) for field, value in fields.items()}
+        parameters[name] = {what: None if value is None else float(value) for what, value in numbers.items()}
+    scope = "machine" if tuple(joints) == tuple(names) else "joint" if len(joints) == 1 else "group"
+    planted_size = size if sized else None
+    return Planted(effect, layer, recipe.outside, tuple(joints), scope, planted_size, parameters, settings, ordinary)
 
 
 @dataclass(frozen=True)

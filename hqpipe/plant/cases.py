@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.errors import UsageError, near_match
+from hqpipe.drawing import apportion, endless, shares_of
 from hqpipe.plant.case_effects import RECIPES, SIZES, Recipe, sized_supply
 from hqpipe.plant.case_machine import BASE, sound_machine
 from hqpipe.plant.config import PlantConfig
@@ -147,28 +147,12 @@ def cases(n: int, seed: int, kinds: Sequence[str] = ()) -> list[Case]:
     Raises:
         UsageError: a kind that does not exist.
     """
-    rng, shares = np.random.default_rng([seed, n]), _shares(kinds)
-    order = _apportion(shares, n, rng), _apportion(MOTIONS, n, rng)
+    rng, shares = np.random.default_rng([seed, n]), shares_of(kinds, KINDS, ON_REQUEST)
+    order = apportion(shares, n, rng), apportion(MOTIONS, n, rng)
     drawn = {kind: _planted_of(kind, rng) for kind in shares}
     return [
         _case(index, kind, motion, drawn[kind], rng) for index, (kind, motion) in enumerate(zip(*order, strict=True))
     ]
-
-
-def _shares(kinds: Sequence[str]) -> dict[str, float]:
-    """Of the kinds that are asked for, in their weights."""
-    known = KINDS | ON_REQUEST
-    for kind in kinds:
-        if kind not in known:
-            raise UsageError(
-                f"--kind {kind[:80]}{near_match(kind[:80], known)}: no such kind of case (known: {', '.join(known)})",
-                field="--kind",
-                fix="name one of these",
-            )
-    if not kinds:
-        return KINDS
-    total = sum(known[kind] for kind in set(kinds))
-    return {kind: weight / total for kind, weight in known.items() if kind in kinds}
 
 
 def _case(index: int, kind: str, motion: str, plan: Iterator[Any], rng: np.random.Generator) -> Case:
@@ -206,22 +190,6 @@ def _sized(planted: tuple[Planted, ...]) -> tuple[Planted, ...]:
     return tuple(replace(one, overrides=overrides) if one is supply else one for one in planted)
 
 
-def _apportion(shares: dict[str, float], n: int, rng: np.random.Generator) -> list[str]:
-    """`n` names in these shares (largest remainders), shuffled."""
-    exact = np.array(list(shares.values())) * n
-    counts = np.floor(exact).astype(int)
-    for index in np.argsort(counts - exact, kind="stable")[: n - counts.sum()]:
-        counts[index] += 1
-    return [str(name) for name in rng.permutation(np.repeat(list(shares), counts))]
-
-
-def _endless(items: Sequence[Any], rng: np.random.Generator) -> Iterator[Any]:
-    """All items in random order, then all in another, and so on."""
-    while True:
-        for index in rng.permutation(len(items)):
-            yield items[index]
-
-
 def _planted_of(kind: str, rng: np.random.Generator) -> Iterator[list[tuple[Any, ...]]]:
     """Lists of (effect, size, joints, span), with the factor where it is faint; one list a case."""
     makers = {
@@ -244,8 +212,8 @@ def _single(rng: np.random.Generator) -> Iterator[list[tuple[Any, ...]]]:
     """Every second case of typical size."""
     names = [r.name for r in RECIPES.values() if not r.outside and not r.pressures]
     typical, others = (
-        _endless(names, rng),
-        _endless([(n, s) for n in names for s in SIZES[::2] if len(RECIPES[n].trot) > 1], rng),
+        endless(names, rng),
+        endless([(n, s) for n in names for s in SIZES[::2] if len(RECIPES[n].trot) > 1], rng),
     )
     while True:
         name = next(typical)
@@ -257,13 +225,13 @@ def _single(rng: np.random.Generator) -> Iterator[list[tuple[Any, ...]]]:
 def _faint(rng: np.random.Generator) -> Iterator[list[tuple[Any, ...]]]:
     """The effects that have a size and show in all joints, in turn, at sizes drawn log-uniformly."""
     names = [r.name for r in RECIPES.values() if not r.outside and not r.pressures and len(r.trot) > 1]
-    for name in _endless(names, rng):
+    for name in endless(names, rng):
         factor = float(np.exp(rng.uniform(*np.log(FAINT))))
         yield [(name, None, JOINTS, None, factor)]
 
 
 def _outside(rng: np.random.Generator) -> Iterator[list[tuple[Any, ...]]]:
-    names = _endless([r.name for r in RECIPES.values() if r.outside], rng)
+    names = endless([r.name for r in RECIPES.values() if r.outside], rng)
     for name in names:
         recipe = RECIPES[name]
         joints = JOINTS if recipe.machine or rng.random() < 0.6 else _some_joints(recipe, rng)
@@ -273,9 +241,9 @@ def _outside(rng: np.random.Generator) -> Iterator[list[tuple[Any, ...]]]:
 def _place(rng: np.random.Generator) -> Iterator[list[tuple[Any, ...]]]:
     """One joint, a leg, a kind of joint, or a quarter to a third of the time, in turn."""
     names = [r.name for r in RECIPES.values() if not r.outside and not r.machine]
-    anywhere = _endless(names, rng)
-    for_a_time = _endless([name for name in names if name not in _LASTING and not RECIPES[name].pressures], rng)
-    for scope in _endless(("joint", "leg", "kind", "span"), rng):
+    anywhere = endless(names, rng)
+    for_a_time = endless([name for name in names if name not in _LASTING and not RECIPES[name].pressures], rng)
+    for scope in endless(("joint", "leg", "kind", "span"), rng):
         if scope == "span":
             name, start = next(for_a_time), rng.uniform(0.1, 0.6)
             yield [(name, "typical", JOINTS, (round(start, 3), round(start + rng.uniform(0.25, 0.33), 3)))]
@@ -288,7 +256,7 @@ def _place(rng: np.random.Generator) -> Iterator[list[tuple[Any, ...]]]:
 def _mixture(rng: np.random.Generator) -> Iterator[list[tuple[Any, ...]]]:
     """Two to four effects of typical size, half of them in all joints, the others where they please."""
     names = [r.name for r in RECIPES.values() if not r.outside]
-    for count in _endless(MIXED, rng):
+    for count in endless(MIXED, rng):
         chosen: list[str] = []
         while len(chosen) < count:
             name = str(rng.choice(names))
