@@ -19,6 +19,8 @@ from hqpipe.registry import load
 
 OF_MACHINE = {"servo": ("servo",), "arm": ("joint_motion", "servo"), "cylinder": ("valve",)}
 """Machine → layers in which its effects can show: an arm without a torque or current in its logs has the layer of a servo."""
+COMMANDED_IN_TORQUE = (QUADRUPED, "torque_cylinder")
+"""Machines whose logs hold a command and the torque that it gives, which the actuator's own model is fitted to."""
 
 
 def layers_of(answer: Answer) -> tuple[str, ...]:
@@ -27,7 +29,7 @@ def layers_of(answer: Answer) -> tuple[str, ...]:
     Those that its effects name, then those of its machine. None where it is the error of the paper's four coefficients, see
     `hqpipe.gap.blind_truth.base_gap`.
     """
-    if answer.machine == QUADRUPED:
+    if answer.machine in COMMANDED_IN_TORQUE:
         return ()
     named = [effect.layer for effect in answer.effects if effect.layer in LAYERS]
     return tuple(dict.fromkeys((*named, *OF_MACHINE.get(answer.machine, LAYERS))))
