@@ -35,9 +35,6 @@ SHAPES = {  # generic shape → (group of its columns, signal)
     "velocity_shape": ("velocity", "velocity"),
     "acceleration_shape": ("acceleration", "acceleration and position"),
     "hysteresis_shape": ("hysteresis", "way since the last reversal"),
-    "other_joints_motion": ("other motion", "motion of other joints"),
-    "other_joints_inertia": ("linked", "motion and position of other joints"),
-    "other_joints_posture": ("other posture", "position of other joints"),
 }
 
 
@@ -132,12 +129,12 @@ def effects_of(
     for name, (group, signal) in SHAPES.items():
         if columns[group]:
             # A gravity is no larger than what the drive holds, however small the travel over which it is seen.
-            most = scale.largest if output.turns and group in ("position", "other posture") else np.inf
+            most = scale.largest if output.turns and group == "position" else np.inf
             own = tuple(
                 Parameter(f"coefficient_{i + 1}", output.unit, 0.0, min(SHAPE * torque / max(size[k], 1e-300), most))
                 for i, k in enumerate(columns[group])
             )
-            found.append(Effect(name, own, named=False, signal=signal, context=name.startswith("other_joints")))
+            found.append(Effect(name, own, named=False, signal=signal))
     return tuple(effect for effect in found if keeps(effect.name))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from hqpipe.identify.model import Effect
 from hqpipe.layers.joint_motion.candidates import DIRECT, SHAPES
 from hqpipe.layers.joint_motion.columns import Columns
+from hqpipe.layers.joint_motion.coupling import Nuisance
 from hqpipe.layers.joint_motion.first_fit import least_squares
 from hqpipe.layers.joint_motion.records import Part
 
@@ -31,20 +32,21 @@ def both_ways(part: Part, columns: Columns) -> bool:
 
 
 def distinguished(
-    effects: tuple[Effect, ...], part: Part, columns: Columns, base: np.ndarray
+    effects: tuple[Effect, ...], part: Part, columns: Columns, base: np.ndarray, nuisance: Nuisance
 ) -> tuple[tuple[Effect, ...], list[str]]:
     """The effects that differ from the base, those that mean the same excluding each other, and sentences that say so.
 
     Args:
-        base: indices of the columns of the base.
+        base: indices of the columns of the base. nuisance: what the other joints may do.
     """
-    rows = part.columns[part.keep]
+    rows = part.columns[np.ix_(part.keep, np.arange(columns.own))]
+    sizes, rows = _size(rows), nuisance.left(rows)
     own, notes, gone = {}, [], set()
     for effect in effects:
         if effect.name in GROUPS:
             column = rows[:, columns[GROUPS[effect.name]]]
             left = column - rows[:, base] @ np.column_stack([least_squares(rows[:, base], c) for c in column.T])
-            if np.max(_size(left) / np.maximum(_size(column), 1e-300)) < LEFT:
+            if np.max(_size(left) / np.maximum(sizes[list(columns[GROUPS[effect.name]])], 1e-300)) < LEFT:
                 gone.add(effect.name)
                 if effect.named:
                     notes.append(

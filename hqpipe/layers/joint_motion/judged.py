@@ -10,7 +10,8 @@ import numpy as np
 
 from hqpipe.layers.joint_motion.bandwidth import Bandwidth, noise_density, passed_noise
 from hqpipe.layers.joint_motion.candidates import Scale, base_parameters, effects_of
-from hqpipe.layers.joint_motion.columns import NEIGHBOURS, STRIBECK_SPEEDS, Columns, View, columns_of
+from hqpipe.layers.joint_motion.columns import STRIBECK_SPEEDS, Columns, View, columns_of
+from hqpipe.layers.joint_motion.coupling import REACH, SAMPLES_PER_TERM, Coupling, Nuisance, ridge_of
 from hqpipe.layers.joint_motion.distinct import both_ways, distinguished
 from hqpipe.layers.joint_motion.disturbances import bursts
 from hqpipe.layers.joint_motion.first_fit import blocks, least_squares, robust_fit, standard_errors
@@ -25,6 +26,8 @@ from hqpipe.logs.joint_kinds import PRISMATIC
 if TYPE_CHECKING:
     from hqpipe.layers.joint_motion.joint_motion import MovingMachine
 
+BASE = ("inertia", "offset", "gravity")
+FRICTION = ("coulomb", "viscous")
 UNDER_CUTOFF = 0.5  # cut-off of the common filter over that of the position: there the latter passes 99.6 %
 LEAST_SAMPLES = 100  # filtered ones that move; assumption: ten times the parameters of base and friction
 LEAST_MOVING_S = 1.0
@@ -69,7 +72,7 @@ class Prepared:
 
     def group(self, *names: str) -> np.ndarray:
         """Indices of columns."""
-        return np.array([k for name in names for k in self.columns[name]])
+        return np.array([k for name in names for k in self.columns[name]], dtype=np.int64)
 
 
 def judge(machine: MovingMachine, joint: str, window_s: float | None, without: Collection[str]) -> MotionModel:
@@ -106,9 +109,8 @@ def _prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
         raise Unjudged("it does not move in the trials of the fit")
     if not any(np.ptp(output.values[t]) > 0.0 for t in fit):
         raise Unjudged("its torque is constant in the trials of the fit")
-    near = [k for k in range(j - NEIGHBOURS, j + NEIGHBOURS + 1) if k != j and 0 <= k < len(logs.joints)]
+    near = [k for k in range(j - REACH, j + REACH + 1) if k != j and 0 <= k < len(logs.joints)]
     near = [k for k in near if machine.bandwidths[k] is not None]
-    adjacent = tuple(at for at, k in enumerate(near) if abs(k - j) == 1)
     turns = [logs.kinds.get(logs.joints[k]) != PRISMATIC for k in near]
     means = {k: float(np.mean(np.concatenate([machine.motions[t][k].position for t in fit]))) for k in (j, *near)}
     views = []
@@ -123,7 +125,11 @@ def _prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
     bends = output.kind is not None or bool(output.moment) or _gravity_bends(machine, output, fit, j)
     travel = max(float(np.std(np.concatenate([views[t].x for t in fit]))), np.finfo(float).tiny)
     columns = columns_of(
-        output.turns, bends, tuple(turns), adjacent, travel, np.geomspace(0.02 * top, top, STRIBECK_SPEEDS)
+        output.turns,
+        bends,
+        _coupling(turns, sum(k < j for k in near), output.turns, len(moving) * machine.dt * band.cutoff),
+        travel,
+        np.geomspace(0.02 * top, top, STRIBECK_SPEEDS),
     )
     margin = round(1.0 / (band.cutoff * machine.dt))
     records = tuple(
@@ -141,6 +147,19 @@ def _prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
     none = part_of((), False, columns, Filters(band.cutoff, low_pass), machine.dt, means[j])
     found = Prepared(j, band, low_pass, columns, means[j], records, (none, none))
     return replace(found, parts=found.filtered(records, machine.dt))
+
+
+def _coupling(others: Sequence[bool], before: int, turns: bool, independent: float) -> Coupling | None:
+    """Terms of the other joints, as many as the log can bear.
+
+    Args:
+        others: whether each turns. before: how many of them come before this one. independent: samples, in time and bandwidth.
+    """
+    if not others:
+        return None
+    chain = (*others[:before], turns, *others[before:])
+    second = Coupling(chain, before, True)
+    return second if second.count() * SAMPLES_PER_TERM <= independent else Coupling(chain, before)
 
 
 def _gravity_bends(machine: MovingMachine, output: Output, fit: Sequence[int], j: int) -> bool:
@@ -236,9 +255,8 @@ def _instruments(machine: MovingMachine, data: Prepared, notes: list[str]) -> tu
         own = motion_of(path, dt, data.band.cutoff, slow)
         records.append(replace(record, view=View(own.position - data.mean, own, record.view.others)))
     instruments = data.filtered(records, dt)
-    names = ["inertia", "offset", "gravity", "coulomb", "viscous"]
-    picked = data.group(*names)
-    linear = np.setdiff1d(np.arange(len(data.columns.functions)), data.group("stribeck"))
+    picked = data.group(*BASE, *FRICTION, "coupling")
+    linear = np.setdiff1d(np.arange(fit.columns.shape[1]), data.group("stribeck"))
     z = instruments[0].columns[fit.keep]
     x, y = fit.columns[fit.keep], fit.output[fit.keep]
     doubtful = np.searchsorted(picked, data.group("inertia", "coulomb", "viscous"))
@@ -261,7 +279,8 @@ def _instruments(machine: MovingMachine, data: Prepared, notes: list[str]) -> tu
         f"{test.p:.1g}): the regressors are projected on a motion simulated from the command ({said})"
     )
     columns = fit.columns.copy()
-    columns[fit.keep] = z[:, linear] @ projected(x, z[:, linear])
+    own = np.arange(data.columns.own)
+    columns[np.ix_(fit.keep, own)] = z[:, linear] @ projected(x[:, own], z[:, linear])
     return replace(fit, columns=columns), data.parts[1]
 
 
@@ -284,7 +303,8 @@ def _sweep(machine: MovingMachine, data: Prepared, notes: list[str]) -> None:
     found, errors, lows = [], [], []
     for factor in SWEEP:
         low_pass = ParallelFilter.of(factor * UNDER_CUTOFF * data.band.cutoff, machine.dt)
-        columns = Columns({}, tuple(data.columns.functions[k] for k in data.group(*names)), np.zeros(0))
+        own = tuple(data.columns.functions[k] for k in data.group(*names))
+        columns = Columns({}, own, np.zeros(0), data.columns.coupling)
         part = part_of(data.records, False, columns, Filters(data.band.cutoff, low_pass), machine.dt, data.mean)
         if len(part.keep) < LEAST_SAMPLES:
             return
@@ -293,6 +313,7 @@ def _sweep(machine: MovingMachine, data: Prepared, notes: list[str]) -> None:
         block = blocks(part.segment[part.keep], part.time[part.keep], BLOCK_S)
         errors.append(np.sqrt(np.maximum(np.diag(standard_errors(x, y - x @ found[-1], block)), 0.0)))
         lows.append(factor * UNDER_CUTOFF * data.band.cutoff)
+    found, errors = ([values[: len(sizes)] for values in each] for each in (found, errors))
     change = np.abs(found[1] - found[0])
     clear = (
         (change > CHANGED * np.hypot(*errors))
@@ -330,6 +351,18 @@ def _noise(data: Prepared, dt: float, part: Part, heldout: bool, coefficients: n
     return min(float(np.sqrt(torque**2 + acceleration**2 + velocity**2)), residual)
 
 
+def _nuisances(data: Prepared) -> tuple[Nuisance, Nuisance]:
+    """What other joints may do to the fit and the held-out samples; each has coefficients of its own, of the same prior."""
+    fit, own = data.parts[0], data.group(*BASE, *FRICTION, "stribeck")
+    terms = [part.columns[np.ix_(part.keep, data.group("coupling"))] for part in data.parts]
+    size = np.sqrt(np.mean(terms[0] ** 2, axis=0))
+    terms = [columns[:, size > 0.0] / size[size > 0.0] for columns in terms]
+    if not terms[0].size:
+        return tuple(Nuisance.of(columns[:, :0], 1.0) for columns in terms)
+    ridge = ridge_of(terms[0], fit.columns[np.ix_(fit.keep, own)], fit.output[fit.keep])
+    return tuple(Nuisance.of(columns, ridge) for columns in terms)
+
+
 def _scale(data: Prepared, dt: float) -> tuple[Scale, np.ndarray, float]:
     """Sizes of the joint's signals, (K,) root mean squares of the columns, and that of the residual of all columns together."""
     fit = data.parts[0]
@@ -360,18 +393,20 @@ def _model(
     fit = data.parts[0]
     if both_ways(fit, data.columns):
         notes.append("a constant torque and a friction that differs by direction are the same in these logs")
-    found, _, _ = _first(data, "inertia", "offset", "gravity", "coulomb", "viscous")
-    inertia, friction, viscous = found[[0, -2, -1]].tolist()
-    if inertia < 0.0 and friction < 0.0:
+    found, _, _ = _first(data, *BASE, *FRICTION, "coupling")
+    friction = len(data.group(*BASE))
+    inertia, dry, viscous = found[[0, friction, friction + 1]].tolist()
+    if inertia < 0.0 and dry < 0.0:
         raise Unjudged("its torque acts against its motion: one of the two has the wrong sign")
-    first, _, _ = _first(data, "inertia", "offset", "gravity")
+    first, _, _ = _first(data, *BASE, "coupling")
     start = dict(zip(("inertia_kg_m2", "offset_nm", "gravity_sin_nm", "gravity_cos_nm"), first.tolist(), strict=False))
     known_load = bool(output.moment) and output.unit != AMPERE
     if known_load:
         start["gravity_angle_rad"] = float(np.arctan2(start["gravity_cos_nm"], start["gravity_sin_nm"]))
     scale, size, residual = _scale(data, machine.dt)
     effects = effects_of(output, data.columns, scale, size, known_load, lambda name: name not in without)
-    effects, said = distinguished(effects, fit, data.columns, data.group("inertia", "offset", "gravity"))
+    nuisances = _nuisances(data)
+    effects, said = distinguished(effects, fit, data.columns, data.group(*BASE), nuisances[0])
     step = data.low_pass.step * machine.dt
     back = max(1, round((window_s or max(LEAST_WINDOW_S, data.low_pass.length * machine.dt)) / step))
     return MotionModel(
@@ -390,6 +425,7 @@ def _model(
         unsigned=unsigned,
         instrumental=projection is not None,
         parts=projection or data.parts,
+        nuisances=nuisances,
         columns=data.columns,
         load=(output.moment, output.inertia) if known_load else (0.0, 0.0),
         back=back,

@@ -138,7 +138,7 @@ def part_of(
         )
     if not found:
         whole, none = np.zeros(0, dtype=np.int64), np.zeros(0)
-        empty = np.zeros((0, len(columns.functions)))
+        empty = np.zeros((0, columns.own + len(columns["coupling"])))
         return Part(files, whole, none, none, none, none, whole, whole, whole, empty, none, whole)
     *values, unusable = (np.concatenate(part) for part in zip(*found, strict=True))
     keep = np.flatnonzero((unusable < 1e-12) & (values[-1] <= REST_SHARE))
