@@ -6,11 +6,13 @@ For joint i of a chain, Lagrange's equation gives
 
 where M_kl depends on the joints beyond the inner one of k and l only, and M and V are sums of products of the sines and cosines
 of turning joints (Siciliano et al., Robotics, 2009, ch. 7). Without a URDF the coefficients are unknown: each product is a
-column. Products of one sine or cosine are always offered; those of two where the log is long enough for so many numbers.
+column. Products of one sine or cosine come first, those of two where the log is long enough for so many numbers; in a short
+log fewer joints take part.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
 
@@ -19,9 +21,8 @@ import numpy as np
 from hqpipe.layers.joint_motion.motion import Motion
 
 REACH = 3  # joints before and after a joint that are taken in; assumption: links further out move less mass
-SAMPLES_PER_TERM = (
-    10  # independent ones that a term of two products asks for; assumption: usual rule for linear regression
-)
+SAMPLES_PER_TERM = 5  # independent ones; assumption: fewer would fit noise in spite of the prior
+MOST_TERMS = 150  # with products of two; assumption: an error then costs as much as the rest of the model
 
 Angle = tuple[np.ndarray, Motion, bool]
 """Position less its mean, motion, and whether the joint turns."""
@@ -110,6 +111,23 @@ def _waves(x: np.ndarray, motion: Motion, turns: bool) -> list[tuple[np.ndarray,
         return [(x, motion.velocity, np.ones_like(x))]
     sine, cosine = np.sin(x), np.cos(x)
     return [(sine, cosine * motion.velocity, cosine), (cosine - 1.0, -sine * motion.velocity, -sine)]
+
+
+def coupling_for(chain: Sequence[bool], own: int, independent: float) -> tuple[Coupling | None, int]:
+    """The most terms that a log can bear, and the number of the first joint in them; None if it can bear none.
+
+    Args:
+        chain: whether each joint that moves turns. own: the one that is judged. independent: samples, by time and bandwidth.
+    """
+    for reach in range(REACH, 0, -1):
+        first = max(own - reach, 0)
+        near = tuple(chain[first : own + reach + 1])
+        for second in (True, False):
+            coupling = Coupling(near, own - first, second)
+            count = coupling.count()
+            if count * SAMPLES_PER_TERM <= independent and (not second or count <= MOST_TERMS) and len(near) > 1:
+                return coupling, first
+    return None, 0
 
 
 @dataclass(frozen=True, eq=False)
