@@ -20,7 +20,7 @@ LOAD_FRICTION = 0.1  # of the transmitted torque: gears of 0.9 efficiency
 ELASTIC = 0.2  # of the rms torque over the travel; assumption
 ASYMMETRY = 0.3  # assumption
 SKEW_S = 0.005  # one cycle of a bus at 200 Hz; one sample of a slower log
-MOST_SKEW_S = 0.05  # assumption: ten cycles of such a bus; later channels are seen by eye
+MOST_CYCLES = 10.0  # of such a bus, or of the log; assumption: later channels are seen by eye
 DRIFT = 0.05  # over a trial: torque constant of a magnet motor, −0.1 to −0.2 %/K (datasheets), over some tens of kelvin
 SCALE = 0.1  # torque constants are stated within 10 %
 SHAPE = 0.2  # of the rms torque, assumption
@@ -29,11 +29,14 @@ DIRECT = {  # effect → (parameter, unit, group of its column)
     "coulomb_friction": ("friction_nm", "N·m", "coulomb"),
     "viscous_friction": ("nm_s_per_rad", "N·m·s/rad", "viscous"),
     "spring": ("nm_per_rad", "N·m/rad", "spring"),
+    "load_dependent_friction": ("coefficient", "1", "load"),
 }
 SHAPES = {  # generic shape → (group of its columns, signal)
     "position_shape": ("position", "position"),
     "velocity_shape": ("velocity", "velocity"),
     "acceleration_shape": ("acceleration", "acceleration and position"),
+    "friction_by_time": ("halves", "time"),
+    "ripple_shape": ("ripple", "position"),
     "hysteresis_shape": ("hysteresis", "way since the last reversal"),
 }
 
@@ -95,14 +98,15 @@ def effects_of(
         "coulomb_friction": FRICTION * torque,
         "viscous_friction": FRICTION * torque / scale.speed,
         "spring": ELASTIC * torque / scale.travel,
+        "load_dependent_friction": LOAD_FRICTION,
     }
     lowest, top = columns.speeds[0], columns.speeds[-1]
     slow = float(np.clip(STRIBECK_SPEED * scale.speed, lowest, top))
     found = [
         Effect(
             name,
-            (Parameter(own, unit(of), 0.0, sizes[name], 0.0),),
-            common=name != "spring",
+            (Parameter(own, unit(of), 0.0, sizes[name], 0.0, 1.0 if of == "1" else np.inf),),
+            common=name in ("coulomb_friction", "viscous_friction"),
         )
         for name, (own, of, _) in DIRECT.items()
     ]
@@ -114,7 +118,6 @@ def effects_of(
                 Parameter("velocity_rad_s", unit("rad/s"), slow, slow, lowest, top, _within(slow, lowest, top)),
             ),
         ),
-        Effect("load_dependent_friction", (Parameter("coefficient", "1", 0.0, LOAD_FRICTION, 0.0, 1.0),)),
         Effect("direction_asymmetry", (Parameter("ratio", "1", 0.0, ASYMMETRY, -1.0, 1.0),)),
         Effect("channel_skew", (_skew(scale),)),
         Effect(
@@ -144,5 +147,5 @@ def _within(value: float, low: float, high: float) -> tuple[float, ...]:
 
 def _skew(scale: Scale) -> Parameter:
     size = max(SKEW_S, scale.step)
-    most = max(MOST_SKEW_S, 2.0 * scale.step)
+    most = MOST_CYCLES * size
     return Parameter("skew_s", "s", 0.0, size, -most, most)

@@ -39,7 +39,7 @@ def distinguished(
     Args:
         base: indices of the columns of the base. nuisance: what the other joints may do.
     """
-    rows = part.columns[np.ix_(part.keep, np.arange(columns.own))]
+    rows = part.columns[part.keep]
     sizes, rows = _size(rows), nuisance.left(rows)
     own, notes, gone = {}, [], set()
     for effect in effects:

@@ -14,6 +14,7 @@ from hqpipe.layers.joint_motion.coupling import Nuisance, ridge_of
 from hqpipe.layers.joint_motion.distinct import both_ways, distinguished
 from hqpipe.layers.joint_motion.filter_sweep import note_sweep
 from hqpipe.layers.joint_motion.first_fit import least_squares
+from hqpipe.layers.joint_motion.fitted_columns import with_columns_of, with_fitted_columns
 from hqpipe.layers.joint_motion.instruments import instrumental_parts, projected
 from hqpipe.layers.joint_motion.model import MotionModel
 from hqpipe.layers.joint_motion.output import AMPERE, Output, output_of
@@ -59,6 +60,12 @@ def judge(machine: MovingMachine, joint: str, window_s: float | None, without: C
     joint_data = without_bursts(joint_data, machine.dt, notes)
     output, joint_data = _in_newton_metres(output, joint_data, notes)
     projection = instrumental_parts(machine, joint_data, notes)
+    before = joint_data.parts[0].columns.shape[1]
+    joint_data = with_fitted_columns(joint_data)
+    if projection:
+        added = joint_data.parts[0].columns.shape[1] - before
+        pairs = zip(projection, joint_data.parts, strict=True)
+        projection = tuple(with_columns_of(part, other, added) for part, other in pairs)
     note_sweep(machine, joint_data, notes)
     return _model(machine, joint, output, joint_data, projection, bool(signs), notes, window_s, without)
 

@@ -63,7 +63,13 @@ class MotionModel:
     @cached_property
     def _kept(self) -> tuple[np.ndarray, ...]:
         """The joint's own columns of the samples that are judged."""
-        return tuple(np.ascontiguousarray(part.columns[part.keep][:, : self.columns.own]) for part in self.parts)
+        return tuple(np.ascontiguousarray(part.columns[np.ix_(part.keep, self._used)]) for part in self.parts)
+
+    @cached_property
+    def _used(self) -> np.ndarray:
+        """Indices of the columns that have coefficients: all but those of the other joints, which are taken out."""
+        others = self.columns["coupling"]
+        return np.array([k for group in self.columns.groups.values() for k in group if k not in others], dtype=np.int64)
 
     @cached_property
     def _table(self):
@@ -112,16 +118,14 @@ class MotionModel:
         return torque
 
     def _torque(self, values: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """(N,) at samples with columns `rows`."""
+        """(N,) at samples with the columns `rows` of those that have coefficients."""
         indices, targets = self._linear
-        found = np.zeros(rows.shape[1])
+        found = np.zeros(self.parts[0].columns.shape[1])
         found[targets] = values[indices]
         if self.load[0]:
             angle = self._value(values, "", "gravity_angle_rad")
             found[list(self.columns["gravity"])] = self.load[0] * np.cos(angle), self.load[0] * np.sin(angle)
             found[self.columns.one("inertia")] += self.load[1]
-        transmitted = found.copy()
-        transmitted[[k for name in ("coulomb", "viscous") for k in self.columns[name]]] = 0.0
         found[self.columns.one("speed")] += self._value(values, "viscous_friction", "nm_s_per_rad") * self._value(
             values, "direction_asymmetry", "ratio"
         )
@@ -129,11 +133,7 @@ class MotionModel:
         if static != 0.0:
             speed = self._value(values, "stribeck_friction", "velocity_rad_s")
             found[list(self.columns["stribeck"])] = static * self._table(np.log(speed))
-        torque = rows @ found
-        share = self._value(values, "load_dependent_friction", "coefficient")
-        if share != 0.0:
-            torque = torque + share * np.abs(rows @ transmitted) * rows[:, self.columns.one("coulomb")]
-        return torque
+        return rows @ found[self._used]
 
     def _value(self, values: np.ndarray, effect: str, parameter: str) -> float:
         """Of a parameter that may not be there."""

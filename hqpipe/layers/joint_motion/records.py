@@ -112,12 +112,12 @@ def part_of(
     total = sum(len(records[k].output) // low_pass.step for k in chosen)
     pieces = [(k, *ends) for k in chosen for ends in _pieces(len(records[k].output), low_pass, total)]
     files = tuple(dict.fromkeys(records[k].file for k in chosen))
-    smooth = {k: _smooth(records[k], dt, filters.cutoff) for k in chosen}
+    smoothed = {k: _smooth(records[k], dt, filters.cutoff) for k in chosen}
     found: list[tuple[np.ndarray, ...]] = []
     for number, (k, start, stop) in enumerate(pieces):
-        record, view = records[k], _cut(records[k].view, start, stop)
+        record, view = records[k], cut(records[k].view, start, stop)
         centres = low_pass.centres(stop - start)
-        torque, usable = (values[start:stop] for values in smooth[k])
+        torque, usable = (values[start:stop] for values in smoothed[k])
         rows = np.vstack([columns.of(view), torque, ~usable, view.own.rest])
         filtered = low_pass.apply(rows)
         many = np.ones(len(centres), dtype=np.int64)
@@ -166,7 +166,9 @@ def _pieces(samples: int, low_pass: ParallelFilter, total: int) -> list[tuple[in
     return [(int(start), int(start) + size) for start in starts]
 
 
-def _cut(view: View, start: int, stop: int) -> View:
+def cut(view: View, start: int, stop: int) -> View:
+    """A stretch of a motion."""
+
     def motion(m):
         names = ("position", "velocity", "acceleration", "rest", "direction")
         return replace(m, **{name: getattr(m, name)[start:stop] for name in names})
