@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     from hqpipe.layers.joint_motion.joint_motion import MovingMachine
 
 CLEAR = 5.0  # standard errors of the gravity that fixes a scale: 20 % would be no scale
+AGAINST = (
+    3.0  # standard errors by which inertia and dry friction are both negative: never by chance, if errors are normal
+)
 LEAST_WINDOW_S = 0.1  # over which persistence is asked, that of the other layers
 
 
@@ -118,10 +121,10 @@ def _model(
     fit = data.parts[0]
     if both_ways(fit, data.columns):
         notes.append("a constant torque and a friction that differs by direction are the same in these logs")
-    found, _, _ = first_fit(data, *BASE, *FRICTION, "coupling")
+    found, errors, _ = first_fit(data, *BASE, *FRICTION, "coupling")
     friction = len(data.group(*BASE))
-    inertia, dry, viscous = found[[0, friction, friction + 1]].tolist()
-    if inertia < 0.0 and dry < 0.0:
+    inertia, viscous = found[[0, friction + 1]].tolist()
+    if not unsigned and np.all(found[[0, friction]] < -AGAINST * errors[[0, friction]]):
         raise Unjudged("its torque acts against its motion: one of the two has the wrong sign")
     first, _, _ = first_fit(data, *BASE, "coupling")
     start = dict(zip(("inertia_kg_m2", "offset_nm", "gravity_sin_nm", "gravity_cos_nm"), first.tolist(), strict=False))

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hqpipe.layers.joint_motion.columns import Columns, View
-from hqpipe.layers.joint_motion.first_fit import NORMAL_MAD, least_squares
-from hqpipe.layers.joint_motion.records import Record
+from hqpipe.layers.joint_motion.first_fit import NORMAL_MAD
+from hqpipe.layers.joint_motion.records import Record, cut
 
 NEVER = 1e-9  # of the largest value: as negative as rounding makes a channel
 BETTER = 0.85  # of the squared error that signs may leave; assumption: less of a gain may be what a model lacks
 BOTH = 0.03  # of the torque, by size, that must come out with either sign; assumption
-TURNS = 30
+TURNS = 30  # assumption: signs that still change then are those of torques near zero
+CHUNK = 50_000  # samples at a time: a hundred terms of other joints over an hour at 1 kHz would not fit into memory
 MOST_ROWS = 30_000  # of the search, evenly spaced
 SHAPES = ("inertia", "offset", "gravity", "coulomb", "viscous")
 
@@ -40,7 +41,7 @@ class Signs:
 
     def predicted(self, view: View, columns: Columns) -> np.ndarray:
         """(T,) torque, at the rate of the log."""
-        return self.coefficients @ _rows(view, columns, self.columns)
+        return np.concatenate([self.coefficients @ rows for _, rows in _rows(view, columns, self.columns)])
 
 
 def never_negative(outputs: Sequence[np.ndarray]) -> bool:
@@ -63,8 +64,9 @@ def lost_signs(records: Sequence[Record], columns: Columns, pulls: Sequence[np.n
     picked = np.array([k for name in SHAPES for k in columns[name]])
     usable = np.concatenate([r.usable for r in records])
     usable &= np.arange(len(usable)) % -(-len(usable) // MOST_ROWS) == 0
+    split = np.split(usable, np.cumsum([len(r.usable) for r in records])[:-1])
     size = np.concatenate([r.output for r in records])[usable]
-    x = np.concatenate([_rows(r.view, columns, picked) for r in records], axis=1).T[usable]
+    x = _picked_rows(records, columns, picked, split)
     still = np.concatenate([r.view.own.rest for r in records])[usable]
     direction = np.where(np.concatenate([r.view.own.direction for r in records])[usable] < 0.0, -1.0, 1.0)
     guesses = [np.ones(len(size)), direction]
@@ -92,22 +94,53 @@ def lost_signs(records: Sequence[Record], columns: Columns, pulls: Sequence[np.n
     share = float(size[~still][torque < 0.0].sum() / size[~still].sum())
     if share < BOTH:
         return None
+    if columns["coupling"]:
+        picked = np.append(picked, columns["coupling"])
+        rows = _picked_rows(records, columns, picked, split)[~still]
+        found = _in_turns(rows, size[~still], np.where(torque < 0.0, -1.0, 1.0))
+        torque = rows @ found
+        share = float(size[~still][torque < 0.0].sum() / size[~still].sum())
     error = NORMAL_MAD * float(np.median(np.abs(np.abs(torque) - size[~still])))
     return Signs(found, picked, error, share)
 
 
-def _rows(view: View, columns: Columns, picked: np.ndarray) -> np.ndarray:
-    """(K, T) columns at the rate of the log."""
-    return np.array([np.broadcast_to(columns.functions[k](view), view.x.shape) for k in picked])
+def _rows(view: View, columns: Columns, picked: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
+    """Stretches of a trial, and (K, T) columns at the rate of the log in each."""
+    for start in range(0, len(view.x), CHUNK):
+        part = cut(view, start, start + CHUNK)
+        if picked[-1] < columns.own:
+            rows = np.array([np.broadcast_to(columns.functions[k](part), part.x.shape) for k in picked])
+        else:
+            rows = columns.of(part)[picked]
+        yield slice(start, start + CHUNK), rows
+
+
+def _picked_rows(
+    records: Sequence[Record], columns: Columns, picked: np.ndarray, usable: Sequence[np.ndarray]
+) -> np.ndarray:
+    """(N, K) columns of the usable samples of all records."""
+    found = [
+        rows[:, keep[here]].T
+        for record, keep in zip(records, usable, strict=True)
+        for here, rows in _rows(record.view, columns, picked)
+    ]
+    return np.concatenate(found)
 
 
 def _in_turns(x: np.ndarray, size: np.ndarray, signs: np.ndarray) -> np.ndarray:
     """Coefficients of a local optimum of (|x·c| − size)²."""
-    found = least_squares(x, signs * size)
+    scale = np.sqrt(np.mean(x**2, axis=0))
+    scale[scale == 0.0] = 1.0
+    inverse = np.linalg.pinv((x / scale).T @ (x / scale), rcond=1e-11, hermitian=True)
+
+    def fitted(signs: np.ndarray) -> np.ndarray:
+        return inverse @ ((signs * size) @ x / scale) / scale
+
+    found = fitted(signs)
     for _ in range(TURNS):
         changed = np.where(x @ found < 0.0, -1.0, 1.0)
         if np.array_equal(changed, signs):
             break
         signs = changed
-        found = least_squares(x, signs * size)
+        found = fitted(signs)
     return found
