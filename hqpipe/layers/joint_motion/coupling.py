@@ -150,7 +150,7 @@ class Nuisance:
         if not terms.size:
             return cls(np.zeros((len(terms), 0)), np.zeros(0))
         values, vectors = np.linalg.eigh(terms.T @ terms)
-        held = values > max(1e-3 * ridge, 1e-10 * values[-1])  # the rest takes out less than a thousandth
+        held = values > max(1e-3 * ridge, 1e-10 * max(values[-1], 0.0))  # the rest takes out less than a thousandth
         span = terms @ (vectors[:, held] / np.sqrt(values[held]))
         return cls(span, 1.0 - np.sqrt(ridge / (ridge + values[held])))
 
@@ -160,6 +160,34 @@ class Nuisance:
             return values
         share = self.share if values.ndim == 1 else self.share[:, None]
         return values - self.span @ (share * (self.span.T @ values))
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """The same for samples that were not fitted: the coefficients are those of the fit, as far as it knows them.
+
+    What remains uncertain of a coefficient after the fit is a covariance of the errors.
+
+    Attributes:
+        terms: (M, K). gains: (K, N) from errors of the fit to coefficients. nuisance: what remains uncertain.
+    """
+
+    terms: np.ndarray
+    gains: np.ndarray
+    nuisance: Nuisance
+
+    @classmethod
+    def of(cls, fitted: np.ndarray, terms: np.ndarray, ridge: float) -> Predicted:
+        """Of (N, K) terms of the fit and (M, K) of other samples."""
+        values, vectors = np.linalg.eigh(fitted.T @ fitted)
+        spread = vectors / np.sqrt(np.maximum(values, 0.0) + ridge)
+        return cls(terms, spread @ (spread.T @ fitted.T), Nuisance.of(terms @ spread, 1.0))
+
+    def left(self, errors: np.ndarray, fitted: np.ndarray) -> np.ndarray:
+        """(M,) errors without what other joints do; `fitted`: (N,) those of the fit."""
+        if not self.gains.size or not len(errors):
+            return errors
+        return self.nuisance.left(errors - self.terms @ (self.gains @ fitted))
 
 
 def ridge_of(terms: np.ndarray, own: np.ndarray, output: np.ndarray) -> float:

@@ -16,7 +16,7 @@ from hqpipe.layers.joint_motion.records import Part
 
 ALIKE = 0.98  # correlation, given the base, above which two effects are one: each would have its own standard error five-fold
 LEFT = 0.02  # of the size of a column that must be left given the base; assumption: below it the filter's error decides
-WAYS = 0.05  # of the moving samples that must lie in each direction
+WAYS = 0.05  # of the moving samples that must lie in each direction; assumption: with less, one way decides by itself
 GROUPS = {name: group for name, (_, _, group) in DIRECT.items()} | {
     "stribeck_friction": "stribeck",
     "velocity_shape": "velocity",

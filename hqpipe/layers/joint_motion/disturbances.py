@@ -8,9 +8,9 @@ from hqpipe.layers.joint_motion.first_fit import blocks, robust_fit
 from hqpipe.layers.joint_motion.records import Part
 
 SPAN_S = 0.25  # of a window; assumption: a push by hand takes longer than that
-LEAST_SAMPLES = 4  # of a window
+LEAST_SAMPLES = 4  # of a window: one length of the filter
 OUTLIER = 6.0  # times the median of the windows' residuals; assumption: model errors of a fitted joint vary less over a motion
-MOST = 0.2  # of the windows: if more stand out, the model is wrong and nobody pushed
+MOST = 0.2  # of the windows; assumption: if more stand out, the model is wrong and nobody pushed
 
 
 def bursts(fit: Part, others: Part, dt: float) -> tuple[np.ndarray, np.ndarray]:

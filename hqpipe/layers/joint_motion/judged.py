@@ -10,7 +10,7 @@ import numpy as np
 
 from hqpipe.layers.joint_motion.bandwidth import noise_density, passed_noise
 from hqpipe.layers.joint_motion.candidates import Scale, base_parameters, effects_of
-from hqpipe.layers.joint_motion.coupling import Nuisance, ridge_of
+from hqpipe.layers.joint_motion.coupling import Nuisance, Predicted, ridge_of
 from hqpipe.layers.joint_motion.distinct import both_ways, distinguished
 from hqpipe.layers.joint_motion.filter_sweep import note_sweep
 from hqpipe.layers.joint_motion.first_fit import least_squares
@@ -118,38 +118,25 @@ def _model(
     window_s: float | None,
     without: Collection[str],
 ) -> MotionModel:
-    fit = data.parts[0]
-    if both_ways(fit, data.columns):
-        notes.append("a constant torque and a friction that differs by direction are the same in these logs")
-    found, errors, _ = first_fit(data, *BASE, *FRICTION, "coupling")
-    friction = len(data.group(*BASE))
-    inertia, viscous = found[[0, friction + 1]].tolist()
-    if not unsigned and np.all(found[[0, friction]] < -AGAINST * errors[[0, friction]]):
-        raise Unjudged("its torque acts against its motion: one of the two has the wrong sign")
-    first, _, _ = first_fit(data, *BASE, "coupling")
-    start = dict(zip(("inertia_kg_m2", "offset_nm", "gravity_sin_nm", "gravity_cos_nm"), first.tolist(), strict=False))
+    fit, dt = data.parts[0], machine.dt
+    own = _moving_numbers(data, unsigned)
     known_load = bool(output.moment) and output.unit != AMPERE
-    if known_load:
-        start["gravity_angle_rad"] = float(np.arctan2(start["gravity_cos_nm"], start["gravity_sin_nm"]))
-    scale, size, residual = _scale(data, machine.dt)
+    scale, size, residual = _scale(data, dt)
     effects = effects_of(output, data.columns, scale, size, known_load, lambda name: name not in without)
     nuisances = nuisances_of(data)
     effects, said = distinguished(effects, fit, data.columns, data.group(*BASE), nuisances[0])
-    step = data.low_pass.step * machine.dt
-    back = max(1, round((window_s or max(LEAST_WINDOW_S, data.low_pass.length * machine.dt)) / step))
+    step = data.low_pass.step * dt
+    back = max(1, round((window_s or max(LEAST_WINDOW_S, data.low_pass.length * dt)) / step))
     return MotionModel(
         joint=joint,
         unit=output.unit,
         dt=step,
-        base=base_parameters(output, data.columns, start, scale.largest, machine.dt),
+        base=base_parameters(output, data.columns, _start(data, known_load), scale.largest, dt),
         effects=effects,
         fit=data.parts[0].samples(back),
         heldout=data.parts[1].samples(back),
-        noise=tuple(
-            _noise(data, machine.dt, part, k == 1, np.array([inertia, viscous]), residual)
-            for k, part in enumerate(data.parts)
-        ),
-        notes=tuple(notes + said),
+        noise=tuple(_noise(data, dt, part, k == 1, own, residual) for k, part in enumerate(data.parts)),
+        notes=tuple([*notes, *_said(machine, data), *said]),
         unsigned=unsigned,
         instrumental=projection is not None,
         parts=projection or data.parts,
@@ -159,6 +146,44 @@ def _model(
         back=back,
         mean=data.mean,
     )
+
+
+def _moving_numbers(data: Prepared, unsigned: bool) -> np.ndarray:
+    """(2,) inertia and viscous friction of a first fit.
+
+    Raises:
+        Unjudged: inertia and dry friction are both clearly negative.
+    """
+    found, errors, _ = first_fit(data, *BASE, *FRICTION, "coupling")
+    friction = len(data.group(*BASE))
+    both = [0, friction]
+    if not unsigned and np.all(found[both] < -AGAINST * errors[both]):
+        raise Unjudged("its torque acts against its motion: one of the two has the wrong sign")
+    return found[[0, friction + 1]]
+
+
+def _start(data: Prepared, known_load: bool) -> dict[str, float]:
+    """Name → value of a first fit of the base."""
+    first, _, _ = first_fit(data, *BASE, "coupling")
+    start = dict(zip(("inertia_kg_m2", "offset_nm", "gravity_sin_nm", "gravity_cos_nm"), first.tolist(), strict=False))
+    if known_load:
+        start["gravity_angle_rad"] = float(np.arctan2(start["gravity_cos_nm"], start["gravity_sin_nm"]))
+    return start
+
+
+def _said(machine: MovingMachine, data: Prepared) -> list[str]:
+    """What to know of the model."""
+    found = []
+    if both_ways(data.parts[0], data.columns):
+        found.append("a constant torque and a friction that differs by direction are the same in these logs")
+    if data.columns["coupling"]:
+        found.append(
+            "what the motion of the other joints does to it is taken out of the errors, by terms of the dynamics of a chain "
+            "of unknown geometry"
+        )
+    elif sum(band is not None for band in machine.bandwidths) > 1:
+        found.append("the log is too short to tell what the motion of the other joints does to it")
+    return found
 
 
 def _signs(machine: MovingMachine, data: Prepared, output: Output) -> Signs | None:
@@ -173,8 +198,11 @@ def _signs(machine: MovingMachine, data: Prepared, output: Output) -> Signs | No
     return lost_signs([data.records[k] for k in fit], data.columns, pulls)
 
 
-def nuisances_of(data: Prepared) -> tuple[Nuisance, Nuisance]:
-    """What other joints may do to the fit and the held-out samples; each has coefficients of its own, of the same prior."""
+def nuisances_of(data: Prepared) -> tuple[Nuisance, Predicted]:
+    """What other joints may do to the fit and to the held-out samples.
+
+    The terms are taken less what inertia, gravity and a constant hold of them, which so mean the postures of the fit.
+    """
     fit, own = data.parts[0], data.group(*BASE, *FRICTION, "stribeck")
     terms = [part.columns[np.ix_(part.keep, data.group("coupling"))] for part in data.parts]
     base = [part.columns[np.ix_(part.keep, data.group(*BASE))] for part in data.parts]
@@ -183,9 +211,9 @@ def nuisances_of(data: Prepared) -> tuple[Nuisance, Nuisance]:
     size = np.sqrt(np.mean(terms[0] ** 2, axis=0))
     terms = [columns[:, size > 0.0] / size[size > 0.0] for columns in terms]
     if not terms[0].size:
-        return tuple(Nuisance.of(columns[:, :0], 1.0) for columns in terms)
+        return Nuisance.of(terms[0][:, :0], 1.0), Predicted.of(terms[0][:, :0], terms[1][:, :0], 1.0)
     ridge = ridge_of(terms[0], fit.columns[np.ix_(fit.keep, own)], fit.output[fit.keep])
-    return tuple(Nuisance.of(columns, ridge) for columns in terms)
+    return Nuisance.of(terms[0], ridge), Predicted.of(terms[0], terms[1], ridge)
 
 
 def _noise(data: Prepared, dt: float, part: Part, heldout: bool, coefficients: np.ndarray, residual: float) -> float:

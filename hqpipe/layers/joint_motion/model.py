@@ -10,7 +10,7 @@ import numpy as np
 from hqpipe.identify.model import Effect, Parameter, Samples
 from hqpipe.layers.joint_motion.candidates import DIRECT, SHAPES
 from hqpipe.layers.joint_motion.columns import Columns
-from hqpipe.layers.joint_motion.coupling import Nuisance
+from hqpipe.layers.joint_motion.coupling import Nuisance, Predicted
 from hqpipe.layers.joint_motion.records import Part
 
 
@@ -22,7 +22,7 @@ class MotionModel:
         unsigned: whether the log holds the size of the torque only; its sign was restored in `fit` and `heldout`.
         instrumental: whether the regressors are projected on instruments, because the noise of the loop biases them.
         parts: (fit, held-out) filtered samples. columns: what their columns are.
-        nuisances: likewise, what the other joints may do, which is taken out of the errors.
+        nuisances: of both, what the other joints may do, which is taken out of the errors.
         load: gravity of a known load at a right angle, N·m, and its inertia, kg·m²; 0 where none is known.
         back: samples from the start of a window of persistence to its end.
         mean: of the position over the fit trials, from which gravity and springs count, rad or m.
@@ -40,7 +40,7 @@ class MotionModel:
     unsigned: bool
     instrumental: bool
     parts: tuple[Part, Part]
-    nuisances: tuple[Nuisance, Nuisance]
+    nuisances: tuple[Nuisance, Predicted]
     columns: Columns
     load: tuple[float, float]
     back: int
@@ -83,11 +83,17 @@ class MotionModel:
 
         Of a torque that is logged later by s, the value s later is compared: the motion of all joints stays where it is.
         """
-        part = self.parts[heldout]
         values = np.asarray(values, dtype=float)
+        fit, predicted = self.nuisances
+        if not heldout:
+            return fit.left(self._own_error(values, False))
+        fitted = self._own_error(values, False) if predicted.gains.size else np.zeros(0)
+        return predicted.left(self._own_error(values, True), fitted)
+
+    def _own_error(self, values: np.ndarray, heldout: bool) -> np.ndarray:
+        """(N,) predicted less measured torque, with what other joints do."""
         late = self._value(values, "", "timing_s") + self._value(values, "channel_skew", "skew_s")
-        measured = _advanced(part, late / self.dt)
-        return self.nuisances[heldout].left(self._predicted(values, heldout) - measured)
+        return self._predicted(values, heldout) - _advanced(self.parts[heldout], late / self.dt)
 
     def referred_to(self, values: np.ndarray, other: MotionModel) -> np.ndarray:
         """(P,) the same gravity and spring as they count from the mean position of another record."""

@@ -54,9 +54,9 @@ def lost_signs(records: Sequence[Record], columns: Columns, pulls: Sequence[np.n
     """The signs with which base and friction explain a torque that is never negative; None where it has its sign.
 
     At the rate of the log, because the mean of a size is not the size of a mean. Sign and coefficients are fitted in turns from
-    several first guesses. Two readings that agree while the joint moves, friction and constant load exchanged, differ at rest:
-    there the size of the torque lies between load less friction and load plus friction. The sign of the whole is that with
-    which friction dissipates.
+    several first guesses, of the joint by itself; then beside what other joints do. Two readings that agree while the joint
+    moves, friction and constant load exchanged, differ at rest: there the size of the torque lies between load less friction
+    and load plus friction. The sign of the whole is that with which friction dissipates.
 
     Args:
         records: of the fit, with the torque as logged. pulls: (T,) of each, position error of the drive, or None.
@@ -75,12 +75,33 @@ def lost_signs(records: Sequence[Record], columns: Columns, pulls: Sequence[np.n
         guesses += [np.where(pull < level, -1.0, 1.0) for level in (0.0, float(np.median(pull)))]
     if len(size) < 10 * len(picked) or still.all() or abs(np.mean(direction[~still])) > 1.0 - BOTH:
         return None
-    posture = np.array([k for k, index in enumerate(picked) if index in (*columns["offset"], *columns["gravity"])])
-    friction = int(np.flatnonzero(picked == columns.one("coulomb"))[0])
+    posture = np.isin(picked, [*columns["offset"], *columns["gravity"]])
+    found = _best(x, size, still, guesses, posture, int(np.flatnonzero(picked == columns.one("coulomb"))[0]))
+    size, torque = size[~still], x[~still] @ found
+    if size[torque < 0.0].sum() < BOTH * size.sum():
+        return None
+    if columns["coupling"]:
+        picked = np.append(picked, columns["coupling"])
+        rows = _picked_rows(records, columns, picked, split)[~still]
+        found = _in_turns(rows, size, np.where(torque < 0.0, -1.0, 1.0))
+        torque = rows @ found
+    error = NORMAL_MAD * float(np.median(np.abs(np.abs(torque) - size)))
+    return Signs(found, picked, error, float(size[torque < 0.0].sum() / size.sum()))
+
+
+def _best(
+    x: np.ndarray, size: np.ndarray, still: np.ndarray, guesses: list[np.ndarray], posture: np.ndarray, friction: int
+) -> np.ndarray:
+    """Coefficients from the best of the guesses, where that is clearly better than a torque that was never negative.
+
+    Args:
+        x: (N, K) columns, the speed last. size: (N,) of the torque. still: (N,) at rest. guesses: (N,) signs.
+        posture: (K,) which columns hold at rest. friction: index of the dry friction.
+    """
     tried = []
     for guess in guesses:
         found = _in_turns(x[~still], size[~still], guess[~still])
-        off = np.abs(size[still] - np.abs(x[np.ix_(still, posture)] @ found[posture])) - abs(found[friction])
+        off = np.abs(size[still] - np.abs(x[still][:, posture] @ found[posture])) - abs(found[friction])
         moving = np.abs(x[~still] @ found) - size[~still]
         tried.append((float(np.sum(moving**2) + np.sum(np.maximum(off, 0.0) ** 2)) / len(size), found))
     plain = tried[0]
@@ -89,19 +110,7 @@ def lost_signs(records: Sequence[Record], columns: Columns, pulls: Sequence[np.n
         cost, found = plain
     speed = x[~still, -1]
     power = found[friction] * np.mean(np.abs(speed)) + found[-1] * np.mean(speed**2)
-    found = -found if power < 0.0 else found
-    torque = x[~still] @ found
-    share = float(size[~still][torque < 0.0].sum() / size[~still].sum())
-    if share < BOTH:
-        return None
-    if columns["coupling"]:
-        picked = np.append(picked, columns["coupling"])
-        rows = _picked_rows(records, columns, picked, split)[~still]
-        found = _in_turns(rows, size[~still], np.where(torque < 0.0, -1.0, 1.0))
-        torque = rows @ found
-        share = float(size[~still][torque < 0.0].sum() / size[~still].sum())
-    error = NORMAL_MAD * float(np.median(np.abs(np.abs(torque) - size[~still])))
-    return Signs(found, picked, error, share)
+    return -found if power < 0.0 else found
 
 
 def _rows(view: View, columns: Columns, picked: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
