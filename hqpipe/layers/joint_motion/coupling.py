@@ -20,9 +20,9 @@ import numpy as np
 
 from hqpipe.layers.joint_motion.motion import Motion
 
-REACH = 3  # joints before and after a joint that are taken in; assumption: links further out move less mass
+NEAR = 2  # joints away whose products of two are offered; assumption: what lies further away changes slowly with them
 SAMPLES_PER_TERM = 5  # independent ones; assumption: fewer would fit noise in spite of the prior
-MOST_TERMS = 150  # with products of two; assumption: an error then costs as much as the rest of the model
+MOST_TERMS = 150  # assumption: an error then costs as much as the rest of the model; an arm of seven joints has 120
 
 Angle = tuple[np.ndarray, Motion, bool]
 """Position less its mean, motion, and whether the joint turns."""
@@ -67,7 +67,7 @@ class Coupling:
             beyond = [m for m in range(min(k, self.own) + 1, len(chain))]
             sets = [(m,) for m in beyond]
             if self.second:
-                sets += [pair for pair in combinations(beyond, 2) if max(abs(m - self.own) for m in pair) < REACH]
+                sets += [pair for pair in combinations(beyond, 2) if max(abs(m - self.own) for m in pair) <= NEAR]
             for joints in sets:
                 for factors in product(*(waves[m] for m in joints)):
                     value = np.prod([f for f, _, _ in factors], axis=0)
@@ -119,13 +119,13 @@ def coupling_for(chain: Sequence[bool], own: int, independent: float) -> tuple[C
     Args:
         chain: whether each joint that moves turns. own: the one that is judged. independent: samples, by time and bandwidth.
     """
-    for reach in range(REACH, 0, -1):
+    most = min(independent / SAMPLES_PER_TERM, MOST_TERMS)
+    for reach in range(len(chain) - 1, 0, -1):
         first = max(own - reach, 0)
         near = tuple(chain[first : own + reach + 1])
         for second in (True, False):
             coupling = Coupling(near, own - first, second)
-            count = coupling.count()
-            if count * SAMPLES_PER_TERM <= independent and (not second or count <= MOST_TERMS) and len(near) > 1:
+            if coupling.count() <= most:
                 return coupling, first
     return None, 0
 

@@ -14,6 +14,8 @@ from hqpipe.layers.joint_motion.first_fit import least_squares, robust_fit
 from hqpipe.layers.joint_motion.prepared import BASE, FRICTION, Prepared
 from hqpipe.layers.joint_motion.records import Part, Record, cut
 
+LOCKED = 0.9  # most friction per torque in a first fit: at 1 a gear locks itself
+TURNS = 2  # of a fit and the load that follows from it: each leaves a tenth of the error, the share of the friction
 CHUNK = 50_000  # samples at a time: a hundred terms of other joints over an hour at 1 kHz would not fit into memory
 FEWEST_PERIODS = 3.0  # of a ripple over the travel; assumption: what is slower is a gravity, a spring or their shape
 PER_PERIOD = 6.0  # filtered samples that a period must have at the rms speed: the filter halves such a wave
@@ -23,15 +25,16 @@ STEP = 0.5  # periods over the travel between the waves that are tried: half of 
 def with_fitted_columns(data: Prepared) -> Prepared:
     """The joint with the groups "load", "halves" and, if a wave can be seen, "ripple" behind its other columns.
 
-    The friction that grows with load is |τ_load|·sgn v at the rate of the log, which then passes the filter as everything
-    does: a product of two filtered signals is not the filtered product at reversals. τ_load is what inertia, gravity and the
-    other joints ask for by a first fit; the measured torque in its place would bring the errors of the model into the column.
+    The friction that grows with load is |τ|·sgn v at the rate of the log, which then passes the filter as everything does: a
+    product of two filtered signals is not the filtered product at reversals. τ is the torque of the motor by a first fit,
+    friction and other joints with it; the measured one in its place would bring the errors of the model into the column.
     """
-    coefficients = [_load_coefficients(data, part) for part in data.parts]
-    loads = [_load(record, data, coefficients[record.heldout]) for record in data.records]
-    data = _appended(
-        data, "load", [(np.abs(load) * r.view.own.direction)[None] for load, r in zip(loads, data.records, strict=True)]
-    )
+    own = data
+    for _ in range(TURNS):
+        coefficients = [_load_coefficients(data, part) for part in data.parts]
+        loads = [_load(record, data, coefficients[record.heldout]) for record in data.records]
+        rows = [(load * r.view.own.direction)[None] for load, r in zip(loads, data.records, strict=True)]
+        data = _appended(own, "load", rows)
     data = _appended(data, "halves", [_halves(record) for record in data.records])
     wave = _wave(data)
     if wave is None:
@@ -46,22 +49,27 @@ def with_columns_of(part: Part, other: Part, count: int) -> Part:
 
 
 def _load_coefficients(data: Prepared, part: Part) -> np.ndarray:
-    """Of the columns of base and other joints, fitted beside friction that is constant, viscous, and grows with load."""
-    load, friction = data.group(*BASE, "coupling"), data.group(*FRICTION)
-    rows, torque = part.columns[part.keep], part.output[part.keep]
+    """Of the columns of base, friction and other joints and, last, of the friction that grows with load."""
+    picked = data.group(*BASE, *FRICTION, "coupling")
+    rows, torque = part.columns[part.keep][:, picked], part.output[part.keep]
     if not len(torque):
-        return np.zeros(len(load))
-    found = robust_fit(rows[:, [*load, *friction]], torque)
-    grown = np.abs(rows[:, load] @ found[: len(load)]) * rows[:, data.columns.one("coulomb")]
-    return robust_fit(np.column_stack([rows[:, [*load, *friction]], grown]), torque)[: len(load)]
+        return np.zeros(len(picked) + 1)
+    if data.columns["load"]:
+        grown = part.columns[part.keep, data.columns.one("load")]
+    else:
+        direction = part.columns[part.keep, data.columns.one("coulomb")]
+        grown = np.abs(rows @ robust_fit(rows, torque)) * direction
+    return robust_fit(np.column_stack([rows, grown]), torque)
 
 
 def _load(record: Record, data: Prepared, coefficients: np.ndarray) -> np.ndarray:
-    """(T,) torque without friction at the rate of the log."""
-    picked, found = data.group(*BASE, "coupling"), []
+    """(T,) |τ| at the rate of the log, where τ = w + μ|τ|·sgn v and w is all the rest."""
+    picked, found = data.group(*BASE, *FRICTION, "coupling"), []
     for start in range(0, len(record.output), CHUNK):
-        rows = data.columns.of(cut(record.view, start, start + CHUNK))
-        found.append(coefficients @ rows[picked])
+        view = cut(record.view, start, start + CHUNK)
+        rest = coefficients[:-1] @ data.columns.of(view)[picked]
+        share = np.clip(coefficients[-1], 0.0, LOCKED) * view.own.direction * np.sign(rest)
+        found.append(np.abs(rest) / (1.0 - share))
     return np.concatenate(found)
 
 
