@@ -17,6 +17,7 @@ from hqpipe.layers.joint_motion.records import Part
 ALIKE = 0.98  # correlation, given the base, above which two effects are one: each would have its own standard error five-fold
 LEFT = 0.02  # of the size of a column that must be left given the base; assumption: below it the filter's error decides
 WAYS = 0.05  # of the moving samples that must lie in each direction; assumption: with less, one way decides by itself
+LOAD = "load_dependent_friction"
 GROUPS = {name: group for name, (_, _, group) in DIRECT.items()} | {
     "stribeck_friction": "stribeck",
     "velocity_shape": "velocity",
@@ -54,6 +55,12 @@ def distinguished(
                     )
             else:
                 own[effect.name] = left
+    if LOAD in own and any(
+        name in own and _alike(own[LOAD], own[name]) for name in ("coulomb_friction", "viscous_friction")
+    ):
+        del own[LOAD]
+        gone.add(LOAD)
+        notes.append(f"{LOAD} cannot be told from dry and viscous friction in these logs: the load hardly varies")
     excludes = {effect.name: set(effect.excludes) for effect in effects}
     for a, b in combinations(own, 2):
         if _alike(own[a], own[b]):
