@@ -152,10 +152,14 @@ def _moving_numbers(data: Prepared, unsigned: bool) -> np.ndarray:
     """(2,) inertia and viscous friction of a first fit.
 
     Raises:
-        Unjudged: inertia and dry friction are both clearly negative.
+        Unjudged: inertia and dry friction are both clearly negative; or the inertia, where the sign of the torque was restored.
     """
     found, errors, _ = first_fit(data, *BASE, *FRICTION, "coupling")
     friction = len(data.group(*BASE))
+    if unsigned and found[0] < -AGAINST * errors[0]:
+        raise Unjudged(
+            "its torque was logged without its sign, and with the sign that fits best its inertia is negative"
+        )
     both = [0, friction]
     if not unsigned and np.all(found[both] < -AGAINST * errors[both]):
         raise Unjudged("its torque acts against its motion: one of the two has the wrong sign")

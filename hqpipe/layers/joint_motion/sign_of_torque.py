@@ -15,9 +15,12 @@ NEVER = 1e-9  # of the largest value: as negative as rounding makes a channel
 BETTER = 0.85  # of the squared error that signs may leave; assumption: less of a gain may be what a model lacks
 BOTH = 0.03  # of the torque, by size, that must come out with either sign; assumption
 TURNS = 30  # assumption: signs that still change then are those of torques near zero
+RANDOM = 20  # further guesses: planes through the columns; assumption: one of them lies near the best reading
+SAME = 0.98  # of the signs that two readings share; assumption: they end in one
+REFINED = 4  # different readings that are fitted beside other joints; assumption: the right one is among the best
 CHUNK = 50_000  # samples at a time: a hundred terms of other joints over an hour at 1 kHz would not fit into memory
 MOST_ROWS = 30_000  # of the search, evenly spaced
-SHAPES = ("inertia", "offset", "gravity", "coulomb", "viscous")
+SHAPES = ("inertia", "offset", "gravity", "spring", "coulomb", "viscous")
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,48 +72,73 @@ def lost_signs(records: Sequence[Record], columns: Columns, pulls: Sequence[np.n
     x = _picked_rows(records, columns, picked, split)
     still = np.concatenate([r.view.own.rest for r in records])[usable]
     direction = np.where(np.concatenate([r.view.own.direction for r in records])[usable] < 0.0, -1.0, 1.0)
-    guesses = [np.ones(len(size)), direction]
+    guesses = [np.ones(len(size)), direction, np.where(x[:, 0] < 0.0, -1.0, 1.0)]
     if pulls is not None:
         pull = np.concatenate(pulls)[usable]
         guesses += [np.where(pull < level, -1.0, 1.0) for level in (0.0, float(np.median(pull)))]
     if len(size) < 10 * len(picked) or still.all() or abs(np.mean(direction[~still])) > 1.0 - BOTH:
         return None
-    posture = np.isin(picked, [*columns["offset"], *columns["gravity"]])
-    found = _best(x, size, still, guesses, posture, int(np.flatnonzero(picked == columns.one("coulomb"))[0]))
-    size, torque = size[~still], x[~still] @ found
+    posture = np.isin(picked, [*columns["offset"], *columns["gravity"], *columns["spring"]])
+    readings = _readings(x, size, still, guesses, posture, int(np.flatnonzero(picked == columns.one("coulomb"))[0]))
+    size, x, found = size[~still], x[~still], readings[0]
+    torque = x @ found
     if size[torque < 0.0].sum() < BOTH * size.sum():
         return None
     if columns["coupling"]:
         picked = np.append(picked, columns["coupling"])
         rows = _picked_rows(records, columns, picked, split)[~still]
-        found = _in_turns(rows, size, np.where(torque < 0.0, -1.0, 1.0))
+        found = _beside_others(rows, size, [np.where(x @ reading < 0.0, -1.0, 1.0) for reading in readings])
         torque = rows @ found
     error = NORMAL_MAD * float(np.median(np.abs(np.abs(torque) - size)))
     return Signs(found, picked, error, float(size[torque < 0.0].sum() / size.sum()))
 
 
-def _best(
+def _readings(
     x: np.ndarray, size: np.ndarray, still: np.ndarray, guesses: list[np.ndarray], posture: np.ndarray, friction: int
-) -> np.ndarray:
-    """Coefficients from the best of the guesses, where that is clearly better than a torque that was never negative.
+) -> list[np.ndarray]:
+    """Coefficients from each of the guesses, the best first; only the first where none is clearly better than that.
+
+    A reading in which friction dissipates and the inertia is negative is none.
 
     Args:
-        x: (N, K) columns, the speed last. size: (N,) of the torque. still: (N,) at rest. guesses: (N,) signs.
+        x: (N, K) columns, the acceleration first and the speed last. size: (N,) of the torque. still: (N,) at rest.
+        guesses: (N,) signs, the first those of a torque that was never negative.
         posture: (K,) which columns hold at rest. friction: index of the dry friction.
     """
-    tried = []
-    for guess in guesses:
-        found = _in_turns(x[~still], size[~still], guess[~still])
+    moving, rng = x[~still], np.random.default_rng(0)
+    planes = rng.standard_normal((RANDOM, x.shape[1])) / np.maximum(np.sqrt(np.mean(moving**2, axis=0)), 1e-300)
+    starts = [guess[~still] for guess in guesses] + [np.where(moving @ plane < 0.0, -1.0, 1.0) for plane in planes]
+    tried, speed = [], moving[:, -1]
+    for start in starts:
+        found = _in_turns(moving, size[~still], start)
         off = np.abs(size[still] - np.abs(x[still][:, posture] @ found[posture])) - abs(found[friction])
-        moving = np.abs(x[~still] @ found) - size[~still]
-        tried.append((float(np.sum(moving**2) + np.sum(np.maximum(off, 0.0) ** 2)) / len(size), found))
+        error = np.abs(moving @ found) - size[~still]
+        power = found[friction] * np.mean(np.abs(speed)) + found[-1] * np.mean(speed**2)
+        found = -found if power < 0.0 else found
+        cost = float(np.sum(error**2) + np.sum(np.maximum(off, 0.0) ** 2)) / len(size)
+        tried.append((bool(found[0] < 0.0), cost, found))
     plain = tried[0]
-    cost, found = min(tried, key=lambda entry: entry[0])
-    if cost >= BETTER * plain[0]:
-        cost, found = plain
-    speed = x[~still, -1]
-    power = found[friction] * np.mean(np.abs(speed)) + found[-1] * np.mean(speed**2)
-    return -found if power < 0.0 else found
+    tried.sort(key=lambda entry: entry[:2])
+    if tried[0][0] or tried[0][1] >= BETTER * plain[1]:
+        return [plain[2]]
+    return [found for against, _, found in tried if not against]
+
+
+def _beside_others(rows: np.ndarray, size: np.ndarray, starts: list[np.ndarray]) -> np.ndarray:
+    """Coefficients of own columns and terms of other joints, of the best of the first few different starts.
+
+    Args:
+        rows: (N, K), the acceleration first. size: (N,) of the torque. starts: (N,) signs.
+    """
+    different: list[np.ndarray] = []
+    for start in starts:
+        if all(np.mean(start == other) < SAME for other in different):
+            different.append(start)
+    tried = []
+    for start in different[:REFINED]:
+        found = _in_turns(rows, size, start)
+        tried.append((bool(found[0] < 0.0), float(np.mean((np.abs(rows @ found) - size) ** 2)), found))
+    return min(tried, key=lambda entry: entry[:2])[2]
 
 
 def _rows(view: View, columns: Columns, picked: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
