@@ -13,6 +13,7 @@ from hqpipe.layers.joint_motion.columns import Columns, View
 from hqpipe.layers.joint_motion.motion import ParallelFilter
 
 MOST_SAMPLES = 20_000  # of a joint and split: what a search over sets of effects handles in seconds
+LONGEST = 200_000  # samples of the log at a time: 150 terms of other joints then take 240 MB
 PIECE = 400  # samples of a stretch where a log is too long to use all of it
 REST_SHARE = (
     0.2  # of the filter's weight that may lie on samples at rest; assumption: a reversal passes, a dwell does not
@@ -157,10 +158,11 @@ def _smooth(record: Record, dt: float, cutoff: float) -> tuple[np.ndarray, np.nd
 
 
 def _pieces(samples: int, low_pass: ParallelFilter, total: int) -> list[tuple[int, int]]:
-    """Start and stop of the stretches that are used of one trial: all of it, or evenly spaced ones."""
+    """Start and stop of the stretches of one trial that are used: all of it, or evenly spaced ones; none too long for memory."""
     size = PIECE * low_pass.step
     if total <= MOST_SAMPLES or samples <= size:
-        return [(0, samples)] if samples >= low_pass.length else []
+        ends = [(start, min(start + LONGEST, samples)) for start in range(0, samples, LONGEST)]
+        return [(start, stop) for start, stop in ends if stop - start >= low_pass.length]
     count = max(1, int(samples * MOST_SAMPLES / total / size))
     starts = np.linspace(0, samples - size, count).astype(int)
     return [(int(start), int(start) + size) for start in starts]

@@ -107,3 +107,28 @@ def test_friction_that_changes_within_a_trial_is_a_shape():
     assert with_shape[1][1] < 0.4 * plain[1][1]
     assert with_shape[0]["friction_nm"] == pytest.approx(1.5, rel=0.03)
     assert with_shape[0]["coefficient_1"] == pytest.approx(-1.0, rel=0.06)
+
+
+def test_a_lost_sign_is_restored_where_only_a_spring_pulls():
+    """A slide without gravity, at whose standstills the spring holds the torque."""
+    runs = []
+    for seed in (1, 2):
+        c = reference(15, seed)
+        q, tau = simulate(
+            c, inertia=1.3, load=lambda q: 9.0 * (q - 0.1), viscous=lambda v: 1.1 * v, torque_noise=0.02, seed=seed
+        )
+        runs.append((c, q, np.abs(tau)))
+    model = JointMotion().joints(log_set(runs, kinds={"joint": "prismatic"})).models[0]
+    assert model.unsigned
+    found = fitted(model, ["spring", VISCOUS])[0]
+    assert found["inertia_kg_m2"] == pytest.approx(1.3, rel=0.03)
+    assert found["nm_per_rad"] == pytest.approx(9.0, rel=0.03)
+    assert found["nm_s_per_rad"] == pytest.approx(1.1, rel=0.05)
+
+
+def test_a_lost_sign_is_restored_beside_other_joints():
+    runs = [two_links(seed, 0.4) for seed in (1, 2)]
+    sized = [(c, q, np.column_stack([tau[:, 0], np.abs(tau[:, 1])])) for c, q, tau in runs]
+    model = JointMotion().joints(log_set(sized, joints=("shoulder", "elbow"))).models[1]
+    assert model.unsigned
+    assert fitted(model, [DRY])[0]["friction_nm"] == pytest.approx(0.4, rel=0.1)
