@@ -158,7 +158,7 @@ def _smooth(record: Record, dt: float, cutoff: float) -> tuple[np.ndarray, np.nd
 
 
 def _pieces(samples: int, low_pass: ParallelFilter, total: int) -> list[tuple[int, int]]:
-    """Start and stop of the stretches of one trial that are used: all of it, or evenly spaced ones; none too long for memory."""
+    """Start and stop of the stretches of one trial that are used: all of it, or evenly spaced ones; none too long."""
     size = PIECE * low_pass.step
     if total <= MOST_SAMPLES or samples <= size:
         ends = [(start, min(start + LONGEST, samples)) for start in range(0, samples, LONGEST)]
