@@ -12,9 +12,9 @@ WITHIN = 0.3  # of the sample rate, the highest cut-off: beyond it the differenc
 NOISE_SHARE = (
     0.005  # of the variance of the acceleration that may be noise: errors in a regressor bias its coefficient by it
 )
-ABOVE_FLOOR = 2.0  # spectral density of the motion over that of the noise, up to the cut-off
+ABOVE_FLOOR = 2.0  # density over that of the noise up to the cut-off: the motion alone is then as large as the noise
 GAP = 1.5  # between frequencies of the motion that follow each other; assumption: a joint's spectrum has no wider hole
-GAP_BINS = 4  # of the spectrum, at least
+GAP_BINS = 4  # of the spectrum, at least: the main lobe of the Hann window that `welch` takes
 MOTION_ENERGY = 0.95  # of the variance of velocity or acceleration lies below its bandwidth; assumption
 LEAST_OVER_BANDWIDTH = (
     5.0  # cut-off over the bandwidth of the velocity, where it stands above the noise: Gautier (1997)

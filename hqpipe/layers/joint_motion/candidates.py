@@ -14,30 +14,30 @@ from hqpipe.layers.joint_motion.output import Output
 FRICTION = (
     0.2  # of the rms torque: dry and viscous friction of geared joints, a tenth to a fifth (Armstrong-Hélouvry 1994)
 )
-STRIBECK = 0.1  # of the rms torque: static friction exceeds the dry one by about half of it
+STRIBECK = 0.1  # of the rms torque: half of the dry friction, as in the worked cases of Canudas de Wit et al. (1995)
 STRIBECK_SPEED = 0.1  # of the rms speed; assumption: friction falls over the slowest tenth
 LOAD_FRICTION = 0.1  # of the transmitted torque: gears of 0.9 efficiency
-ELASTIC = 0.2  # of the rms torque over the travel; assumption
-ASYMMETRY = 0.3  # assumption
+ELASTIC = 0.2  # of the rms torque over the travel; assumption: a spring that balances more is stated with the machine
+ASYMMETRY = 0.3  # assumption: seals and worm gears differ by direction by tens of per cent
 SKEW_S = 0.005  # one cycle of a bus at 200 Hz; one sample of a slower log
-MOST_SKEW_S = 0.05  # assumption: ten cycles of such a bus; later channels are seen by eye
+MOST_CYCLES = 10.0  # of such a bus, or of the log; assumption: later channels are seen by eye
 DRIFT = 0.05  # over a trial: torque constant of a magnet motor, −0.1 to −0.2 %/K (datasheets), over some tens of kelvin
 SCALE = 0.1  # torque constants are stated within 10 %
-SHAPE = 0.2  # of the rms torque, assumption
+SHAPE = 0.2  # of the rms torque; assumption: as large as friction, so that no name is preferred for its size
 
 DIRECT = {  # effect → (parameter, unit, group of its column)
     "coulomb_friction": ("friction_nm", "N·m", "coulomb"),
     "viscous_friction": ("nm_s_per_rad", "N·m·s/rad", "viscous"),
     "spring": ("nm_per_rad", "N·m/rad", "spring"),
+    "load_dependent_friction": ("coefficient", "1", "load"),
 }
 SHAPES = {  # generic shape → (group of its columns, signal)
     "position_shape": ("position", "position"),
     "velocity_shape": ("velocity", "velocity"),
     "acceleration_shape": ("acceleration", "acceleration and position"),
+    "friction_by_time": ("halves", "time"),
+    "ripple_shape": ("ripple", "position"),
     "hysteresis_shape": ("hysteresis", "way since the last reversal"),
-    "other_joints_motion": ("other motion", "motion of other joints"),
-    "other_joints_inertia": ("linked", "motion and position of other joints"),
-    "other_joints_posture": ("other posture", "position of other joints"),
 }
 
 
@@ -93,52 +93,61 @@ def effects_of(
     Args:
         size: (K,) root mean square of the columns.
     """
-    unit, torque = output.unit_of, scale.torque
-    sizes = {
-        "coulomb_friction": FRICTION * torque,
-        "viscous_friction": FRICTION * torque / scale.speed,
-        "spring": ELASTIC * torque / scale.travel,
-    }
-    lowest, top = columns.speeds[0], columns.speeds[-1]
-    slow = float(np.clip(STRIBECK_SPEED * scale.speed, lowest, top))
-    found = [
-        Effect(
-            name,
-            (Parameter(own, unit(of), 0.0, sizes[name], 0.0),),
-            common=name != "spring",
-        )
-        for name, (own, of, _) in DIRECT.items()
-    ]
-    found += [
-        Effect(
-            "stribeck_friction",
-            (
-                Parameter("static_nm", unit("N·m"), 0.0, STRIBECK * torque, 0.0),
-                Parameter("velocity_rad_s", unit("rad/s"), slow, slow, lowest, top, _within(slow, lowest, top)),
-            ),
-        ),
-        Effect("load_dependent_friction", (Parameter("coefficient", "1", 0.0, LOAD_FRICTION, 0.0, 1.0),)),
-        Effect("direction_asymmetry", (Parameter("ratio", "1", 0.0, ASYMMETRY, -1.0, 1.0),)),
-        Effect("channel_skew", (_skew(scale),)),
-        Effect(
-            "torque_by_time", (Parameter("rate_per_s", "1/s", 0.0, DRIFT / scale.seconds),), named=False, signal="time"
-        ),
-    ]
+    found = [*_direct(output, scale), *_indirect(output, columns, scale)]
     if known_load:
         found += [
-            Effect("armature", (Parameter("kg_m2", unit("kg·m²"), 0.0, output.inertia, 0.0),)),
+            Effect("armature", (Parameter("kg_m2", output.unit_of("kg·m²"), 0.0, output.inertia, 0.0),)),
             Effect("torque_scale", (Parameter("ratio", "1", 0.0, SCALE, -0.9, 9.0),)),
         ]
-    for name, (group, signal) in SHAPES.items():
-        if columns[group]:
-            # A gravity is no larger than what the drive holds, however small the travel over which it is seen.
-            most = scale.largest if output.turns and group in ("position", "other posture") else np.inf
-            own = tuple(
-                Parameter(f"coefficient_{i + 1}", output.unit, 0.0, min(SHAPE * torque / max(size[k], 1e-300), most))
-                for i, k in enumerate(columns[group])
-            )
-            found.append(Effect(name, own, named=False, signal=signal, context=name.startswith("other_joints")))
+    found += _shapes(output, columns, scale, size)
     return tuple(effect for effect in found if keeps(effect.name))
+
+
+def _direct(output: Output, scale: Scale) -> list[Effect]:
+    """Effects whose number is the coefficient of a column."""
+    sizes = {
+        "coulomb_friction": FRICTION * scale.torque,
+        "viscous_friction": FRICTION * scale.torque / scale.speed,
+        "spring": ELASTIC * scale.torque / scale.travel,
+        "load_dependent_friction": LOAD_FRICTION,
+    }
+    found = []
+    for name, (own, unit, _) in DIRECT.items():
+        most = 1.0 if unit == "1" else np.inf  # friction of the whole load: the gear locks itself
+        number = Parameter(own, output.unit_of(unit), 0.0, sizes[name], 0.0, most)
+        found.append(Effect(name, (number,), common=name in ("coulomb_friction", "viscous_friction")))
+    return found
+
+
+def _indirect(output: Output, columns: Columns, scale: Scale) -> list[Effect]:
+    """Named effects in whose numbers the torque is not linear, and the drift."""
+    lowest, top = columns.speeds[0], columns.speeds[-1]
+    slow = float(np.clip(STRIBECK_SPEED * scale.speed, lowest, top))
+    static = Parameter("static_nm", output.unit_of("N·m"), 0.0, STRIBECK * scale.torque, 0.0)
+    speed = Parameter("velocity_rad_s", output.unit_of("rad/s"), slow, slow, lowest, top, _within(slow, lowest, top))
+    drift = Parameter("rate_per_s", "1/s", 0.0, DRIFT / scale.seconds)
+    return [
+        Effect("stribeck_friction", (static, speed)),
+        Effect("direction_asymmetry", (Parameter("ratio", "1", 0.0, ASYMMETRY, -1.0, 1.0),)),
+        Effect("channel_skew", (_skew(scale),)),
+        Effect("torque_by_time", (drift,), named=False, signal="time"),
+    ]
+
+
+def _shapes(output: Output, columns: Columns, scale: Scale, size: np.ndarray) -> list[Effect]:
+    """Generic shapes whose columns there are."""
+    found = []
+    for name, (group, signal) in SHAPES.items():
+        if not columns[group]:
+            continue
+        # A gravity is no larger than what the drive holds, however small the travel over which it is seen.
+        most = scale.largest if output.turns and group == "position" else np.inf
+        own = tuple(
+            Parameter(f"coefficient_{i + 1}", output.unit, 0.0, min(SHAPE * scale.torque / max(size[k], 1e-300), most))
+            for i, k in enumerate(columns[group])
+        )
+        found.append(Effect(name, own, named=False, signal=signal))
+    return found
 
 
 def _within(value: float, low: float, high: float) -> tuple[float, ...]:
@@ -147,5 +156,5 @@ def _within(value: float, low: float, high: float) -> tuple[float, ...]:
 
 def _skew(scale: Scale) -> Parameter:
     size = max(SKEW_S, scale.step)
-    most = max(MOST_SKEW_S, 2.0 * scale.step)
+    most = MOST_CYCLES * size
     return Parameter("skew_s", "s", 0.0, size, -most, most)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hqpipe.layers.joint_motion.coupling import Angle, Coupling
 from hqpipe.layers.joint_motion.hysteresis import slipping_spring
 from hqpipe.layers.joint_motion.motion import Motion
 
-NEIGHBOURS = 2  # joints before and after a joint whose motion is offered as a shape; assumption: the links next to it
 SLIPS = (0.1, 0.3, 1.0)  # of the travel; assumption: shorter ways look like dry friction, longer ones like a spring
 STRIBECK_SPEEDS = 10  # of the table over which the speed of the Stribeck friction is interpolated
 
@@ -21,12 +21,12 @@ class View:
 
     Attributes:
         x: (T,) position less its mean over the fit trials. own: its motion.
-        others: (x, motion, whether it turns) of the neighbouring joints.
+        others: of the joints before and after it, in the order of the chain.
     """
 
     x: np.ndarray
     own: Motion
-    others: tuple[tuple[np.ndarray, Motion, bool], ...]
+    others: tuple[Angle, ...] = ()
 
 
 Column = Callable[[View], np.ndarray]
@@ -37,13 +37,19 @@ class Columns:
     """Columns of a joint by group.
 
     Attributes:
-        groups: name → indices. functions: of all columns.
-        speeds: (S,) of the Stribeck table, rad/s.
+        groups: name → indices. functions: of the joint's own columns. speeds: (S,) of the Stribeck table, rad/s.
+        coupling: what the other joints do, whose terms follow as the group "coupling"; None for a joint by itself.
     """
 
     groups: dict[str, tuple[int, ...]]
     functions: tuple[Column, ...]
     speeds: np.ndarray
+    coupling: Coupling | None = None
+
+    @property
+    def own(self) -> int:
+        """Number of the joint's own columns, which come first."""
+        return len(self.functions)
 
     def __getitem__(self, name: str) -> tuple[int, ...]:
         return self.groups.get(name, ())
@@ -54,17 +60,20 @@ class Columns:
 
     def of(self, view: View) -> np.ndarray:
         """(K, T)"""
-        return np.array([np.broadcast_to(function(view), view.x.shape) for function in self.functions])
+        found = np.array([np.broadcast_to(function(view), view.x.shape) for function in self.functions])
+        if self.coupling is None:
+            return found
+        at = self.coupling.own
+        chain = (*view.others[:at], (view.x, view.own, self.coupling.turns[at]), *view.others[at:])
+        return np.concatenate([found, self.coupling.rows(chain)])
 
 
-def columns_of(
-    turns: bool, bends: bool, others: tuple[bool, ...], adjacent: tuple[int, ...], travel: float, speeds: np.ndarray
-) -> Columns:
+def columns_of(turns: bool, bends: bool, coupling: Coupling | None, travel: float, speeds: np.ndarray) -> Columns:
     """All columns of a joint.
 
     Args:
         turns: revolute, so that gravity goes with the sine and cosine of the position. bends: whether the cosine counts.
-        others: as `turns`, of its neighbours. adjacent: which of them are the next ones.
+        coupling: what the other joints do; None for a joint by itself.
         travel: standard deviation of the position, rad or m.
         speeds: (S,) of the Stribeck table, rad/s.
     """
@@ -81,18 +90,14 @@ def columns_of(
         "acceleration": _varying_inertia(turns),
     }
     found["hysteresis"] = [_hysteresis(share * travel) for share in SLIPS]
-    if others:
-        found["other motion"] = [c for k in range(len(others)) for c in _other_motion(k)]
-        found["other posture"] = [c for k, both in enumerate(others) for c in _other_posture(k, both and turns)]
-    linked = [c for k in adjacent for c in _link_coupling(k, turns, others[k])]
-    if linked:
-        found["linked"] = linked
     found["stribeck"] = [_stribeck(speed) for speed in speeds]
     groups, functions = {}, []
     for name, part in found.items():
         groups[name] = tuple(range(len(functions), len(functions) + len(part)))
         functions += part
-    return Columns(groups, tuple(functions), speeds)
+    if coupling is not None:
+        groups["coupling"] = tuple(range(len(functions), len(functions) + coupling.count()))
+    return Columns(groups, tuple(functions), speeds, coupling)
 
 
 def _position(turns: bool, bends: bool) -> list[Column]:
@@ -115,53 +120,6 @@ def _varying_inertia(turns: bool) -> list[Column]:
             lambda w: (np.cos(w.x) - 1.0) * w.own.acceleration - 0.5 * np.sin(w.x) * w.own.velocity**2,
         ]
     return [lambda w: w.x * w.own.acceleration + 0.5 * w.own.velocity**2]
-
-
-def _other_motion(k: int) -> list[Column]:
-    return [
-        lambda w: w.others[k][1].acceleration,
-        lambda w: w.others[k][1].velocity,
-        lambda w: w.others[k][1].velocity ** 2,
-    ]
-
-
-def _other_posture(k: int, turn: bool) -> list[Column]:
-    """Gravity of a link goes with the sum of the angles on the way to it: the sine and cosine of x + y, less those of x."""
-    if not turn:
-        return [lambda w: w.others[k][0], lambda w: w.x * w.others[k][0]]
-    return [
-        lambda w: np.cos(w.x) * np.sin(w.others[k][0]),
-        lambda w: np.sin(w.x) * np.sin(w.others[k][0]),
-        lambda w: np.cos(w.x) * (np.cos(w.others[k][0]) - 1.0),
-        lambda w: np.sin(w.x) * (np.cos(w.others[k][0]) - 1.0),
-    ]
-
-
-def _link_coupling(k: int, turns: bool, other_turns: bool) -> list[Column]:
-    """Inertia between two links: it goes with the sine and cosine of the joint further out, which is either of the two.
-
-    The terms of the Lagrangian of a two-link arm, of an unknown phase.
-    """
-    found: list[Column] = []
-    if turns:
-        found += [
-            lambda w: w.others[k][1].acceleration * (np.cos(w.x) - 1.0),
-            lambda w: w.others[k][1].acceleration * np.sin(w.x),
-            lambda w: w.others[k][1].velocity ** 2 * (np.cos(w.x) - 1.0),
-            lambda w: w.others[k][1].velocity ** 2 * np.sin(w.x),
-        ]
-    if other_turns:
-        found += [
-            lambda w: w.others[k][1].acceleration * (np.cos(w.others[k][0]) - 1.0),
-            lambda w: w.others[k][1].acceleration * np.sin(w.others[k][0]),
-            lambda w: w.own.acceleration * (np.cos(w.others[k][0]) - 1.0),
-            lambda w: w.own.acceleration * np.sin(w.others[k][0]),
-            lambda w: w.others[k][1].velocity ** 2 * (np.cos(w.others[k][0]) - 1.0),
-            lambda w: w.others[k][1].velocity ** 2 * np.sin(w.others[k][0]),
-            lambda w: w.own.velocity * w.others[k][1].velocity * np.cos(w.others[k][0]),
-            lambda w: w.own.velocity * w.others[k][1].velocity * np.sin(w.others[k][0]),
-        ]
-    return found
 
 
 def _stribeck(speed: float) -> Column:

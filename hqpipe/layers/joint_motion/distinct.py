@@ -10,12 +10,14 @@ import numpy as np
 from hqpipe.identify.model import Effect
 from hqpipe.layers.joint_motion.candidates import DIRECT, SHAPES
 from hqpipe.layers.joint_motion.columns import Columns
+from hqpipe.layers.joint_motion.coupling import Nuisance
 from hqpipe.layers.joint_motion.first_fit import least_squares
 from hqpipe.layers.joint_motion.records import Part
 
 ALIKE = 0.98  # correlation, given the base, above which two effects are one: each would have its own standard error five-fold
 LEFT = 0.02  # of the size of a column that must be left given the base; assumption: below it the filter's error decides
-WAYS = 0.05  # of the moving samples that must lie in each direction
+WAYS = 0.05  # of the moving samples that must lie in each direction; assumption: with less, one way decides by itself
+LOAD = "load_dependent_friction"
 GROUPS = {name: group for name, (_, _, group) in DIRECT.items()} | {
     "stribeck_friction": "stribeck",
     "velocity_shape": "velocity",
@@ -31,20 +33,21 @@ def both_ways(part: Part, columns: Columns) -> bool:
 
 
 def distinguished(
-    effects: tuple[Effect, ...], part: Part, columns: Columns, base: np.ndarray
+    effects: tuple[Effect, ...], part: Part, columns: Columns, base: np.ndarray, nuisance: Nuisance
 ) -> tuple[tuple[Effect, ...], list[str]]:
     """The effects that differ from the base, those that mean the same excluding each other, and sentences that say so.
 
     Args:
-        base: indices of the columns of the base.
+        base: indices of the columns of the base. nuisance: what the other joints may do.
     """
     rows = part.columns[part.keep]
+    sizes, rows = _size(rows), nuisance.left(rows)
     own, notes, gone = {}, [], set()
     for effect in effects:
         if effect.name in GROUPS:
             column = rows[:, columns[GROUPS[effect.name]]]
             left = column - rows[:, base] @ np.column_stack([least_squares(rows[:, base], c) for c in column.T])
-            if np.max(_size(left) / np.maximum(_size(column), 1e-300)) < LEFT:
+            if np.max(_size(left) / np.maximum(sizes[list(columns[GROUPS[effect.name]])], 1e-300)) < LEFT:
                 gone.add(effect.name)
                 if effect.named:
                     notes.append(
@@ -52,6 +55,12 @@ def distinguished(
                     )
             else:
                 own[effect.name] = left
+    if LOAD in own and any(
+        name in own and _alike(own[LOAD], own[name]) for name in ("coulomb_friction", "viscous_friction")
+    ):
+        del own[LOAD]
+        gone.add(LOAD)
+        notes.append(f"{LOAD} cannot be told from dry and viscous friction in these logs: the load hardly varies")
     excludes = {effect.name: set(effect.excludes) for effect in effects}
     for a, b in combinations(own, 2):
         if _alike(own[a], own[b]):

@@ -8,9 +8,9 @@ from hqpipe.layers.joint_motion.first_fit import blocks, robust_fit
 from hqpipe.layers.joint_motion.records import Part
 
 SPAN_S = 0.25  # of a window; assumption: a push by hand takes longer than that
-LEAST_SAMPLES = 4  # of a window
+LEAST_SAMPLES = 4  # of a window: one length of the filter
 OUTLIER = 6.0  # times the median of the windows' residuals; assumption: model errors of a fitted joint vary less over a motion
-MOST = 0.2  # of the windows: if more stand out, the model is wrong and nobody pushed
+MOST = 0.2  # of the windows; assumption: if more stand out, the model is wrong and nobody pushed
 
 
 def bursts(fit: Part, others: Part, dt: float) -> tuple[np.ndarray, np.ndarray]:
@@ -19,14 +19,14 @@ def bursts(fit: Part, others: Part, dt: float) -> tuple[np.ndarray, np.ndarray]:
     Args:
         dt: s, between filtered samples.
     """
-    found = robust_fit(fit.columns[fit.keep], fit.output[fit.keep])
     span = max(SPAN_S, LEAST_SAMPLES * dt)
     typical, masks = None, []
     for part in (fit, others):
         if not len(part.keep):
             masks.append(np.zeros(0, dtype=bool))
             continue
-        residual = part.output[part.keep] - part.columns[part.keep] @ found
+        rows, torque = part.columns[part.keep], part.output[part.keep]
+        residual = torque - rows @ robust_fit(rows, torque)
         window = blocks(part.segment[part.keep], part.time[part.keep], span)
         size = np.sqrt(np.bincount(window, residual**2) / np.bincount(window))
         typical = float(np.median(size)) if typical is None else typical

@@ -6,7 +6,7 @@ import numpy as np
 
 HUBER = 1.345  # of the scale: 95 % efficiency for normal errors (Huber 1964)
 NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation, of normal errors
-TURNS = 6
+TURNS = 6  # of Huber's weights; assumption: a start of a search needs no more
 MOST_ROWS = 5_000  # of a robust fit, evenly spaced: a first fit needs no more
 
 

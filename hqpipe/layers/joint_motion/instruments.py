@@ -8,17 +8,28 @@ simulated motion are the instruments, and the fit takes the regressors as projec
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hqpipe.layers.joint_motion.bandwidth import derivative, low_passed
-from hqpipe.layers.joint_motion.first_fit import least_squares, standard_errors
+from hqpipe.layers.joint_motion.bandwidth import derivative, low_passed, passed_noise
+from hqpipe.layers.joint_motion.columns import View
+from hqpipe.layers.joint_motion.first_fit import blocks, least_squares, standard_errors
+from hqpipe.layers.joint_motion.motion import motion_of
+from hqpipe.layers.joint_motion.prepared import BASE, BLOCK_S, FRICTION, Prepared
+from hqpipe.layers.joint_motion.records import Part
+
+if TYPE_CHECKING:
+    from hqpipe.layers.joint_motion.joint_motion import MovingMachine
 
 POLES = (0.5, 0.05)  # of the cut-off: loops from half to a twentieth of what the filter passes; assumption
 TERMS = 8  # Laguerre functions of each pole
 SIGNIFICANCE = 0.01  # of the Durbin–Wu–Hausman test
 MATERIAL = 0.02  # change of the predicted torque, as a share of it, below which least squares stay
+DOUBTFUL = (
+    1e-3  # share of noise in a regressor below which it biases nothing: stiff loops raise its effect ten-fold or so
+)
 LEAST_R2 = 0.5  # of a regressor on the instruments: below it they are weak, and the projection would hide the motion
 
 
@@ -112,3 +123,64 @@ def endogeneity(
         instrumental,
         moved > MATERIAL * float(np.std(y)),
     )
+
+
+def instrumental_parts(machine: MovingMachine, data: Prepared, notes: list[str]) -> tuple[Part, Part] | None:
+    """The parts, with the regressors of the fit projected on instruments where least squares are biased; else None.
+
+    What is held out chooses nothing and keeps the regressors that were measured.
+    """
+    logs, dt, fit = machine.log_set, machine.dt, data.parts[0]
+    if logs.control_mode != "position":
+        return None
+    commands = [t.trajectory.position_command[:, data.j] for t in logs.trials]
+    if max(np.ptp(command) for command in commands) == 0.0:
+        return None
+    if noise_share(data, dt) < DOUBTFUL:
+        return None
+    measured = [t.trajectory.position[:, data.j] for t in logs.trials]
+    used = [t.split == "fit" for t in logs.trials]
+    paths = simulated(commands, measured, used, dt, data.band.cutoff)
+    slow = 1e-6 * max(float(np.max(np.abs(r.view.own.velocity))) for r in data.records)
+    records = []
+    for record, path in zip(data.records, paths, strict=True):
+        own = motion_of(path, dt, data.band.cutoff, slow)
+        records.append(replace(record, view=View(own.position - data.mean, own, record.view.others)))
+    instruments = data.filtered(records, dt)
+    picked = data.group(*BASE, *FRICTION, "coupling")
+    linear = np.setdiff1d(np.arange(fit.columns.shape[1]), data.group("stribeck"))
+    z = instruments[0].columns[fit.keep]
+    x, y = fit.columns[fit.keep], fit.output[fit.keep]
+    doubtful = np.searchsorted(picked, data.group("inertia", "coulomb", "viscous"))
+    block = blocks(fit.segment[fit.keep], fit.time[fit.keep], BLOCK_S)
+    test = endogeneity(x[:, picked], z[:, linear], y, doubtful, block)
+    if not test.biased:
+        return None
+    change = (test.instrumental / test.plain - 1.0)[doubtful]
+    said = ", ".join(
+        f"{name} {100.0 * c:+.0f} %" for name, c in zip(("inertia", "coulomb", "viscous"), change, strict=True)
+    )
+    if test.weak:
+        notes.append(
+            f"noise of the position may bias the estimates ({100.0 * noise_share(data, dt):.1g} % of the variance of the "
+            "acceleration), and the command explains too little of the motion to check it with instruments"
+        )
+        return None
+    notes.append(
+        "the noise of the position in the closed loop biases least squares (Durbin–Wu–Hausman test, p "
+        f"{test.p:.1g}): the regressors are projected on a motion simulated from the command ({said})"
+    )
+    columns = fit.columns.copy()
+    own = np.arange(data.columns.own)
+    columns[np.ix_(fit.keep, own)] = z[:, linear] @ projected(x[:, own], z[:, linear])
+    return replace(fit, columns=columns), data.parts[1]
+
+
+def noise_share(data: Prepared, dt: float) -> float:
+    """Share of the variance of acceleration or velocity, the larger of the two, that the noise of the position makes."""
+    fit = data.parts[0]
+    shares = []
+    for order, name in ((2, "inertia"), (1, "viscous")):
+        size = float(np.mean(fit.columns[fit.keep, data.columns.one(name)] ** 2))
+        shares.append(passed_noise(data.band, dt, data.low_pass.weights, order) ** 2 / max(size, np.finfo(float).tiny))
+    return max(shares)

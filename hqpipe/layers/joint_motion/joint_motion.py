@@ -10,9 +10,10 @@ import numpy as np
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.model import LayerJoints
 from hqpipe.layers.joint_motion.bandwidth import Bandwidth, bandwidth
-from hqpipe.layers.joint_motion.judged import Unjudged, judge
+from hqpipe.layers.joint_motion.judged import judge
 from hqpipe.layers.joint_motion.motion import Motion, motion_of, resolution, rest_speed
 from hqpipe.layers.joint_motion.output import has_output
+from hqpipe.layers.joint_motion.prepared import Unjudged
 from hqpipe.logs.trajectory import LogSet
 
 LEAST_TRIAL = 64  # samples: shorter trials have no filtered sample

@@ -10,6 +10,7 @@ import numpy as np
 from hqpipe.identify.model import Effect, Parameter, Samples
 from hqpipe.layers.joint_motion.candidates import DIRECT, SHAPES
 from hqpipe.layers.joint_motion.columns import Columns
+from hqpipe.layers.joint_motion.coupling import Nuisance, Predicted
 from hqpipe.layers.joint_motion.records import Part
 
 
@@ -21,6 +22,7 @@ class MotionModel:
         unsigned: whether the log holds the size of the torque only; its sign was restored in `fit` and `heldout`.
         instrumental: whether the regressors are projected on instruments, because the noise of the loop biases them.
         parts: (fit, held-out) filtered samples. columns: what their columns are.
+        nuisances: of both, what the other joints may do, which is taken out of the errors.
         load: gravity of a known load at a right angle, N·m, and its inertia, kg·m²; 0 where none is known.
         back: samples from the start of a window of persistence to its end.
         mean: of the position over the fit trials, from which gravity and springs count, rad or m.
@@ -38,6 +40,7 @@ class MotionModel:
     unsigned: bool
     instrumental: bool
     parts: tuple[Part, Part]
+    nuisances: tuple[Nuisance, Predicted]
     columns: Columns
     load: tuple[float, float]
     back: int
@@ -59,8 +62,14 @@ class MotionModel:
 
     @cached_property
     def _kept(self) -> tuple[np.ndarray, ...]:
-        """Columns of the samples that are judged."""
-        return tuple(part.columns[part.keep] for part in self.parts)
+        """The joint's own columns of the samples that are judged."""
+        return tuple(np.ascontiguousarray(part.columns[np.ix_(part.keep, self._used)]) for part in self.parts)
+
+    @cached_property
+    def _used(self) -> np.ndarray:
+        """Indices of the columns that have coefficients: all but those of the other joints, which are taken out."""
+        others = self.columns["coupling"]
+        return np.array([k for group in self.columns.groups.values() for k in group if k not in others], dtype=np.int64)
 
     @cached_property
     def _table(self):
@@ -70,9 +79,21 @@ class MotionModel:
         return CubicSpline(np.log(self.columns.speeds), np.eye(len(self.columns.speeds)))
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
-        """(N,) predicted less measured torque; see `JointModel`."""
-        measured = self.heldout if heldout else self.fit
-        return self._predicted(np.asarray(values, dtype=float), heldout) - measured.output
+        """(N,) predicted less measured torque, without what other joints may do; see `JointModel`.
+
+        Of a torque that is logged later by s, the value s later is compared: the motion of all joints stays where it is.
+        """
+        values = np.asarray(values, dtype=float)
+        fit, predicted = self.nuisances
+        if not heldout:
+            return fit.left(self._own_error(values, False))
+        fitted = self._own_error(values, False) if predicted.gains.size else np.zeros(0)
+        return predicted.left(self._own_error(values, True), fitted)
+
+    def _own_error(self, values: np.ndarray, heldout: bool) -> np.ndarray:
+        """(N,) predicted less measured torque, with what other joints do."""
+        late = self._value(values, "", "timing_s") + self._value(values, "channel_skew", "skew_s")
+        return self._predicted(values, heldout) - _advanced(self.parts[heldout], late / self.dt)
 
     def referred_to(self, values: np.ndarray, other: MotionModel) -> np.ndarray:
         """(P,) the same gravity and spring as they count from the mean position of another record."""
@@ -95,29 +116,22 @@ class MotionModel:
 
     def _predicted(self, values: np.ndarray, heldout: bool) -> np.ndarray:
         part = self.parts[heldout]
-        skew = self._value(values, "", "timing_s") + self._value(values, "channel_skew", "skew_s")
-        if skew == 0.0:
-            rows, time = self._kept[heldout], part.time[part.keep]
-        else:
-            rows, time = part.columns, part.time
-        torque = self._torque(values, rows)
+        torque = self._torque(values, self._kept[heldout])
         scale = 1.0 + self._value(values, "torque_scale", "ratio")
         drift = self._value(values, "torque_by_time", "rate_per_s")
         if drift != 0.0 or scale != 1.0:
-            torque = torque * (scale * (1.0 + drift * time))
-        return torque if skew == 0.0 else _shifted(torque, part, skew / self.dt)
+            torque = torque * (scale * (1.0 + drift * part.time[part.keep]))
+        return torque
 
     def _torque(self, values: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """(N,) at samples with columns `rows`."""
+        """(N,) at samples with the columns `rows` of those that have coefficients."""
         indices, targets = self._linear
-        found = np.zeros(rows.shape[1])
+        found = np.zeros(self.parts[0].columns.shape[1])
         found[targets] = values[indices]
         if self.load[0]:
             angle = self._value(values, "", "gravity_angle_rad")
             found[list(self.columns["gravity"])] = self.load[0] * np.cos(angle), self.load[0] * np.sin(angle)
             found[self.columns.one("inertia")] += self.load[1]
-        transmitted = found.copy()
-        transmitted[[k for name in ("coulomb", "viscous") for k in self.columns[name]]] = 0.0
         found[self.columns.one("speed")] += self._value(values, "viscous_friction", "nm_s_per_rad") * self._value(
             values, "direction_asymmetry", "ratio"
         )
@@ -125,11 +139,7 @@ class MotionModel:
         if static != 0.0:
             speed = self._value(values, "stribeck_friction", "velocity_rad_s")
             found[list(self.columns["stribeck"])] = static * self._table(np.log(speed))
-        torque = rows @ found
-        share = self._value(values, "load_dependent_friction", "coefficient")
-        if share != 0.0:
-            torque = torque + share * np.abs(rows @ transmitted) * rows[:, self.columns.one("coulomb")]
-        return torque
+        return rows @ found[self._used]
 
     def _value(self, values: np.ndarray, effect: str, parameter: str) -> float:
         """Of a parameter that may not be there."""
@@ -154,10 +164,12 @@ class MotionModel:
         return np.array([at for at, _ in found], dtype=np.int64), np.array([k for _, k in found], dtype=np.int64)
 
 
-def _shifted(torque: np.ndarray, part: Part, steps: float) -> np.ndarray:
-    """(M,) the torque `steps` samples earlier, by cubic convolution (Keys 1981) within segments."""
+def _advanced(part: Part, steps: float) -> np.ndarray:
+    """(M,) the measured torque `steps` samples later, by cubic convolution (Keys 1981) within segments."""
+    if steps == 0.0:
+        return part.output[part.keep]
     whole = int(np.floor(steps))
-    x = steps - whole  # the sample lies x beyond `whole` samples ago
+    x = steps - whole  # the value lies x beyond `whole` samples ahead
     weights = (
         -0.5 * x**3 + x**2 - 0.5 * x,
         1.5 * x**3 - 2.5 * x**2 + 1.0,
@@ -168,5 +180,5 @@ def _shifted(torque: np.ndarray, part: Part, steps: float) -> np.ndarray:
     last = np.searchsorted(part.segment, part.segment[part.keep], side="right") - 1
     total = np.zeros(len(part.keep))
     for k, weight in enumerate(weights):
-        total += weight * torque[np.clip(part.keep - whole + 1 - k, first, last)]
+        total += weight * part.output[np.clip(part.keep + whole - 1 + k, first, last)]
     return total

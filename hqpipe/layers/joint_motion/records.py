@@ -13,6 +13,7 @@ from hqpipe.layers.joint_motion.columns import Columns, View
 from hqpipe.layers.joint_motion.motion import ParallelFilter
 
 MOST_SAMPLES = 20_000  # of a joint and split: what a search over sets of effects handles in seconds
+LONGEST = 200_000  # samples of the log at a time: 150 terms of other joints then take 240 MB
 PIECE = 400  # samples of a stretch where a log is too long to use all of it
 REST_SHARE = (
     0.2  # of the filter's weight that may lie on samples at rest; assumption: a reversal passes, a dwell does not
@@ -112,12 +113,12 @@ def part_of(
     total = sum(len(records[k].output) // low_pass.step for k in chosen)
     pieces = [(k, *ends) for k in chosen for ends in _pieces(len(records[k].output), low_pass, total)]
     files = tuple(dict.fromkeys(records[k].file for k in chosen))
-    smooth = {k: _smooth(records[k], dt, filters.cutoff) for k in chosen}
+    smoothed = {k: _smooth(records[k], dt, filters.cutoff) for k in chosen}
     found: list[tuple[np.ndarray, ...]] = []
     for number, (k, start, stop) in enumerate(pieces):
-        record, view = records[k], _cut(records[k].view, start, stop)
+        record, view = records[k], cut(records[k].view, start, stop)
         centres = low_pass.centres(stop - start)
-        torque, usable = (values[start:stop] for values in smooth[k])
+        torque, usable = (values[start:stop] for values in smoothed[k])
         rows = np.vstack([columns.of(view), torque, ~usable, view.own.rest])
         filtered = low_pass.apply(rows)
         many = np.ones(len(centres), dtype=np.int64)
@@ -138,7 +139,7 @@ def part_of(
         )
     if not found:
         whole, none = np.zeros(0, dtype=np.int64), np.zeros(0)
-        empty = np.zeros((0, len(columns.functions)))
+        empty = np.zeros((0, columns.own + len(columns["coupling"])))
         return Part(files, whole, none, none, none, none, whole, whole, whole, empty, none, whole)
     *values, unusable = (np.concatenate(part) for part in zip(*found, strict=True))
     keep = np.flatnonzero((unusable < 1e-12) & (values[-1] <= REST_SHARE))
@@ -157,16 +158,19 @@ def _smooth(record: Record, dt: float, cutoff: float) -> tuple[np.ndarray, np.nd
 
 
 def _pieces(samples: int, low_pass: ParallelFilter, total: int) -> list[tuple[int, int]]:
-    """Start and stop of the stretches that are used of one trial: all of it, or evenly spaced ones."""
+    """Start and stop of the stretches of one trial that are used: all of it, or evenly spaced ones; none too long."""
     size = PIECE * low_pass.step
     if total <= MOST_SAMPLES or samples <= size:
-        return [(0, samples)] if samples >= low_pass.length else []
+        ends = [(start, min(start + LONGEST, samples)) for start in range(0, samples, LONGEST)]
+        return [(start, stop) for start, stop in ends if stop - start >= low_pass.length]
     count = max(1, int(samples * MOST_SAMPLES / total / size))
     starts = np.linspace(0, samples - size, count).astype(int)
     return [(int(start), int(start) + size) for start in starts]
 
 
-def _cut(view: View, start: int, stop: int) -> View:
+def cut(view: View, start: int, stop: int) -> View:
+    """A stretch of a motion."""
+
     def motion(m):
         names = ("position", "velocity", "acceleration", "rest", "direction")
         return replace(m, **{name: getattr(m, name)[start:stop] for name in names})
