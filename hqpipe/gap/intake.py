@@ -46,6 +46,7 @@ class Intake:
         reasons: why nothing can be said of it, the gravest first; empty where something can. advice: the mend then.
         left_out: parts of the logs that had to go.
         spare: joint that was left out → logs in which it is sound, mended or of its other trials; None where there are none.
+        stops: what the law from command to torque is not judged on, at end stops.
     """
 
     log_set: LogSet
@@ -57,6 +58,7 @@ class Intake:
     advice: str | None = None
     left_out: tuple[LeftOut, ...] = ()
     spare: dict[str, LogSet | None] = field(default_factory=dict)
+    stops: tuple[str, ...] = ()
 
 
 def take_in(
@@ -89,7 +91,8 @@ def take_in(
         steps = window_samples(dt, window.seconds, log_set.path)
         signed = SignedLogs(log_set, log_set)
         return Intake(log_set, signed, window, steps, warnings, (reason,), "record the missing channel")
-    return _sifted(mark_end_stops(log_set, travel), window_s, dt, without)
+    marked, stops = mark_end_stops(log_set, travel)
+    return replace(_sifted(marked, window_s, dt, without), stops=stops)
 
 
 def _sifted(log_set: LogSet, window_s: float | None, dt: float, without: Sequence[str]) -> Intake:

@@ -33,8 +33,8 @@ Travel = Mapping[str, tuple[float, float]]
 """Joint → lowest and highest position, as a description of the robot states them."""
 
 
-def mark_end_stops(log_set: LogSet, travel: Travel | None = None) -> LogSet:
-    """The log set with the samples marked at which a joint touches an end stop, and a warning for each such joint.
+def mark_end_stops(log_set: LogSet, travel: Travel | None = None) -> tuple[LogSet, tuple[str, ...]]:
+    """The log set with the samples marked at which a joint touches an end stop, and a line about each such joint.
 
     In torque mode a stop is an end of the travel where the joint repeatedly stands although it is pushed on by more than it
     takes to move it elsewhere; in position mode one where it stands while its command moves on beyond it
@@ -57,12 +57,12 @@ def mark_end_stops(log_set: LogSet, travel: Travel | None = None) -> LogSet:
                 mark[:, j] = here
             told.append(_text(joint, ends, touched, share))
     if not told:
-        return log_set
+        return log_set, ()
     trials = [
         replace(trial, trajectory=_marked(trial.trajectory, mark))
         for trial, mark in zip(log_set.trials, marks, strict=True)
     ]
-    return replace(log_set, trials=tuple(trials), warnings=(*log_set.warnings, *told))
+    return replace(log_set, trials=tuple(trials)), tuple(told)
 
 
 def at_end_stop(t: Trajectory) -> np.ndarray | None:
