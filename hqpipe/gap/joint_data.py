@@ -218,21 +218,11 @@ def cut(
     what is left of them counts for nothing. So are those in which the joint touches an end stop, of the machine's windows those
     in which every joint does. Nothing is left out unless `masked`.
     """
-    parts, first, owner, judged, bounds = [], [], [], [], [0]
-    owners = _owners(trials)
-    for index, t in enumerate(trials):
-        starts, free = _starts(t, j, steps) if masked else _every(t, steps)
-        first.append(starts + bounds[-1])
-        owner.append(np.full(len(starts), owners[index]))
-        judged.append(free)
-        bounds.append(bounds[-1] + t.samples)
-        parts.append(_channels(t, j, mode, speed, flow))
-    starts, trial, free = np.concatenate(first), np.concatenate(owner), np.concatenate(judged)
-    if len(starts) > most:
-        kept = np.linspace(0, len(starts) - 1, most).round().astype(int)
-        starts, trial, free = starts[kept], trial[kept], free[kept]
-    every, window = (starts, trial), np.flatnonzero(free)
+    starts, trial, free = _windows(trials, j, steps, most, masked)
+    machine, window = (starts, trial), np.flatnonzero(free)
     starts, trial = starts[window], trial[window]
+    bounds = np.cumsum([0, *(t.samples for t in trials)])
+    parts = [_channels(t, j, mode, speed, flow) for t in trials]
     command, position, velocity, effort, time, demand = (
         np.ascontiguousarray(np.concatenate(c)) for c in zip(*parts, strict=True)
     )
@@ -248,12 +238,30 @@ def cut(
         effort,
         time,
         demand,
-        np.array(bounds, dtype=np.int64),
+        bounds.astype(np.int64),
         starts.astype(np.int64),
         steps,
         target,
     )
-    return Split(signals, trial, window, *every)
+    return Split(signals, trial, window, *machine)
+
+
+def _windows(
+    trials: Sequence[Trajectory], j: int, steps: int, most: int, masked: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """First sample and trial of each of the machine's windows, and whether joint `j` is judged in it; (M,) each."""
+    first, owner, judged, begun = [], [], [], 0
+    for t, index in zip(trials, _owners(trials), strict=True):
+        starts, free = _starts(t, j, steps) if masked else _every(t, steps)
+        first.append(starts + begun)
+        owner.append(np.full(len(starts), index))
+        judged.append(free)
+        begun += t.samples
+    found = np.concatenate(first), np.concatenate(owner), np.concatenate(judged)
+    if len(found[0]) <= most:
+        return found
+    kept = np.linspace(0, len(found[0]) - 1, most).round().astype(int)
+    return found[0][kept], found[1][kept], found[2][kept]
 
 
 def _every(t: Trajectory, steps: int) -> tuple[np.ndarray, np.ndarray]:

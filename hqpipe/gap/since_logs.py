@@ -44,7 +44,7 @@ def earlier_logs(
     intake = take_in(log_set, window_s, without, travel)
     if intake.reasons:
         raise _refused(log_set, intake.reasons[0], intake.advice)
-    logs = intake.log_set
+    told, logs = (*intake.warnings, *intake.stops, *(item.reason for item in intake.left_out)), intake.log_set
     found = accuse(logs, intake.steps, without, intake.signed, None, workers, progress)
     sensor = np.array([state.data.noise for state in found.states]) ** 2
     reasons, _ = shortage(found.base.fit, found.heldout, sensor)
@@ -69,10 +69,7 @@ def earlier_logs(
         unsigned=intake.signed.joints,
         levels=levels_of(log_set),
         checked=frozenset((f.effect, f.joint) for f in measured(logs, without)),
-        warnings=tuple(
-            f"reference: {text}"
-            for text in (*intake.warnings, *intake.stops, *(item.reason for item in intake.left_out))
-        ),
+        warnings=tuple(f"reference: {text}" for text in told),
     )
 
 
