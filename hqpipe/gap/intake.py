@@ -110,7 +110,8 @@ def _sifted(log_set: LogSet, window_s: float | None, dt: float, without: Sequenc
             told = tuple(d.message for d in defects if d.kind in SEEN or not d.fatal)
             return sieve.intake(signed, told, short, LONGER if short else None)
         signed = restore_efforts(sieve.logs, without)
-    advice = LONGER if all(item.kind == "too_short" for item in sieve.left) else MEND
+    kinds = {item.kind for item in sieve.left}
+    advice = AWAY if kinds == {RESTING} else LONGER if kinds <= {"too_short", RESTING} else MEND
     return sieve.intake(signed, (), tuple(f"{item.reason}; {item.fix}" for item in sieve.left), advice)
 
 

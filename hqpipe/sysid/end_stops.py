@@ -20,14 +20,9 @@ from hqpipe.logs.travel_ends import CONTACT, NEAR, Stretch, TravelEnd, held_ends
 from hqpipe.sysid.noise import difference_noise
 
 MARK = "at_end_stop"
-FASTEST, MOVING = (
-    0.999,
-    0.1,
-)  # quantile of the speed that counts as the fastest, and its share from which the joint moves
+FASTEST, MOVING = 0.999, 0.1
+"""Quantile of the speed that counts as the fastest, and its share from which a joint moves; assumption: as in valve mode."""
 FEWEST = 100  # moving samples that tell what it takes to move a joint; assumption
-MOST = (
-    0.9  # of a joint's samples at what seems to be a stop; where there are more it is how the joint works; assumption
-)
 
 Travel = Mapping[str, tuple[float, float]]
 """Joint → lowest and highest position, as a description of the robot states them."""
@@ -52,7 +47,7 @@ def mark_end_stops(log_set: LogSet, travel: Travel | None = None) -> tuple[LogSe
         ends += _stated(trials, j, (travel or {}).get(joint))
         touched = [np.any([end.touched(t.position[:, j]) for end in ends], axis=0) for t in trials if ends]
         share = float(np.mean(np.concatenate(touched))) if ends else 0.0
-        if 0.0 < share <= MOST:
+        if share > 0.0:
             for mark, here in zip(marks, touched, strict=True):
                 mark[:, j] = here
             told.append(_text(joint, ends, touched, share))
