@@ -43,7 +43,7 @@ def run(context: Any) -> dict[str, Any]:
     from hqpipe.report.diagnosis_table import diagnosis_table
     from hqpipe.stages.closed_loop import close_loop, closed_loop_lines
     from hqpipe.stages.earlier import REFERENCE, is_logs, read_earlier
-    from hqpipe.stages.logs import read_logs
+    from hqpipe.stages.logs import read_logs, stated_travel
     from hqpipe.stages.terminal import show
 
     largest = LARGEST // 2 if is_logs(context) else LARGEST  # both are in memory
@@ -55,6 +55,7 @@ def run(context: Any) -> dict[str, Any]:
         workers=context.workers,
         progress=context.progress,
         earlier=read_earlier(context, largest),
+        travel=stated_travel(context, log_set),
     )
     write_diagnosis(diagnosis, context.output)
     loop = close_loop(context, log_set, diagnosis)

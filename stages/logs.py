@@ -48,6 +48,17 @@ def _kinds(context: Any, log_set: Any) -> dict[str, str]:
     return from_urdf({name: joint.kind for name, joint in read_urdf(urdf).joints.items()}, log_set.joints)
 
 
+def stated_travel(context: Any, log_set: Any) -> dict[str, tuple[float, float]]:
+    """Joint → lowest and highest position, where robot.yaml is of these joints; empty elsewhere."""
+    from hqpipe.robots import load_robot
+
+    robot = load_robot(context.robot)
+    if not set(log_set.joints) <= set(robot.joints):
+        return {}
+    pairs = zip(robot.position_lower.tolist(), robot.position_upper.tolist(), strict=True)
+    return {joint: pair for joint, pair in zip(robot.joints, pairs, strict=True) if joint in log_set.joints}
+
+
 def shown_path(context: Any, path: Path) -> Path:
     """A folder relative to the project, or its bare name outside of it."""
     project = context.output.resolve().parents[2]  # <project>/artifacts/store/<output>

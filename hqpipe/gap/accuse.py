@@ -179,7 +179,7 @@ def prepare(
     earlier: Earlier | None = None,
     workers: int = 1,
 ) -> tuple[list[JointData], str]:
-    """Windows of every joint with the speed that the base model fits better, and that speed.
+    """Windows of every joint with the speed that the model fits better, and that speed.
 
     What a sagging supply would feel, speeds or valve openings, is chosen likewise, and the instant at which friction acts.
     An earlier record of the machine has chosen already, as far as it says.
@@ -205,7 +205,7 @@ def prepare(
     flow = by_speed(fit, linear)
     speed, data = MOVED, cut_up(MOVED, flow)
     logged = cut_up(LOGGED, flow)  # two cuts at a time: they are the largest thing in memory
-    if _misfit(logged, (), workers) < _misfit(data, (), workers):
+    if _least_misfit(logged, names, workers) < _least_misfit(data, names, workers):
         speed, data = LOGGED, logged
     del logged
     shift = 0.0
@@ -240,6 +240,18 @@ def _misfit(data: Sequence[JointData], names: tuple[str, ...], workers: int) -> 
     with ThreadPoolExecutor(max(workers, 1)) as pool:
         losses = pool.map(lambda one: JointFitter(one).fit(names).loss, data)
         return sum(np.log(loss + 1e-300) for loss in losses)
+
+
+def _least_misfit(data: Sequence[JointData], names: Sequence[str], workers: int) -> float:
+    """The same with the effect that explains most of each joint by itself, or none: what an effect would explain can outweigh
+    what is asked, and the base model bends to it."""
+
+    def least(one: JointData) -> float:
+        fitter = JointFitter(one)
+        return min(fitter.fit((name,) if name else ()).loss for name in ("", *names) if name not in one.barred)
+
+    with ThreadPoolExecutor(max(workers, 1)) as pool:
+        return sum(np.log(loss + 1e-300) for loss in pool.map(least, data))
 
 
 def _floor(machine: RowModel, states: list[JointState], log_set: LogSet, steps: int) -> np.ndarray:
@@ -280,7 +292,9 @@ def _final_error(states: list[JointState], spans: Spans | None) -> np.ndarray:
     inside = {state.joint: state for state in spans.states} if spans else {}
     return np.stack(
         [
-            spans.errors(s.joint, inside[s.joint].chosen.heldout) if s.joint in inside else s.chosen.heldout
+            s.data.heldout.of_machine(
+                spans.errors(s.joint, inside[s.joint].chosen.heldout) if s.joint in inside else s.chosen.heldout
+            )
             for s in states
         ],
         axis=1,
@@ -299,9 +313,9 @@ def _raw_error(
             unsigned = joint_data(trials["fit"], trials["heldout"], j, mode, steps, one.noise, speed=speed)
             if one.then is not None:  # the reference's own error, not that of a fit
                 unsigned = replace(unsigned, then=one.then, row=one.row)
-            errors.append(JointFitter(unsigned).fit().heldout)
+            errors.append(unsigned.heldout.of_machine(JointFitter(unsigned).fit().heldout))
         else:
-            errors.append(state.base.heldout)
+            errors.append(state.of_machine(state.base))
     return np.stack(errors, axis=1)
 
 
@@ -335,7 +349,7 @@ def _shrink(states: list[JointState], causes: list[Cause], lasting: int, spans: 
     Args:
         causes: the first `lasting` of them act all the time, the others inside `spans`.
     """
-    edges = np.arange(0, len(states[0].base.heldout), WINDOWS_PER_BLOCK)
+    edges = np.arange(0, len(states[0].data.heldout.machine_first), WINDOWS_PER_BLOCK)
     passing = {state.joint: state for state in spans.states} if spans else {}
 
     def error(state: JointState, subset: frozenset[int]) -> np.ndarray:
@@ -351,7 +365,9 @@ def _shrink(states: list[JointState], causes: list[Cause], lasting: int, spans: 
         return left if np.isfinite(left).all() else state.base.heldout  # a set that runs away explains nothing
 
     def errors(subset: frozenset[int]) -> np.ndarray:
-        return sum(np.add.reduceat(error(state, subset), edges) / state.data.scale**2 for state in states)
+        return sum(
+            np.add.reduceat(s.data.heldout.of_machine(error(s, subset)), edges) / s.data.scale**2 for s in states
+        )
 
     if not causes:
         zero = np.zeros((0, 2))

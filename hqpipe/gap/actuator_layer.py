@@ -30,10 +30,15 @@ from hqpipe.gap.tally import ALL, Tally, tally
 from hqpipe.gap.traces import worst_windows
 from hqpipe.gap.verdict import Evidence, shortage, weigh
 from hqpipe.logs.trajectory import LogSet
+from hqpipe.sysid.end_stops import Travel
 
 
 def intake_of(
-    log_set: LogSet, window_s: float | None, without: Sequence[str] = (), earlier: Earlier | None = None
+    log_set: LogSet,
+    window_s: float | None,
+    without: Sequence[str] = (),
+    earlier: Earlier | None = None,
+    travel: Travel | None = None,
 ) -> Intake:
     """The log set looked through, with the windows of `earlier` logs and without joints that these do not know.
 
@@ -43,10 +48,10 @@ def intake_of(
     if earlier is not None:
         earlier.fits(log_set)
     if window_s is None and earlier is not None and earlier.window_s is not None:
-        intake = take_in(log_set, earlier.window_s, without)
+        intake = take_in(log_set, earlier.window_s, without, travel)
         intake = replace(intake, window=replace(intake.window, reason="as long as those of the reference"))
     else:
-        intake = take_in(log_set, window_s, without)
+        intake = take_in(log_set, window_s, without, travel)
     if earlier is not None:
         intake = only_known(intake, earlier)
         intake = replace(intake, warnings=(*intake.warnings, *earlier.warnings))
@@ -69,9 +74,9 @@ def diagnose_actuator(
             `hqpipe.gap.diagnosis.diagnose`.
     """
     if intake.reasons:
-        warnings = list(intake.warnings)
+        warnings = [*intake.warnings, *intake.stops]
         return Diagnosis(not_identifiable(intake.log_set, warnings, intake.advice, earlier, intake.left_out))
-    log_set, signed, warnings = intake.log_set, intake.signed, list(intake.warnings)
+    log_set, signed, warnings = intake.log_set, intake.signed, [*intake.warnings, *intake.stops]
     limit = None if effort_limit is None else effort_limit[[machine.index(joint) for joint in log_set.joints]]
     found = accuse(log_set, intake.steps, without, signed, limit, workers, progress, earlier)
     checked = [f for f in measured(log_set, without) if earlier is None or (f.effect, f.joint) not in earlier.checked]

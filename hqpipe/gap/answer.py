@@ -197,7 +197,9 @@ def _cause(cause: Cause, shrink: float, interval: np.ndarray, log_set: LogSet) -
 
 def _unsigned(signed: SignedLogs, log_set: LogSet, found: Accusation, evidence: Evidence) -> dict[str, Any]:
     """The cause that was removed before anything else, with what that did to the base model's error."""
-    low, high = _fall(found.raw, np.stack([state.base.heldout for state in found.states], axis=1), found.scale)
+    low, high = _fall(
+        found.raw, np.stack([state.of_machine(state.base) for state in found.states], axis=1), found.scale
+    )
     shrink = 1.0 - pooled(evidence.error, found.scale) / _before_signs(found, evidence)
     ratio = float(np.mean([entry.error_ratio for entry in signed.findings]))
     return {

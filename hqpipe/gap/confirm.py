@@ -104,15 +104,9 @@ class _Windows:
         """Likewise of every window, with the model fitted to some of them."""
         found = []
         for data, some in zip(self.data, kept, strict=True):
-            row = JointFitter(replace(data, fit=_part(data.fit, some))).fit().row
+            row = JointFitter(replace(data, fit=data.fit.only(some))).fit().row
             found.append(_in_units(window_errors(row, data.fit), data.fit))
         return found
-
-
-def _part(split: Split, some: np.ndarray) -> Split:
-    signals = split.signals
-    part = signals._replace(first=signals.first[some], target=np.ascontiguousarray(signals.target[:, some]))
-    return Split(part, split.trial[some])
 
 
 def _in_units(errors: np.ndarray, split: Split) -> np.ndarray:

@@ -25,7 +25,7 @@ _ABSORBED_SINCE = {
 def considered(found: Accusation, log_set: LogSet) -> list[dict[str, Any]]:
     """Candidates that were not accepted anywhere, the best first, with the reason."""
     accepted = {cause.effect for cause in found.causes}
-    total = sum(state.base.heldout.sum() / state.data.scale**2 for state in found.states)
+    total = sum(state.of_machine(state.base).sum() / state.data.scale**2 for state in found.states)
     rows = []
     for effect in dict.fromkeys((*found.library, *_absorbed(log_set))):
         if effect in accepted:
@@ -60,11 +60,11 @@ def _alone(effect: str, states: list[JointState], total: float) -> tuple[list[st
     after, best, joints = 0.0, 0.0, []
     for state in states:
         if effect not in state.search.library:
-            after += state.base.heldout.sum() / state.data.scale**2
+            after += state.of_machine(state.base).sum() / state.data.scale**2
             continue
         fit = state.search.fit((effect,))
         ratio, z = state.search.gain(state.base, fit)
-        after += min(fit.heldout.sum(), state.base.heldout.sum()) / state.data.scale**2
+        after += min(state.of_machine(f).sum() for f in (fit, state.base)) / state.data.scale**2
         if ratio > 1.05 and z > 2.0:
             joints.append(state.joint)
         best = max(best, z if ratio > 1.0 else 0.0)

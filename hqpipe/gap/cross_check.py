@@ -16,6 +16,7 @@ import numpy as np
 from hqpipe.gap.bootstrap import BLOCK_S, block_weights, interval
 from hqpipe.gap.sensing import skew
 from hqpipe.logs.trajectory import LogSet, Trajectory
+from hqpipe.sysid.end_stops import at_end_stop
 
 MEAN_S = 0.01  # over which effort and pressures are averaged, so that a skew of a few ms does not count as error
 SIGMAS = 5.0  # from zero or from the other joints, by bootstrap and by the scatter of those joints
@@ -116,9 +117,13 @@ def _line(trials: list[Trajectory], j: int, late: float, rubbed: bool) -> _Line 
         sides = [np.ones(t.samples), t.pressure_a[:, j] - t.pressure_b[:, j], t.pressure_a[:, j] + t.pressure_b[:, j]]
         effort = np.interp(t.time + late, t.time, t.effort[:, j])
         columns = np.stack([*sides, friction, speed, effort], axis=1)[: count * every]
-        rows.append(columns.reshape(count, every, -1).mean(axis=1))
+        marks = at_end_stop(t)  # a load cell does not feel the oil that rests on the cylinder's own end
+        free = np.ones(count, dtype=bool)
+        if marks is not None:
+            free = ~marks[: count * every, j].reshape(count, every).any(axis=1)
+        rows.append(columns.reshape(count, every, -1).mean(axis=1)[free])
         size = max(1, round(BLOCK_S / (every * t.dt)))
-        block.append(np.arange(count) // size + seen)
+        block.append((np.arange(count) // size + seen)[free])
         seen += count // size + 1
     table, member = np.concatenate(rows), np.concatenate(block)
     if rubbed:

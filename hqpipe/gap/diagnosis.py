@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from hqpipe.errors import IdentificationError
 from hqpipe.gap.actuator_layer import diagnose_actuator, intake_of
 from hqpipe.gap.answer import not_identifiable
 from hqpipe.gap.diagnosis_files import FILE, TABLE, TRACES, Diagnosis, Row, errors_left, write_diagnosis
+from hqpipe.gap.intake import Intake
 from hqpipe.gap.joint_state import Progress
 from hqpipe.gap.layer_diagnosis import apply_layer, diagnose_layer
 from hqpipe.gap.layer_intake import position_checks
@@ -20,6 +21,7 @@ from hqpipe.gap.routing import ACTUATOR, JOINT_MOTION, Route, has_law, route, ro
 from hqpipe.gap.since import Earlier, EarlierLogs
 from hqpipe.gap.since_logs import earlier_logs
 from hqpipe.logs.trajectory import LogSet
+from hqpipe.sysid.end_stops import Travel
 
 __all__ = ["FILE", "LARGEST", "TABLE", "TRACES", "Diagnosis", "Row", "diagnose", "errors_left", "write_diagnosis"]
 
@@ -35,6 +37,7 @@ def diagnose(
     workers: int = 1,
     progress: Progress | None = None,
     earlier: Earlier | EarlierLogs | None = None,
+    travel: Travel | None = None,
 ) -> Diagnosis:
     """Say whether the error on the held-out trials exceeds the noise, where it is and what causes it.
 
@@ -46,6 +49,7 @@ def diagnose(
         workers: joints searched at a time; the answer does not depend on it.
         progress: called with (done, total, text).
         earlier: a record of the same machine; then only what changed since is a cause.
+        travel: stated limits of the joints' positions, where end stops may be.
 
     Raises:
         IdentificationError: no layer can be evaluated.
@@ -57,55 +61,85 @@ def diagnose(
     elif earlier is not None:
         (earlier.fits if chosen.actuator else earlier.fits_layer)(log_set)
     name = next((name for name in chosen.layers if not apply_layer(name).lacking(log_set)), None)
-    if not chosen.actuator:
-        if name is None:
-            return _lacking(log_set, chosen.layers, earlier)
-        return _layer_alone(name, log_set, window_s, without, workers, progress, earlier)
-    record, halves = earlier, progress
+    asked = _Question(window_s, without, workers, travel)
+    if chosen.actuator:
+        return _law_first(name, log_set, asked, effort_limit, progress, earlier)
+    if name is None:
+        return _lacking(log_set, chosen.layers, earlier)
+    return _layer_alone(name, log_set, asked, progress, earlier)
+
+
+@dataclass(frozen=True)
+class _Question:
+    """What `diagnose` was asked, of whichever layer answers; see there."""
+
+    window_s: float | None
+    without: Sequence[str]
+    workers: int
+    travel: Travel | None
+
+
+def _law_first(
+    name: str | None,
+    log_set: LogSet,
+    asked: _Question,
+    effort_limit: np.ndarray | None,
+    progress: Progress | None,
+    earlier: Earlier | EarlierLogs | None,
+) -> Diagnosis:
+    """The answer of the law from command to torque, or that of layer `name` where that law does not hold."""
+    record = earlier
     if isinstance(earlier, EarlierLogs):
-        halves = _part(progress, 0.5)
+        told, progress = _part(progress, 0.0, "reference: "), _part(progress, 0.5)
         try:
-            record = earlier_logs(earlier.log_set, window_s, without, workers, _part(progress, 0.0, "reference: "))
+            record = earlier_logs(earlier.log_set, asked.window_s, asked.without, asked.workers, told, asked.travel)
         except IdentificationError:
             if name is None:
                 raise
-            return _layer_alone(name, log_set, window_s, without, workers, halves, earlier)
-    intake = intake_of(log_set, window_s, without, record)
-    first = diagnose_actuator(intake, log_set.joints, without, effort_limit, workers, halves, record)
-    blind = errs_as_persistence(first)
-    if name is None or intake.reasons or not blind:
+            return _layer_alone(name, log_set, asked, progress, earlier)
+    intake = intake_of(log_set, asked.window_s, asked.without, record, asked.travel)
+    first = diagnose_actuator(intake, log_set.joints, asked.without, effort_limit, asked.workers, progress, record)
+    if name is None or intake.reasons or not errs_as_persistence(first):
         return first
-    then, told = earlier if isinstance(earlier, EarlierLogs) else None, list(intake.warnings)
-    rest = {"left_out": intake.left_out, "warnings": told}
+    then = earlier if isinstance(earlier, EarlierLogs) else None
     try:
-        second = diagnose_layer(name, intake.signed.raw, window_s, without, workers, halves, then, **rest)
+        second = _of_layer(name, intake, asked, progress, then)
     except IdentificationError as error:
         return _with_warnings(first, [f"layer {name}: {error}"])
     return _in_its_place(first, second)
 
 
+def _of_layer(
+    name: str, intake: Intake, asked: _Question, progress: Progress | None, earlier: EarlierLogs | None
+) -> Diagnosis:
+    """The answer of a layer to logs that were looked through for the law from command to torque."""
+    return diagnose_layer(
+        name,
+        intake.signed.raw,
+        asked.window_s,
+        asked.without,
+        asked.workers,
+        progress,
+        earlier,
+        left_out=list(intake.left_out),
+        warnings=list(intake.warnings),
+    )
+
+
 def _layer_alone(
-    name: str,
-    log_set: LogSet,
-    window_s: float | None,
-    without: Sequence[str],
-    workers: int,
-    progress: Progress | None,
-    earlier: EarlierLogs | None,
+    name: str, log_set: LogSet, asked: _Question, progress: Progress | None, earlier: EarlierLogs | None
 ) -> Diagnosis:
     """The answer of a layer, its logs looked through as far as their channels allow."""
     if name == JOINT_MOTION and has_law(log_set):
-        intake = intake_of(log_set, None, without)
+        intake = intake_of(log_set, None, asked.without)
         if intake.reasons:
             return Diagnosis(
                 not_identifiable(intake.log_set, list(intake.warnings), intake.advice, earlier, intake.left_out)
             )
-        logs, left_out, warnings = intake.signed.raw, list(intake.left_out), list(intake.warnings)
-    else:
-        logs, left_out, warnings = position_checks(log_set)
-    return diagnose_layer(
-        name, logs, window_s, without, workers, progress, earlier, left_out=left_out, warnings=warnings
-    )
+        return _of_layer(name, intake, asked, progress, earlier)
+    logs, left_out, told = position_checks(log_set)
+    rest = {"left_out": left_out, "warnings": told}
+    return diagnose_layer(name, logs, asked.window_s, asked.without, asked.workers, progress, earlier, **rest)
 
 
 def errs_as_persistence(found: Diagnosis) -> bool:

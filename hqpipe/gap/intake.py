@@ -26,11 +26,13 @@ from hqpipe.gap.signs import SignedLogs, restore_efforts
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.findings import in_trials
 from hqpipe.logs.trajectory import LogSet
+from hqpipe.sysid.end_stops import Travel, judged_windows, mark_end_stops
 from hqpipe.sysid.free_run import window_samples
-from hqpipe.sysid.window_choice import WindowChoice, window_for
+from hqpipe.sysid.window_choice import MIN_WINDOWS, WindowChoice, window_for
 
 LONGER = "record longer trials in which every joint moves, one of them held out"
 MEND = "correct the logs, then diagnose them again"
+RESTING, AWAY = "end_stop", "record longer motion between the end stops"
 SEEN = ("constant", "saturated", "held_samples", "velocity_mismatch")  # facts, also where the models do not mind them
 
 
@@ -44,6 +46,7 @@ class Intake:
         reasons: why nothing can be said of it, the gravest first; empty where something can. advice: the mend then.
         left_out: parts of the logs that had to go.
         spare: joint that was left out → logs in which it is sound, mended or of its other trials; None where there are none.
+        stops: what the law from command to torque is not judged on, at end stops.
     """
 
     log_set: LogSet
@@ -55,14 +58,18 @@ class Intake:
     advice: str | None = None
     left_out: tuple[LeftOut, ...] = ()
     spare: dict[str, LogSet | None] = field(default_factory=dict)
+    stops: tuple[str, ...] = ()
 
 
-def take_in(log_set: LogSet, window_s: float | None, without: Sequence[str] = ()) -> Intake:
+def take_in(
+    log_set: LogSet, window_s: float | None, without: Sequence[str] = (), travel: Travel | None = None
+) -> Intake:
     """Look a log set through before a model is fitted to it.
 
     Args:
         log_set: whose law from command to torque is asked for, see `hqpipe.gap.routing`.
         window_s: s, or None for what suits the logs. without: effects left out of the library.
+        travel: stated limits of the joints' positions, where end stops may be.
 
     Raises:
         IdentificationError: no layer can be evaluated.
@@ -84,7 +91,8 @@ def take_in(log_set: LogSet, window_s: float | None, without: Sequence[str] = ()
         steps = window_samples(dt, window.seconds, log_set.path)
         signed = SignedLogs(log_set, log_set)
         return Intake(log_set, signed, window, steps, warnings, (reason,), "record the missing channel")
-    return _sifted(log_set, window_s, dt, without)
+    marked, stops = mark_end_stops(log_set, travel)
+    return replace(_sifted(marked, window_s, dt, without), stops=stops)
 
 
 def _sifted(log_set: LogSet, window_s: float | None, dt: float, without: Sequence[str]) -> Intake:
@@ -93,7 +101,7 @@ def _sifted(log_set: LogSet, window_s: float | None, dt: float, without: Sequenc
     signed = restore_efforts(apart, without)
     window = window_for(signed.log_set, window_s)
     sieve = _Sieve(apart, names, window, window_samples(dt, window.seconds, log_set.path))
-    if sieve.drop_short():
+    if sieve.drop_short() | sieve.drop_resting():
         signed = restore_efforts(sieve.logs, without)
     while not sieve.empty:
         defects = _as_recorded(check_logs(signed.log_set, window_s=window.seconds), sieve.logs, signed)
@@ -102,7 +110,8 @@ def _sifted(log_set: LogSet, window_s: float | None, dt: float, without: Sequenc
             told = tuple(d.message for d in defects if d.kind in SEEN or not d.fatal)
             return sieve.intake(signed, told, short, LONGER if short else None)
         signed = restore_efforts(sieve.logs, without)
-    advice = LONGER if all(item.kind == "too_short" for item in sieve.left) else MEND
+    kinds = {item.kind for item in sieve.left}
+    advice = AWAY if kinds == {RESTING} else LONGER if kinds <= {"too_short", RESTING} else MEND
     return sieve.intake(signed, (), tuple(f"{item.reason}; {item.fix}" for item in sieve.left), advice)
 
 
@@ -163,6 +172,31 @@ class _Sieve:
             self.left.append(LeftOut(tuple(short), (), None, "too_short", reason, "record longer trials"))
             self._keep(without_trials(self.logs, short))
         return bool(short)
+
+    def drop_resting(self) -> bool:
+        """Leave out joints that are at their end stops in nearly all windows; whether there were any."""
+        logs = self.logs
+        found = [joint for j, joint in enumerate(logs.joints) if self._windows_left(j) < MIN_WINDOWS]
+        for joint in found if not self.empty else ():
+            reason = (
+                f"{joint}: at an end stop in all but {self._windows_left(logs.joints.index(joint))} windows of a split"
+            )
+            self.left.append(LeftOut(tuple(t.file for t in logs.trials), (joint,), None, RESTING, reason, AWAY))
+            self.spare[joint] = None
+        if found and not self.empty:
+            self._keep(of_joints(logs, [joint for joint in logs.joints if joint not in found]))
+        return bool(found)
+
+    def _windows_left(self, j: int) -> float:
+        """In the split that has fewer of them, the windows in which a joint that has end stops touches none."""
+        left, touched = [], False
+        for trials in (self.logs.fit, self.logs.heldout):
+            left.append(0)
+            for t in (trial.trajectory for trial in trials):
+                judged = judged_windows(t, self.steps)
+                touched |= judged is not None and not judged[:, j].all()
+                left[-1] += (t.samples - 1) // self.steps if judged is None else int(judged[:, j].sum())
+        return min(left) if touched else np.inf  # of any other joint what is too short is asked elsewhere
 
     def take(self, defects: Sequence[Defect], signed: SignedLogs) -> bool:
         """Leave out what the gravest kind of defect costs; whether there was any.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from hqpipe.gap.joint_scale import joint_scale
 from hqpipe.kernels.augmented_columns import MODES
 from hqpipe.kernels.augmented_signals import Signals
 from hqpipe.logs.trajectory import Trajectory
+from hqpipe.sysid.end_stops import away_from_stops, judged_windows
 
 MAX_WINDOWS = 400  # per joint and split; 40 s of windows of 0.1 s say what an hour says, in bounded time
 PRESLIDING_SHARE = 0.0003  # of the position's standard deviation: where friction turns round, until it is fitted
@@ -39,10 +40,31 @@ class Split:
     Attributes:
         signals: for the kernels.
         trial: (W,) index of the trial of each window; of a recording's first section for all of its sections.
+        window: (W,) place of each window among the M of the machine, of which this joint lacks what its end stops spoil.
+        machine_first, machine_trial: (M,) first sample and trial of each of those.
     """
 
     signals: Signals
     trial: np.ndarray
+    window: np.ndarray
+    machine_first: np.ndarray
+    machine_trial: np.ndarray
+
+    def of_machine(self, errors: np.ndarray) -> np.ndarray:
+        """(M,) squared errors (W,) in their places, 0 where the joint is not judged; their mean stays what it was."""
+        windows = len(self.machine_first)
+        if len(self.window) == windows:
+            return errors
+        found = np.zeros(windows)
+        found[self.window] = errors * (windows / max(len(self.window), 1))
+        return found
+
+    def only(self, some: np.ndarray) -> Split:
+        """Some of the windows, by a mask or indices of (W,)."""
+        signals = self.signals
+        target = np.ascontiguousarray(signals.target[:, some])
+        part = signals._replace(first=signals.first[some].copy(), target=target)
+        return replace(self, signals=part, trial=self.trial[some], window=self.window[some])
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +169,9 @@ def joint_data(
     """
     row = neutral_row()
     row[slot("setting", "sample_time")] = float(np.median([t.dt for t in fit]))
-    row[slot("setting", "middle")] = float(np.mean(np.concatenate([t.position[:, j] for t in fit])))
+    row[slot("setting", "middle")] = float(
+        np.mean(np.concatenate([away_from_stops(t, j, t.position[:, j]) for t in fit]))
+    )
     row[slot("setting", "effort_limit")] = effort_limit
     joints = len(fit[0].joints)
     row[[slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]] = [
@@ -165,7 +189,7 @@ def joint_data(
         size=size,
         row=row,
         noise=noise,
-        scale=joint_scale([t.effort[:, j] for t in fit]),
+        scale=joint_scale([away_from_stops(t, j, t.effort[:, j]) for t in fit]),
         linear=linear,
         held={} if _rests(fit, mode, flow) else {slot("supply_droop", "pump_velocity_rad_s"): 0.0},
     )
@@ -191,21 +215,14 @@ def cut(
     """Complete windows, evenly thinned to `most`.
 
     Left out are windows that would start at a sample that was not recorded, or hold more of these than others, at any joint;
-    what is left of them counts for nothing, unless `masked` is False.
+    what is left of them counts for nothing. So are those in which the joint touches an end stop, of the machine's windows those
+    in which every joint does. Nothing is left out unless `masked`.
     """
-    parts, first, owner, bounds = [], [], [], [0]
-    owners = _owners(trials)
-    for index, t in enumerate(trials):
-        starts = np.arange(0, t.samples - steps, steps)
-        starts = starts if t.observed is None or not masked else _recorded(starts, t.observed, steps)
-        first.append(starts + bounds[-1])
-        owner.append(np.full(len(starts), owners[index]))
-        bounds.append(bounds[-1] + t.samples)
-        parts.append(_channels(t, j, mode, speed, flow))
-    starts, trial = np.concatenate(first), np.concatenate(owner)
-    if len(starts) > most:
-        kept = np.linspace(0, len(starts) - 1, most).round().astype(int)
-        starts, trial = starts[kept], trial[kept]
+    starts, trial, free = _windows(trials, j, steps, most, masked)
+    machine, window = (starts, trial), np.flatnonzero(free)
+    starts, trial = starts[window], trial[window]
+    bounds = np.cumsum([0, *(t.samples for t in trials)])
+    parts = [_channels(t, j, mode, speed, flow) for t in trials]
     command, position, velocity, effort, time, demand = (
         np.ascontiguousarray(np.concatenate(c)) for c in zip(*parts, strict=True)
     )
@@ -221,12 +238,47 @@ def cut(
         effort,
         time,
         demand,
-        np.array(bounds, dtype=np.int64),
+        bounds.astype(np.int64),
         starts.astype(np.int64),
         steps,
         target,
     )
-    return Split(signals, trial)
+    return Split(signals, trial, window, *machine)
+
+
+def _windows(
+    trials: Sequence[Trajectory], j: int, steps: int, most: int, masked: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """First sample and trial of each of the machine's windows, and whether joint `j` is judged in it; (M,) each."""
+    first, owner, judged, begun = [], [], [], 0
+    for t, index in zip(trials, _owners(trials), strict=True):
+        starts, free = _starts(t, j, steps) if masked else _every(t, steps)
+        first.append(starts + begun)
+        owner.append(np.full(len(starts), index))
+        judged.append(free)
+        begun += t.samples
+    found = np.concatenate(first), np.concatenate(owner), np.concatenate(judged)
+    if len(found[0]) <= most:
+        return found
+    kept = np.linspace(0, len(found[0]) - 1, most).round().astype(int)
+    return found[0][kept], found[1][kept], found[2][kept]
+
+
+def _every(t: Trajectory, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    starts = np.arange(0, t.samples - steps, steps)
+    return starts, np.ones(len(starts), dtype=bool)
+
+
+def _starts(t: Trajectory, j: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """First samples of the machine's windows in a trial, and whether joint `j` is judged in each."""
+    (starts, free), judged = _every(t, steps), judged_windows(t, steps)
+    if judged is not None:
+        some = judged.any(axis=1)
+        starts, free = starts[some], judged[some, j]
+    if t.observed is not None:
+        recorded = np.isin(starts, _recorded(starts, t.observed, steps))
+        starts, free = starts[recorded], free[recorded]
+    return starts, free
 
 
 def _recorded(starts: np.ndarray, observed: np.ndarray, steps: int) -> np.ndarray:
@@ -318,19 +370,19 @@ _SPEED_OF = {
 
 
 def _sizes(fit: Sequence[Trajectory], j: int, mode: str, flow: Flow) -> dict[str, float]:
-    def rms(values: list[np.ndarray]) -> float:
-        return float(np.sqrt(np.mean(np.concatenate(values) ** 2))) + 1e-12
+    def together(pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:
+        return np.concatenate([away_from_stops(t, j, pick(t)) for t in fit])
 
-    effort = rms([t.effort[:, j] for t in fit])
-    velocity, angle = (
-        rms([t.velocity[:, j] for t in fit]),
-        float(np.std(np.concatenate([t.position[:, j] for t in fit]))),
-    )
-    drawn = rms([_drawn(t, mode, flow) for t in fit])
+    def rms(values: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(values**2))) + 1e-12
+
+    effort, velocity = rms(together(lambda t: t.effort[:, j])), rms(together(lambda t: t.velocity[:, j]))
+    angle = float(np.std(together(lambda t: t.position[:, j])))
+    drawn = rms(np.concatenate([_drawn(t, mode, flow) for t in fit]))
     return {
         scales.SECOND: 1.0,
         scales.NONE: 1.0,
-        scales.COMMAND: rms([_errors(t, mode)[:, j] for t in fit]),
+        scales.COMMAND: rms(together(lambda t: _errors(t, mode)[:, j])),
         scales.EFFORT: effort,
         scales.VELOCITY: velocity,
         scales.SLOWNESS: 1.0 / drawn,

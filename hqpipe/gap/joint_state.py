@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
+import numpy as np
 from scipy.stats import norm
 
 from hqpipe.effects.layout import slot
@@ -45,6 +46,10 @@ class JointState:
     def first_number(self, effect: str) -> float:
         """The first number of a chosen effect, in the fit's own form."""
         return self.search.fitter.first_number(self.chosen, effect)
+
+    def of_machine(self, fit: SetFit) -> np.ndarray:
+        """Held-out squared errors of a fit in the places of the machine's windows."""
+        return self.data.heldout.of_machine(fit.heldout)
 
     def choose(self, fit: SetFit) -> JointState:
         """The joint with another set chosen."""

@@ -23,7 +23,7 @@ class LeftOut:
         trials: files. With `joints` empty they are left out whole; else the defect was found in them.
         joints: left out in every trial; with a `channel`, only that channel of them is, in these trials.
         channel: in the log format, or None.
-        kind: of the defect, one of `hqpipe.gap.defect.KINDS`. reason: one line. fix: what to do about it.
+        kind: of the defect, one of `hqpipe.gap.defect.KINDS`, or "end_stop". reason: one line. fix: what to do about it.
     """
 
     trials: tuple[str, ...]

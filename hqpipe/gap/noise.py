@@ -57,7 +57,11 @@ def repeats(replays: Sequence[Replay]) -> list[tuple[int, int]]:
 
 
 def _difference(a: Replay, b: Replay) -> np.ndarray:
-    return np.mean(a.targets(a.residual - b.residual) ** 2, axis=(0, 1)) / 2.0
+    if a.judged is None and b.judged is None:
+        return np.mean(a.targets(a.residual - b.residual) ** 2, axis=(0, 1)) / 2.0
+    both = a.counts & b.counts  # the same command does not bring a joint to its stop at the same sample
+    square = np.where(both, a.residual - b.residual, 0.0) ** 2
+    return square.sum(axis=0) / np.maximum(both.sum(axis=0), 1) / 2.0
 
 
 def separate(replays: Sequence[Replay], bound: np.ndarray, pole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -120,7 +124,7 @@ def _spectrum(replays: Sequence[Replay]) -> tuple[np.ndarray, np.ndarray]:
     shortest = _common_length([len(r.one_step) - 1 for r in replays])
     length = max(8, min(round(SEGMENT_S / dt), shortest // _MIN_SEGMENTS))
     taper = np.hanning(length + 2)[1:-1, None]
-    segments = []
+    segments, spoilt = [], []
     for item in replays:
         residual = (item.trajectory.effort - item.one_step)[1:]
         for start in range(0, len(residual) - length + 1, max(1, length // 2)):
@@ -128,8 +132,11 @@ def _spectrum(replays: Sequence[Replay]) -> tuple[np.ndarray, np.ndarray]:
             found = np.abs(np.fft.rfft(taper * (part - part.mean(axis=0)), axis=0)) ** 2
             still = np.ptp(item.trajectory.effort[start + 1 : start + 1 + length], axis=0) == 0.0
             segments.append(np.where(still, np.nan, found))
+            spoilt.append(~item.counts[start + 1 : start + 1 + length].all(axis=0))
+    segments, spoilt = np.array(segments), np.array(spoilt)
+    segments = np.where((spoilt & ~spoilt.all(axis=0))[:, None, :], np.nan, segments)
     some = ~np.isnan(segments).all(axis=0)
     middle = np.zeros(some.shape)
-    middle[some] = np.nanmedian(np.array(segments)[:, some], axis=0)
+    middle[some] = np.nanmedian(segments[:, some], axis=0)
     power = middle / np.log(2.0) / np.sum(taper**2)  # median of an exponential is ln 2
     return np.fft.rfftfreq(length)[2:], power[2:]  # the taper spreads the removed mean over two bins

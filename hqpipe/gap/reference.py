@@ -150,13 +150,13 @@ def _design(
         direct = {name: groups[name] for name in DIRECT}
         names = [name for part in (driven, direct) for name, shapes in part.items() for _ in shapes]
         x = np.concatenate([_through_memory(item.inputs(_stack(driven)), pole), item.targets(_stack(direct))], axis=2)
-        kept = _last_of(item.steps, every)
-        y = item.targets(item.residual[:, j])[:, kept]
-        rows.append(x[:, kept].reshape(-1, x.shape[2]))
+        kept, judged = _last_of(item.steps, every), item.targets(item.counts[:, j])[:, 0]
+        y = item.targets(item.residual[:, j])[judged][:, kept]
+        rows.append(x[judged][:, kept].reshape(-1, x.shape[2]))
         targets.append(y.ravel())
-        rms = np.sqrt(np.mean(item.residual[:, j] ** 2)) + np.finfo(float).tiny
+        rms = np.sqrt(np.mean(item.residual[item.counts[:, j], j] ** 2)) + np.finfo(float).tiny
         weight.append(np.full(y.size, 1.0 / rms))
-        window.append(np.repeat(np.arange(item.windows) + seen, y.shape[1]))
+        window.append(np.repeat(np.flatnonzero(judged) + seen, y.shape[1]))
         seen += item.windows
     columns = {name: [k for k, other in enumerate(names) if other == name] for name in dict.fromkeys(names)}
     parts = (np.concatenate(part) for part in (rows, targets, weight, window))

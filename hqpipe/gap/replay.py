@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from hqpipe.logs.trajectory import Trajectory, Trial
+from hqpipe.sysid.end_stops import judged_windows
 from hqpipe.sysid.free_run import Model, predict, window_samples
 
 
@@ -20,7 +22,7 @@ class Replay:
 
     Attributes:
         file: the trial's file name.
-        trajectory: the record.
+        trajectory: the record; where a joint touches an end stop in it, the window is not judged.
         steps: W, samples per window.
         predicted: (T, J) free-running torque, N·m.
         one_step: (T, J) torque predicted one sample ahead, N·m.
@@ -34,20 +36,40 @@ class Replay:
 
     @property
     def residual(self) -> np.ndarray:
-        """(T, J) measured minus free-running torque, N·m; 0 where nothing was recorded."""
-        return np.where(self.trajectory.recorded, self.trajectory.effort - self.predicted, 0.0)
+        """(T, J) measured minus free-running torque, N·m; 0 where nothing was recorded, or the joint is not judged."""
+        return np.where(self.trajectory.recorded & self.counts, self.trajectory.effort - self.predicted, 0.0)
 
     @property
     def held_error(self) -> np.ndarray:
-        """(T, J) error of holding the torque that was logged at the start of each window, N·m; row 0 is 0."""
+        """(T, J) error of holding the torque that was logged at the start of each window, N·m; row 0 is 0, and what is not
+        judged."""
         effort = self.trajectory.effort
         start = np.maximum(np.arange(len(effort)) - 1, 0) // self.steps * self.steps
-        return effort - effort[start]
+        return np.where(self.counts, effort - effort[start], 0.0)
+
+    @cached_property
+    def judged(self) -> np.ndarray | None:
+        """(complete windows, J) whether a joint touches no end stop in a window; None where none ever does."""
+        return judged_windows(self.trajectory, self.steps)
+
+    @cached_property
+    def counts(self) -> np.ndarray:
+        """(T, J) whether a sample is judged."""
+        counts = np.ones(self.predicted.shape, dtype=bool)
+        if self.judged is not None:
+            counts[1 : len(self.judged) * self.steps + 1] = np.repeat(self.judged, self.steps, axis=0)
+        return counts
+
+    @cached_property
+    def starts(self) -> np.ndarray:
+        """(windows,) first sample of each complete window in which some joint is judged."""
+        starts = np.arange(max(0, (self.trajectory.samples - 1) // self.steps)) * self.steps
+        return starts if self.judged is None else starts[self.judged.any(axis=1)]
 
     @property
     def windows(self) -> int:
-        """Number of complete windows."""
-        return max(0, (self.trajectory.samples - 1) // self.steps)
+        """Number of complete windows in which some joint is judged."""
+        return len(self.starts)
 
     def targets(self, values: np.ndarray) -> np.ndarray:
         """Cut (T, …) into (windows, W, …) at the predicted samples."""
@@ -58,6 +80,8 @@ class Replay:
         return self._cut(values)
 
     def _cut(self, values: np.ndarray) -> np.ndarray:
+        if self.judged is not None:
+            return values[self.starts[:, None] + np.arange(self.steps)]
         used = self.windows * self.steps
         return values[:used].reshape(self.windows, self.steps, *values.shape[1:])
 
@@ -82,8 +106,13 @@ def replay(trial: Trial, model: Model, window_s: float) -> Replay:
 
 def persistence_error(replays: Sequence[Replay]) -> np.ndarray:
     """(J,) mean squared error, (N·m)², of holding the torque that was logged at the start of each window."""
-    errors = [item.targets(item.held_error).reshape(-1, item.predicted.shape[1]) for item in replays]
-    return np.mean(np.concatenate(errors) ** 2, axis=0)
+    squares, counts = (
+        np.concatenate([item.targets(values(item)).reshape(-1, item.predicted.shape[1]) for item in replays])
+        for values in (lambda item: item.held_error**2, lambda item: item.counts)
+    )
+    if counts.all():
+        return np.mean(squares, axis=0)
+    return squares.sum(axis=0) / np.maximum(counts.sum(axis=0), 1)
 
 
 def memory(item: Replay, model: Model) -> np.ndarray:

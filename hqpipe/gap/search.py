@@ -114,8 +114,19 @@ class JointSearch:
             self.fit((a, b), [first if first.loss <= second.loss else second], PAIR_ITERATIONS)
         best = self._grow()
         best = self.completed(self._settled(self._exchanged(best)))
-        best = self._as_built(self.completed(self.eliminate(best)))
+        best = self._as_built(self._simplest(self.completed(self.eliminate(best))))
         return JointResult(self.fitter.data.joint, base, best, self.with_support(best), singles, len(self._tried))
+
+    def _simplest(self, fit: SetFit) -> SetFit:
+        """The set, or one of other effects and fewer numbers that explains as much: what a larger set adds to it must be worth
+        a name, certain and shown by the fit trials, as must each of the larger set's effects beside the others."""
+        near = [g for g in self._tried.values() if g.effects and len(g.effects) < len(fit.effects)]
+        near = [g for g in near if len(g.free) <= len(fit.free) and g.loss < NEAR * fit.loss]
+        for other in (self._refined(g) for g in sorted(near, key=self._score)[:MOST_NEAR]):
+            more = [name for name in fit.effects if name not in other.effects]
+            if not any(self.earns(fit, self.support(name, other, fit)) for name in more):
+                return self._simplest(self.eliminate(other))
+        return fit
 
     def _as_built(self, fit: SetFit) -> SetFit:
         """The set with what machines are built with in the place of effects that cannot be told from it."""

@@ -19,6 +19,7 @@ from hqpipe.gap.since import LOGS, Earlier, sample_time
 from hqpipe.gap.two_fits import two_fits
 from hqpipe.gap.verdict import shortage
 from hqpipe.logs.trajectory import LogSet
+from hqpipe.sysid.end_stops import Travel
 
 
 def earlier_logs(
@@ -27,6 +28,7 @@ def earlier_logs(
     without: Sequence[str] = (),
     workers: int = 1,
     progress: Progress | None = None,
+    travel: Travel | None = None,
 ) -> Earlier:
     """Diagnose earlier logs and take the machine as it was found: coefficients, effects, and how sure they are.
 
@@ -34,14 +36,15 @@ def earlier_logs(
         log_set: fit and held-out trials. window_s: s, or None for what suits the logs.
         without: effects left out of the library.
         workers: joints at a time. progress: called after each joint.
+        travel: stated limits of the joints' positions, where end stops may be.
 
     Raises:
         IdentificationError: they cannot be diagnosed.
     """
-    intake = take_in(log_set, window_s, without)
+    intake = take_in(log_set, window_s, without, travel)
     if intake.reasons:
         raise _refused(log_set, intake.reasons[0], intake.advice)
-    logs = intake.log_set
+    told, logs = (*intake.warnings, *intake.stops, *(item.reason for item in intake.left_out)), intake.log_set
     found = accuse(logs, intake.steps, without, intake.signed, None, workers, progress)
     sensor = np.array([state.data.noise for state in found.states]) ** 2
     reasons, _ = shortage(found.base.fit, found.heldout, sensor)
@@ -66,7 +69,7 @@ def earlier_logs(
         unsigned=intake.signed.joints,
         levels=levels_of(log_set),
         checked=frozenset((f.effect, f.joint) for f in measured(logs, without)),
-        warnings=tuple(f"reference: {text}" for text in (*intake.warnings, *(item.reason for item in intake.left_out))),
+        warnings=tuple(f"reference: {text}" for text in told),
     )
 
 

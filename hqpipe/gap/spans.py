@@ -32,7 +32,8 @@ class Spans:
     Attributes:
         states: one per joint that the stretches explain, fitted inside them.
         outside: joint → base fit outside; its error arrays run over all windows.
-        fit, heldout: (W,) True for the windows inside.
+        fit, heldout: True for the windows of the machine inside.
+        judged: joint → its held-out windows.
         stretches: (held-out trial, start s, end s); in the time of the recorded trial, where that was cut into sections.
     """
 
@@ -40,12 +41,13 @@ class Spans:
     outside: dict[str, SetFit]
     fit: np.ndarray
     heldout: np.ndarray
+    judged: dict[str, Split]
     stretches: tuple[tuple[int, float, float], ...]
 
     def errors(self, joint: str, inside: np.ndarray) -> np.ndarray:
         """(W,) held-out errors of a joint: those given inside, the sound base model's outside."""
         errors = self.outside[joint].heldout.copy()
-        errors[self.heldout] = inside
+        errors[self.heldout[self.judged[joint].window]] = inside
         return errors
 
 
@@ -74,7 +76,7 @@ def search_spans(states: list[JointState], floor: np.ndarray, workers: int = 1) 
         d.joint: replace(r, heldout=window_errors(r.row, d.heldout), fitted=window_errors(r.row, d.fit))
         for d, r in zip(data, rest, strict=True)
     }
-    quiet = [i for i, d in enumerate(data) if _is_quiet(outside[d.joint].heldout, heldout, level[i])]
+    quiet = [i for i, d in enumerate(data) if _is_quiet(outside[d.joint].heldout, heldout[d.heldout.window], level[i])]
     if not quiet:
         return None
     stretch = [_held(restrict(data[i], fit, heldout), outside[data[i].joint].row) for i in quiet]
@@ -85,7 +87,10 @@ def search_spans(states: list[JointState], floor: np.ndarray, workers: int = 1) 
         found = drop_unchanged(found, level[quiet])
     found = drop_slight(found, assemble(found, level[quiet]))
     found = [state for state in found if state.chosen.effects]
-    return Spans(found, outside, fit, heldout, _stretches(data[0].heldout, heldout, data[0])) if found else None
+    if not found:
+        return None
+    judged = {d.joint: d.heldout for d in data}
+    return Spans(found, outside, fit, heldout, judged, _stretches(data[0].heldout, heldout, data[0]))
 
 
 def _held(inside: JointData, row: np.ndarray) -> JointData:
@@ -96,24 +101,19 @@ def _held(inside: JointData, row: np.ndarray) -> JointData:
 
 
 def restrict(data: JointData, fit: np.ndarray, heldout: np.ndarray) -> JointData:
-    """The joint with only the windows that are True in (W,) masks."""
-    return replace(data, fit=_only(data.fit, fit), heldout=_only(data.heldout, heldout))
-
-
-def _only(split: Split, mask: np.ndarray) -> Split:
-    signals = split.signals
-    target = np.ascontiguousarray(signals.target[:, mask])
-    return Split(signals._replace(first=signals.first[mask].copy(), target=target), split.trial[mask])
+    """The joint with only the windows that are True in masks of the machine's."""
+    parts = [split.only(mask[split.window]) for split, mask in ((data.fit, fit), (data.heldout, heldout))]
+    return replace(data, fit=parts[0], heldout=parts[1])
 
 
 def _cut(data: list[JointData], rows: list[np.ndarray], floor: np.ndarray, name: str) -> np.ndarray | None:
-    """(W,) True inside the stretches of a split; None if a trial shows none."""
+    """True inside the stretches of a split, of the machine's windows; None if a trial shows none."""
     splits = [getattr(d, name) for d in data]
-    heights = [
-        np.log(np.maximum(window_errors(row, split), 1e-300) / level)
-        for row, split, level in zip(rows, splits, floor, strict=True)
-    ]
-    height, trial = np.mean(heights, axis=0), splits[0].trial
+    heights, judged = np.zeros(len(splits[0].machine_trial)), np.zeros(len(splits[0].machine_trial))
+    for row, split, level in zip(rows, splits, floor, strict=True):
+        heights[split.window] += np.log(np.maximum(window_errors(row, split), 1e-300) / level)
+        judged[split.window] += 1.0
+    height, trial = heights / np.maximum(judged, 1.0), splits[0].machine_trial
     inside = np.zeros(len(height), dtype=bool)
     for index in np.unique(trial):
         at = np.flatnonzero(trial == index)
@@ -149,10 +149,10 @@ def _is_quiet(errors: np.ndarray, inside: np.ndarray, floor: float) -> bool:
 
 def _stretches(split: Split, inside: np.ndarray, data: JointData) -> tuple[tuple[int, float, float], ...]:
     found, s = [], split.signals
-    for index in np.unique(split.trial):
-        at = np.flatnonzero((split.trial == index) & inside)
-        start = _time_of(s, s.first[at[0]], 0, data.row_dt)
-        end = _time_of(s, s.first[at[-1]], s.steps, data.row_dt)
+    for index in np.unique(split.machine_trial):
+        at = np.flatnonzero((split.machine_trial == index) & inside)
+        start = _time_of(s, split.machine_first[at[0]], 0, data.row_dt)
+        end = _time_of(s, split.machine_first[at[-1]], s.steps, data.row_dt)
         found.append((int(index), start, end))
     return tuple(found)
 

@@ -83,10 +83,11 @@ def _one(item: Replay, limits: Thresholds) -> _Part:
     square = item.targets(item.residual) ** 2
     names = [(ALL, ALL)]
     sums = [np.add.reduceat(square.sum(axis=1), edges)]
-    counts = [np.add.reduceat(np.full(square.sum(axis=1).shape, item.steps, dtype=float), edges)]
+    judged = item.targets(item.counts)
+    counts = [np.add.reduceat(judged.sum(axis=1, dtype=float), edges)]
     for family, labels in label(item.trajectory, limits).items():
         for regime, mask in labels.items():
-            inside = item.targets(mask)
+            inside = item.targets(mask) & judged
             names.append((family, regime))
             sums.append(np.add.reduceat((square * inside).sum(axis=1), edges))
             counts.append(np.add.reduceat(inside.sum(axis=1, dtype=float), edges))

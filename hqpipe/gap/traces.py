@@ -22,7 +22,7 @@ def worst_windows(before: Sequence[Replay], after: Sequence[Replay], log_set: Lo
         worst = int(np.argmax([e.max() for e in errors]))
         item, later = before[worst], after[worst]
         t = item.trajectory
-        middle = (int(np.argmax(errors[worst])) + 0.5) * item.steps
+        middle = item.starts[int(np.argmax(errors[worst]))] + 0.5 * item.steps
         half = round(0.5 * SPAN_S / t.dt)
         first = int(np.clip(middle - half, 0, max(t.samples - 2 * half, 0)))
         rows = slice(first, min(first + 2 * half, t.samples))

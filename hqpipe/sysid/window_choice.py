@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.logs.trajectory import LogSet, Trajectory
+from hqpipe.sysid.end_stops import at_end_stop
 from hqpipe.sysid.free_run import WINDOW_S
 from hqpipe.sysid.noise import difference_noise
 
@@ -139,6 +140,8 @@ def _rows(
     past, present, target = [], [], []
     for t in trials:
         at = np.arange(edges[-1], t.samples, every)
+        marks = at_end_stop(t)
+        at = at if marks is None else at[~marks[at, j]]
         if len(at):
             sums = np.concatenate([np.zeros((1, 2)), np.cumsum(_inputs(t, j, mode), axis=0)])
             bins = sums[at[:, None] - edges[None, :-1]] - sums[at[:, None] - edges[None, 1:]]
