@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from hqpipe.errors import IdentificationError
-from hqpipe.identify.least_squares import Fitter
+from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.model import LayerJoints, positions
 from hqpipe.identify.search import base_solution
-from hqpipe.layers.servo.candidates import Size, Start, base_of, effects_of
+from hqpipe.layers.servo.candidates import Size, base_of, effects_of
 from hqpipe.layers.servo.joint import ServoJoint, Setting, Split, samples_of
 from hqpipe.layers.servo.scale import Scale, duty_of, scale_note, scale_of
-from hqpipe.layers.servo.start import LARGEST, drive_error, start_of
+from hqpipe.layers.servo.start import LARGEST, Start, drive_error, start_of
+from hqpipe.layers.servo.trial_settings import CLEARLY, TrialSettings, moved, one_setting, settings_of
 from hqpipe.layers.servo.tracks import (
     LEAST_WINDOW,
     Tracks,
@@ -31,9 +34,12 @@ from hqpipe.logs.trajectory import LogSet, Trial
 
 RESPONSES = 5.0  # a window is this many response times long: what is left of a first-order response is e⁻⁵, 0.7 %
 LONGEST_WINDOW = 2.0  # s; assumption: longer windows leave too few of them
+RUN_IN = 2.0  # response times before a window: what an initial state that is off leaves of it has died out where a loop is closed
 _LEAST_WINDOWS = 4  # of the fit trials; assumption: fewer initial states are no sample
 _FINE = 25.0  # substeps of a response time; Verlet is then exact to about 1e-3
 _MOST_SUBSTEPS = 8
+_UNSURE_RATIO = 0.3  # logarithm, by which a ratio from a regression may be off; assumption
+_DIFFERS = 1.05  # ratio of the gains of two trials that tells a bias from a constant torque; assumption
 _CLEARLY = 0.7  # of the squared error; assumption: less of a gain may be what both models lack
 _MOST_STEPS = 12_500  # substeps of one call on the fit trials, about 0.8 ms
 _HELDOUT = 4  # times that for the held-out trials, which are run once for every answer
@@ -177,24 +183,58 @@ def _window(ready: list[_Prepared], stated: float | None) -> tuple[float, str]:
 
 def _model(item: _Prepared, length: float, without: Collection[str]) -> ServoJoint | str:
     """The model of one joint, or why there is none."""
-    fit, scale = item.tracks[0], item.scale
-    dt = float(np.median(fit.dt))
+    dt = float(np.median(item.tracks[0].dt))
     samples = max(int(round(length / dt)), LEAST_WINDOW)
+    run_in = 0 if item.scale.duty else int(round(RUN_IN * item.response_s / dt))
     substeps = int(np.clip(np.ceil(_FINE * dt / item.response_s), 1, _MOST_SUBSTEPS))
-    splits = []
-    for tracks, rows, most in zip(item.tracks, item.rows, (1, _HELDOUT), strict=True):
-        windows = thinned(windows_of(tracks, samples), max(most * _MOST_STEPS // (samples * substeps), _LEAST_WINDOWS))
-        kept, judged = samples_of(tracks, windows, samples)
-        splits.append(Split(tracks, windows, rows, kept, judged))
+    splits = _splits(item, samples, run_in, substeps)
     if len(splits[0].windows.start) < _LEAST_WINDOWS:
         return (
             f"the fit trials hold {len(splits[0].windows.start)} windows of {length:.2g} s, expected {_LEAST_WINDOWS}"
         )
-    start = start_of(fit, item.rows[0], scale, item.response_s, dt / substeps, item.travel)
-    torque = _torque(item, start)
+    runs = (samples, run_in, substeps)
+    plain = _built(item, splits, runs, without, one_setting(len(item.scale.gain)))
+    solution = _with_friction(plain)
+    settings = settings_of(item.tracks, item.rows, item.scale, item.response_s)
+    if settings.gains or settings.loads:
+        several = _built(item, splits, runs, without, settings)
+        found = _with_friction(several)
+        if found.square < CLEARLY * solution.square:
+            plain, solution = several, found
+            plain = _built(item, splits, runs, without, _settled(plain, solution))
+    if item.scale.duty:
+        return plain
+    error = _damping_error(plain)
+    return error if _with_friction(error).square < _CLEARLY * solution.square else plain
+
+
+def _splits(item: _Prepared, samples: int, run_in: int, substeps: int) -> tuple[Split, Split]:
+    found = []
+    for tracks, rows, most in zip(item.tracks, item.rows, (1, _HELDOUT), strict=True):
+        windows = windows_of(tracks, samples, run_in)
+        windows = thinned(windows, max(most * _MOST_STEPS // ((run_in + samples) * substeps), _LEAST_WINDOWS))
+        kept, judged = samples_of(tracks, windows, samples, run_in)
+        found.append(Split(tracks, windows, rows, kept, judged, np.zeros(len(tracks.position))))
+    return found[0], found[1]
+
+
+def _built(
+    item: _Prepared,
+    splits: tuple[Split, Split],
+    runs: tuple[int, int, int],
+    without: Collection[str],
+    settings: TrialSettings,
+) -> ServoJoint:
+    """The model of a joint whose trials have these settings; `runs`: samples of a window and of its run-in, substeps."""
+    fit, scale = item.tracks[0], item.scale
+    dt, (samples, run_in, substeps) = float(np.median(fit.dt)), runs
+    gain, load = settings.gain[settings.group], settings.load[settings.group]
+    start = start_of(fit, item.rows[0], scale, item.response_s, dt / substeps, item.travel, gain, load)
+    torque = _torque(item, start, gain)
     size = _size(item, start, torque, samples * dt)
     setting = Setting(
         samples=samples,
+        run_in=run_in,
         substeps=substeps,
         middle=float(fit.position.min() + fit.position.max()) / 2.0,
         reach=item.travel / 2.0,
@@ -203,34 +243,83 @@ def _model(item: _Prepared, length: float, without: Collection[str]) -> ServoJoi
         torque=float(np.abs(torque).max()) * (_UNSURE if scale.free_gain else 1.0),
         sensor_noise=item.sensor_noise,
     )
-    base, effects = base_of(scale, start, size), effects_of(scale, size, without)
-    notes = tuple(note for note in (scale_note(item.joint, scale),) if note)
-
-    def damping(error: bool) -> ServoJoint:
-        return ServoJoint(item.joint, scale, base, effects, setting, (splits[0], splits[1]), notes, error)
-
-    speed = damping(False)
-    return speed if scale.duty or not _damps_error(speed, damping(True)) else damping(True)
+    gains = scale.gain * gain
+    differ = settings.gains or float(gains.max()) > _DIFFERS * float(gains.min())
+    base, effects = base_of(scale, start, size, settings), effects_of(scale, size, differ, without)
+    notes = tuple(note for note in (scale_note(item.joint, scale), _settings_note(item, settings)) if note)
+    return ServoJoint(item.joint, scale, base, effects, setting, splits, notes, settings)
 
 
-def _damps_error(speed: ServoJoint, error: ServoJoint) -> bool:
-    """Whether the drive damps the speed of the error: with dry friction, that model leaves clearly less than the other."""
-    squares = []
-    for model in (speed, error):
-        fitter = Fitter(model)
-        base = base_solution(fitter)
-        dry = [effect.name for effect in model.effects if effect.name == "coulomb_friction"]
-        free = positions(model, dry)
-        start = base.values.copy()
-        start[free[len(model.base) :]] = 0.1 * fitter.spread[free[len(model.base) :]]
-        squares.append(fitter.fit(free, start, base.square / max(len(base.error), 1)).square)
-    return squares[1] < _CLEARLY * squares[0]
+def _settings_note(item: _Prepared, settings: TrialSettings) -> str:
+    """A sentence on gains and loads that differ between trials without being stated."""
+    if not (settings.gains or settings.loads):
+        return ""
+    what = [name for name, differs in (("gain", settings.gains), ("load", settings.loads)) if differs]
+    files = np.array([name for tracks in item.tracks for name in tracks.files])
+    group = np.concatenate([settings.group[rows] for rows in item.rows])
+    told = []
+    for k in range(1, len(settings.gain)):
+        ratios = [f"{name} {ratio[k]:.2g}" for name, ratio in (("gain", settings.gain), ("load", settings.load))]
+        own = [text for text in ratios if text.split()[0] in what]
+        told.append(f"{', '.join(files[group == k])}: {' and '.join(own)} times that of {files[group == 0][0]}")
+    fix = " or ".join({"gain": "drive: {firmware_kp: …}", "load": "load: {mass_kg: …, lever_m: …}"}[name] for name in what)
+    return f"{item.joint}: its {' and '.join(what)} differs between trials without being stated ({'; '.join(told)}); state {fix}"
 
 
-def _torque(item: _Prepared, start: Start) -> np.ndarray:
-    """(N,) torque that the drive is asked for in the fit trials."""
+def _with_friction(model: ServoJoint) -> Solution:
+    """The fit of the base with dry friction and a bias, which nearly every servo has."""
+    fitter = Fitter(model)
+    base = base_solution(fitter)
+    names = [effect.name for effect in model.effects if effect.name in ("coulomb_friction", "position_bias")]
+    free = positions(model, names)
+    start = base.values.copy()
+    own = free[len(model.base) :]
+    start[own] = fitter.neutral[own] + 0.1 * fitter.spread[own]
+    return fitter.fit(free, start, base.square / max(len(base.error), 1))
+
+
+def _settled(model: ServoJoint, solution: Solution) -> TrialSettings:
+    """Settings at the ratios of a fit; those that no fit trial has, at the ratios by which the held-out trials run best."""
+    settings = model.settings
+    at = {p.name: float(solution.values[k]) for k, p in enumerate(model.base)}
+    for k in settings.fitted:
+        gain, load = at.get(f"gain_ratio_{k}", settings.gain[k]), at.get(f"gravity_ratio_{k}", settings.load[k])
+        settings = moved(settings, k, gain, load)
+    probe = copy(model)
+    for k in sorted(set(range(1, len(settings.gain))) - set(settings.fitted)):
+        for differs, gain, load in ((settings.gains, 1.0, 0.0), (settings.loads, 0.0, 1.0)):
+
+            def square(step: float, k: int = k, gain: float = gain, load: float = load) -> float:
+                own = settings.gain[k] * np.exp(gain * step), settings.load[k] * np.exp(load * step)
+                probe.settings = moved(settings, k, float(own[0]), float(own[1]))
+                error = probe.error(solution.values, True)
+                return float(error @ error)
+
+            if differs:
+                minimize_scalar(square, bounds=(-_UNSURE_RATIO, _UNSURE_RATIO), method="bounded", options={"maxiter": 12})
+                settings = probe.settings
+    return settings
+
+
+def _damping_error(model: ServoJoint) -> ServoJoint:
+    """The same joint with a drive that damps the speed of the error, and not that of the joint."""
+    return ServoJoint(
+        model.joint,
+        model.scale,
+        model.base,
+        model.effects,
+        model.setting,
+        model.splits,
+        model.notes,
+        model.settings,
+        True,
+    )
+
+
+def _torque(item: _Prepared, start: Start, gain: np.ndarray) -> np.ndarray:
+    """(N,) torque that the drive is asked for in the fit trials; `gain`: ratios of all trials."""
     fit, scale, rows = item.tracks[0], item.scale, item.rows[0]
-    torque = start.gain * scale.gain[rows][fit.trial] * drive_error(fit, scale)
+    torque = start.gain * (scale.gain * gain)[rows][fit.trial] * drive_error(fit, scale)
     if scale.duty:
         return torque
     # Of the position error, the damping takes most while the joint follows its command.

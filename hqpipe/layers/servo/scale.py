@@ -30,6 +30,7 @@ class Scale:
         stall: torque at standstill and full duty, of all trials, where the supply may sag unseen; else None.
         winding_ohm: resistance of the motor, or None.
         volts: what the logged duty is multiplied by where the voltage is not logged, (R,); None where it is.
+        gain_unstated: the gain of a position loop is not known, so that it may differ from trial to trial.
     """
 
     kind: str | None
@@ -45,6 +46,7 @@ class Scale:
     stall: float | None
     winding_ohm: float | None
     volts: np.ndarray | None
+    gain_unstated: bool = False
 
     @property
     def torque(self) -> str:
@@ -121,6 +123,7 @@ def scale_of(trials: Sequence[Trial], joint: str, kind: str | None) -> Scale:
         stall=stall if not all(VOLTAGE in trial.trajectory.extra for trial in trials) else None,
         winding_ohm=float(np.median(motor[1])) if stall else None,
         volts=None,
+        gain_unstated=kp is None and firmware_kp is None,
     )
 
 

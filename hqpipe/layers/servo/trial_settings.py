@@ -1,0 +1,193 @@
+"""Gains and loads that differ between trials without being stated: what each trial's own motion says of them.
+
+A servo is often recorded at several gains and with several loads. Where the log set does not say which, one set of numbers for all
+trials describes none of them. The equation of motion of a trial, over its gain r and with its load σ, is
+
+    command − q + b = (σ (J q̈ + gravity) + d q̇ + F sgn q̇ + o) / r
+
+with one J, gravity, d, F, o and b for all. It is solved by alternating least squares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hqpipe.layers.servo.scale import Scale
+from hqpipe.layers.servo.start import acceleration_of, drive_error
+from hqpipe.layers.servo.tracks import Tracks
+from hqpipe.logs.joint_kinds import PRISMATIC
+
+CLEARLY = 0.5  # of the squared error of one setting for all: several settings must leave less; assumption
+_NOTABLE = 0.15  # logarithm of a ratio; trials that differ by less count as one setting; assumption
+_ROUNDS = 25  # of the alternation; it converges within ten
+_ROWS = 4_000  # of each trial; assumption: more add nothing to two numbers
+_REST = 0.05  # of the largest speed, over which the direction of dry friction turns; assumption
+_FAR = 20.0  # ratio beyond which no setting lies; assumption
+
+
+@dataclass(frozen=True, eq=False)
+class TrialSettings:
+    """Settings of R trials, as ratios to the setting of most samples.
+
+    Attributes:
+        group: (R,) number of the setting of each trial, 0 for that of most samples. gain, load: (G,) ratios of each setting.
+        fitted: settings of the fit trials beside 0, whose ratios are free.
+        gains, loads: whether gains, and whether loads, differ.
+    """
+
+    group: np.ndarray
+    gain: np.ndarray
+    load: np.ndarray
+    fitted: tuple[int, ...] = ()
+    gains: bool = False
+    loads: bool = False
+
+
+def one_setting(trials: int) -> TrialSettings:
+    """All trials with the same gain and load, or as stated."""
+    return TrialSettings(np.zeros(trials, dtype=np.int64), np.ones(1), np.ones(1))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows of one trial: (n,) input, (n, A) what goes with the load, (n, B) what does not."""
+
+    trial: int
+    fit: bool
+    samples: int
+    y: np.ndarray
+    load: np.ndarray
+    rest: np.ndarray
+
+
+def settings_of(
+    splits: tuple[Tracks, Tracks], rows: tuple[np.ndarray, np.ndarray], scale: Scale, response_s: float
+) -> TrialSettings:
+    """Settings of all trials of a joint; one for all where that describes them nearly as well.
+
+    Args:
+        splits: fit and held-out. rows: indices of their trials into the numbers of `scale`. response_s: of the joint.
+    """
+    trials = len(scale.gain)
+    free = [(gains, loads) for gains, loads in ((True, False), (False, True), (True, True))]
+    free = [f for f in free if (not f[0] or scale.gain_unstated) and (not f[1] or not scale.load)]
+    parts = [p for split, own, fit in zip(splits, rows, (True, False), strict=True) for p in _parts(split, own, scale, response_s, fit)]
+    if not free or sum(part.fit for part in parts) < 2:
+        return one_setting(trials)
+    best, kept = _solved(parts, False, False), (False, False)
+    for gains, loads in free:
+        found = _solved(parts, gains, loads)
+        if found[0] < CLEARLY * best[0]:
+            best, kept = found, (gains, loads)
+    if kept == (False, False):
+        return one_setting(trials)
+    return _grouped(parts, best[1], best[2], trials, *kept)
+
+
+def _parts(tracks: Tracks, rows: np.ndarray, scale: Scale, response_s: float, fit: bool) -> list[_Rows]:
+    if not len(tracks.position):
+        return []
+    acceleration = acceleration_of(tracks, response_s)
+    pull = drive_error(tracks, scale)
+    speed = np.abs(tracks.velocity).max() or 1.0
+    found = []
+    for number, row in enumerate(rows):
+        here = np.flatnonzero((tracks.trial == number) & tracks.usable)
+        if len(here) < 10:
+            continue
+        samples = len(here)
+        here = here[:: max(1, len(here) // _ROWS)]
+        q, v, a = tracks.smooth[here], tracks.velocity[here], acceleration[here]
+        if scale.load:
+            load = [scale.inertia[row] * a + scale.gravity[row] * np.sin(q)]
+        elif scale.kind == PRISMATIC:
+            load = [a, np.ones(len(here))]
+        else:
+            load = [a, np.sin(q), np.cos(q)]
+        rest = [scale.drag[row] * v, np.tanh(v / (_REST * speed)), np.ones(len(here))]
+        y = scale.gain[row] * pull[here]
+        found.append(_Rows(int(row), fit, samples, y, np.column_stack(load), np.column_stack(rest)))
+    return found
+
+
+def _solved(parts: list[_Rows], gains: bool, loads: bool) -> tuple[float, np.ndarray, np.ndarray]:
+    """Mean squared residual of the fit trials, over their own mean square, and gain and load of each part."""
+    gain, load = np.ones(len(parts)), np.ones(len(parts))
+    mine = [k for k, part in enumerate(parts) if part.fit]
+    for _ in range(_ROUNDS if gains or loads else 1):
+        columns = [np.hstack([load[k] * parts[k].load, parts[k].rest]) / gain[k] for k in mine]
+        # b does not go with the gain
+        matrix = np.vstack([np.column_stack([c, -np.ones(len(c))]) if gains else c for c in columns])
+        y = np.concatenate([parts[k].y for k in mine])
+        theta = np.linalg.lstsq(matrix, y, rcond=1e-9)[0]
+        held, bias = parts[0].load.shape[1], theta[-1] if gains else 0.0
+        for k, part in enumerate(parts):
+            a, b = part.load @ theta[:held], part.rest @ theta[held : held + part.rest.shape[1]]
+            gain[k], load[k] = _own(part.y + bias, a, b, gain[k], load[k], gains, loads)
+        middle = np.median(gain[mine]), np.median(load[mine])
+        gain, load = gain / middle[0], load / middle[1]
+    left = scale = 0.0
+    for k in mine:
+        part = parts[k]
+        a, b = part.load @ theta[:held], part.rest @ theta[held : held + part.rest.shape[1]]
+        gone, _ = _best(part.y + bias, a, b, gains, loads)
+        left += part.samples * gone
+        scale += part.samples * float(np.var(part.y))
+    return left / max(scale, 1e-300), gain, load
+
+
+def _own(
+    y: np.ndarray, a: np.ndarray, b: np.ndarray, gain: float, load: float, gains: bool, loads: bool
+) -> tuple[float, float]:
+    _, (over, share) = _best(y, a, b, gains, loads)
+    low, high = 1.0 / _FAR, _FAR
+    return float(np.clip(1.0 / max(over, low), low, high)), float(np.clip(share, low, high))
+
+
+def _best(y: np.ndarray, a: np.ndarray, b: np.ndarray, gains: bool, loads: bool) -> tuple[float, tuple[float, float]]:
+    """Mean squared residual of y = (σ a + b) / r, with 1/r and σ."""
+    if gains and loads:
+        solved = np.linalg.lstsq(np.column_stack([a, b]), y, rcond=1e-9)[0]
+        over, share = float(solved[1]), float(solved[0] / solved[1]) if solved[1] else 1.0
+    elif gains:
+        over, share = float((a + b) @ y / max(float((a + b) @ (a + b)), 1e-300)), 1.0
+    elif loads:
+        over, share = 1.0, float(a @ (y - b) / max(float(a @ a), 1e-300))
+    else:
+        over, share = 1.0, 1.0
+    return float(np.mean((y - over * (share * a + b)) ** 2)), (over, share)
+
+
+def _grouped(
+    parts: list[_Rows], gain: np.ndarray, load: np.ndarray, trials: int, gains: bool, loads: bool
+) -> TrialSettings:
+    """Trials of nearly the same ratios as one setting; that of most fit samples is the first."""
+    points = np.log(np.column_stack([gain, load]))
+    groups: list[list[int]] = []
+    for k in np.argsort(points[:, 0] + points[:, 1]):
+        for group in groups:
+            if np.max(np.abs(points[group].mean(axis=0) - points[k])) < _NOTABLE:
+                group.append(int(k))
+                break
+        else:
+            groups.append([int(k)])
+    groups.sort(key=lambda group: -sum(parts[k].samples for k in group if parts[k].fit))
+    number = np.zeros(trials, dtype=np.int64)
+    for g, group in enumerate(groups):
+        for k in group:
+            number[parts[k].trial] = g
+    centre = np.exp([points[group].mean(axis=0) for group in groups])
+    centre /= centre[0]
+    fitted = tuple(g for g, group in enumerate(groups) if g and any(parts[k].fit for k in group))
+    if len(groups) == 1:
+        return one_setting(trials)
+    return TrialSettings(number, centre[:, 0], centre[:, 1], fitted, gains, loads)
+
+
+def moved(settings: TrialSettings, group: int, gain: float, load: float) -> TrialSettings:
+    """With other ratios of one setting."""
+    own = settings.gain.copy(), settings.load.copy()
+    own[0][group], own[1][group] = gain, load
+    return replace(settings, gain=own[0], load=own[1])
