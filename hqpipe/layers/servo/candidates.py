@@ -23,9 +23,7 @@ _DELAY = 0.015  # s; assumption: one or two cycles of a 50–100 Hz servo bus, o
 _LONGEST_DELAY = 0.2  # s; assumption: a drive that answers later than this is refused by no one, but no servo
 _FRICTION = 0.1  # of the largest torque; dry friction of geared servo drives is 5–15 % of rated torque (Armstrong 1991)
 _STRIBECK = 0.1  # of the largest speed; Stribeck speeds lie at a few per cent of it (Armstrong 1991)
-_FALL_SEEN = (
-    0.5  # of the largest speed; where friction falls over more than that, the fall is not seen, and it looks like dry friction
-)
+_FALL_SEEN = 0.5  # of the largest speed; a friction that falls over more than that looks like dry friction; assumption
 _EFFICIENCY = 0.2  # loss of spur and harmonic gears, 10–30 % by their data sheets
 _GAP = np.pi / 180.0  # rad, backlash of spur-gear servos by their data sheets: about a degree
 _GAP_SLIDE = 0.005  # of the travel
@@ -105,7 +103,7 @@ def base_of(scale: Scale, start: Start, size: Size, settings: TrialSettings) -> 
 
 
 def biased(scale: Scale) -> bool:
-    """Whether a constant torque is read as a bias of the position: the drive closes a position loop, and no weight is constant."""
+    """Whether a constant torque is read as a bias of the position: a position loop is closed, and no weight is constant."""
     return not scale.duty and scale.kind != PRISMATIC
 
 
@@ -122,6 +120,12 @@ def effects_of(scale: Scale, size: Size, gains_differ: bool, without: Collection
         torque = Parameter("torque", scale.torque, 0.0, _SHARE * size.torque, -size.torque, size.torque)
         found.append(Effect(CONSTANT_SHAPE, (torque,), named=False, signal="direction"))
     return tuple(effect for effect in found if effect.name not in without)
+
+
+def other_joints() -> Effect:
+    """The torque from other joints, as it was fitted beside the base; what it is beside other effects is its share."""
+    share = Parameter("share", "1", 0.0, 1.0, 0.0, 3.0, (1.0,))
+    return Effect(COUPLING_SHAPE, (share,), named=False, signal="other_joints", context=True)
 
 
 def _command(scale: Scale, size: Size) -> list[Effect]:
@@ -175,13 +179,15 @@ def _drive(scale: Scale, size: Size) -> list[Effect]:
     if not scale.duty:
         limit.append(Parameter("back_emf_share", "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0)))
     found = [Effect("torque_limit", tuple(limit))]
-    if scale.stall is not None:
+    if scale.may_sag:
         ohm = scale.winding_ohm
         unit = "Ω" if ohm else "1"  # over the resistance of the winding, where that is not stated
         sag = Parameter("ohm", unit, 0.0, _SAG * (ohm or 1.0), 0.0, 10.0 * (ohm or 1.0))
         found.append(Effect("voltage_sag", (sag,)))
-    if not scale.duty and scale.load and not scale.free_gain:
-        found.append(Effect("gain_error", (Parameter("ratio", "1", 0.0, _GAIN, -0.95, 5.0),)))
+    if not scale.duty and not scale.free_gain and (scale.load or not scale.free_drag):
+        # With an unknown load a lower gain is the same as more drag, and larger inertia, gravity and friction.
+        same = frozenset() if scale.load else frozenset({"viscous_friction"})
+        found.append(Effect("gain_error", (Parameter("ratio", "1", 0.0, _GAIN, -0.95, 5.0),), excludes=same))
     return found
 
 

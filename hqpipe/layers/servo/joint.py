@@ -18,8 +18,8 @@ from hqpipe.layers.servo.candidates import (
     TIME_SHAPE,
 )
 from hqpipe.layers.servo.scale import Scale
-from hqpipe.layers.servo.trial_settings import TrialSettings
 from hqpipe.layers.servo.tracks import Tracks, Windows, state_noise
+from hqpipe.layers.servo.trial_settings import TrialSettings
 
 _FAR = 10.0  # times the travel, beyond which a run has diverged and its error counts no more
 _COLUMN = {
@@ -52,12 +52,12 @@ _TOLERANCES = {
     "gain_tolerance": ("gain_error", "ratio"),
     "drag_tolerance": ("viscous_friction", "nm_s_per_rad"),
 }
-"""Tolerance of what is stated → the effect that is the same number: where that is present, what is stated counts as it stands."""
+"""Tolerance of what is stated → the effect that is the same number: where that is present, the tolerance counts no more."""
 
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """One split: its signals, windows, and the numbers of its trials; `kept` says which of the simulated samples are judged, and
+    """One split: its signals, windows, and the numbers of its trials; `kept` says which of the simulated samples are judged,
     `coupling` (N,) is the torque from other joints."""
 
     tracks: Tracks
@@ -124,12 +124,16 @@ class ServoJoint:
         weight = [name for name in names if name.startswith("gravity")] or ["offset"]
         return {"payload": ("inertia", *weight)}
 
-    def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
-        """(N,) predicted less measured position; see `hqpipe.identify.model.JointModel`."""
+    def error(self, values: np.ndarray, heldout: bool = False, coupling: float | None = None) -> np.ndarray:
+        """(N,) predicted less measured position; see `hqpipe.identify.model.JointModel`.
+
+        Args:
+            coupling: share of the torque from other joints; None for that of `values`.
+        """
         split = self.splits[int(heldout)]
         if len(split.samples.output) == 0:
             return np.empty(0)
-        return self._predicted(values, split) - split.samples.output
+        return self._predicted(values, split, coupling=coupling) - split.samples.output
 
     def reported(self, effect: str, name: str, value: float) -> tuple[str, float, str]:
         """Name, value and unit under which a number that was fitted is answered.
@@ -156,14 +160,23 @@ class ServoJoint:
                 moved[k] = max(1.0 - self.setting.torque * (1.0 - values[k]) / other.setting.torque, 0.0)
         return moved
 
-    def _predicted(self, values: np.ndarray, split: Split, position: float = 0.0, velocity: float = 0.0) -> np.ndarray:
-        """(N,) position at the judged samples, with initial states off by `position` and `velocity`."""
+    def _predicted(
+        self,
+        values: np.ndarray,
+        split: Split,
+        position: float = 0.0,
+        velocity: float = 0.0,
+        coupling: float | None = None,
+    ) -> np.ndarray:
+        """(N,) position at the judged samples; `position`, `velocity`: by which it starts off; `coupling`: as in `error`."""
         numbers, trials = self._numbers(np.asarray(values, dtype=np.float64), split)
+        if coupling is not None:
+            numbers[kernel.COUPLING] = coupling
         setting, tracks, windows = self.setting, split.tracks, split.windows
         constants = np.array(
             [
                 float(not self.scale.duty),
-                self.scale.stall or 1.0,
+                self.scale.stall or setting.torque,
                 setting.middle,
                 setting.reach,
                 setting.speed,

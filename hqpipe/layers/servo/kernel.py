@@ -69,8 +69,8 @@ _LOOP, _STALL, _MIDDLE, _REACH, _SPEED, _LOWER, _SLOW_S = range(len(CONSTANTS))
 _FASTEST = 1.2  # times the largest speed of the fit trials; assumption, as for the travel below
 _FARTHEST = 1.2
 INERTIA, GAIN, DRAG, LOAD_GRAVITY, MOUNTING, GRAVITY_SIN, GRAVITY_COS, STEP = range(8)
-"""Columns of `trials`: inertia; torque per unit of the input; torque per speed that the drive takes; m g l of the known load, and
-the angle by which it hangs beside 0, rad; sine and cosine term of an unknown load; s, time of a sample."""
+"""Columns of `trials`: inertia; torque per unit of the input; torque per speed that the drive takes; m g l of the known load
+and the angle by which it hangs beside 0, rad; sine and cosine term of an unknown load; s, time of a sample."""
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -227,7 +227,15 @@ def _after_friction(v: float, gained: float, torque: float, n: np.ndarray) -> fl
 
 @njit(cache=True, nogil=True, inline="always")
 def _transmitted(
-    s: float, v: float, before: float, slack: float, spring: float, h: float, drive: np.ndarray, n: np.ndarray, loop: float
+    s: float,
+    v: float,
+    before: float,
+    slack: float,
+    spring: float,
+    h: float,
+    drive: np.ndarray,
+    n: np.ndarray,
+    loop: float,
 ) -> tuple[float, float, float, float, float]:
     """What gap, spring and limit leave of the torque `s` of the drive.
 
@@ -280,7 +288,10 @@ def _run(
     slack, spring, slow = memory
     dt, loop, before, left = drive[STEP], constants[_LOOP], v, -1.0
     h, width, late = dt / substeps, 1.0 / substeps, _lateness(n) / dt
-    gravity, phase = np.hypot(drive[GRAVITY_SIN], drive[GRAVITY_COS]), np.arctan2(drive[GRAVITY_COS], drive[GRAVITY_SIN])
+    gravity, phase = (
+        np.hypot(drive[GRAVITY_SIN], drive[GRAVITY_COS]),
+        np.arctan2(drive[GRAVITY_COS], drive[GRAVITY_SIN]),
+    )
     decay, kick = 0.0, 0.0
     for i in range(len(result)):
         for j in range(substeps):

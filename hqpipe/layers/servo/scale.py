@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.logs.columns import joint_column
+from hqpipe.logs.differentiate import differentiate
 from hqpipe.logs.drive import of_joint
 from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
 from hqpipe.logs.trajectory import Trajectory, Trial
 
 GRAVITY = 9.80665  # m/s², standard gravity (ISO 80000-3)
 VOLTAGE = "supply/voltage"
+_FOLLOWS = 0.8  # of the variance of the duty, that a position loop must explain; assumption
 ROD = (1.0 / 3.0, 0.5)  # inertia and static moment of a uniform rod about its end, over m l² and m l
 
 
@@ -31,6 +33,7 @@ class Scale:
         winding_ohm: resistance of the motor, or None.
         volts: what the logged duty is multiplied by where the voltage is not logged, (R,); None where it is.
         gain_unstated: the gain of a position loop is not known, so that it may differ from trial to trial.
+        may_sag: the supply voltage is not logged.
     """
 
     kind: str | None
@@ -47,6 +50,7 @@ class Scale:
     winding_ohm: float | None
     volts: np.ndarray | None
     gain_unstated: bool = False
+    may_sag: bool = False
 
     @property
     def torque(self) -> str:
@@ -78,6 +82,35 @@ def duty_of(trajectory: Trajectory, joint: str) -> np.ndarray | None:
     return trajectory.extra.get(joint_column(joint, "duty"))
 
 
+def by_duty(trials: Sequence[Trial], joint: str) -> bool:
+    """Whether the duty is the input, and not the position command: where there is no command, or the duty does not follow it.
+
+    Behind a loop that closes on the position the duty goes with the error of the command and the speed. Then the command is the
+    better input: it shows what is wrong before the motor too. Where motor constants are stated, the duty gives torques in N·m.
+    """
+    duties = [duty_of(trial.trajectory, joint) for trial in trials]
+    if any(duty is None for duty in duties):
+        return False
+    if any(trial.trajectory.position_command is None for trial in trials):
+        return True
+    if _all([of_joint(trial.drive, joint) for trial in trials], "torque_constant") is not None:
+        return True  # which fixes the scale of torques behind a duty only
+    return float(np.median([_explained(trial, joint) for trial in trials])) < _FOLLOWS
+
+
+def _explained(trial: Trial, joint: str) -> float:
+    """Share of the variance of a trial's duty that the error of the command and the speed explain."""
+    t = trial.trajectory
+    j, duty = t.joint(joint), duty_of(t, joint)
+    variance = 0.0 if duty is None else float(np.var(duty))
+    if variance == 0.0:
+        return 0.0
+    q = t.position[:, j]
+    columns = np.column_stack([t.position_command[:, j] - q, differentiate(t.position, t.dt)[:, j], np.ones(len(q))])
+    left = duty - columns @ np.linalg.lstsq(columns, duty, rcond=None)[0]
+    return 1.0 - float(np.var(left)) / variance
+
+
 def scale_of(trials: Sequence[Trial], joint: str, kind: str | None) -> Scale:
     """What is stated and logged of a joint.
 
@@ -86,7 +119,7 @@ def scale_of(trials: Sequence[Trial], joint: str, kind: str | None) -> Scale:
     """
     drives = [of_joint(trial.drive, joint) for trial in trials]
     load, inertia, gravity = _load([of_joint(trial.load, joint) for trial in trials], kind)
-    if all(duty_of(trial.trajectory, joint) is not None for trial in trials):
+    if by_duty(trials, joint):
         return _duty_scale(trials, drives, kind, load, inertia, gravity)
     kp, kd = _all(drives, "kp"), _all(drives, "kd")
     firmware_kp, firmware_kd = _all(drives, "firmware_kp"), _all(drives, "firmware_kd")
@@ -124,6 +157,7 @@ def scale_of(trials: Sequence[Trial], joint: str, kind: str | None) -> Scale:
         winding_ohm=float(np.median(motor[1])) if stall else None,
         volts=None,
         gain_unstated=kp is None and firmware_kp is None,
+        may_sag=not all(VOLTAGE in trial.trajectory.extra for trial in trials),
     )
 
 
@@ -158,6 +192,7 @@ def _duty_scale(
         stall=None if logged else float(np.median(gain)) * full,
         winding_ohm=float(np.median(ohm)) if motor and not logged else None,
         volts=volts,
+        may_sag=not logged,
     )
 
 

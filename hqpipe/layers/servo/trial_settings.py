@@ -1,7 +1,7 @@
 """Gains and loads that differ between trials without being stated: what each trial's own motion says of them.
 
-A servo is often recorded at several gains and with several loads. Where the log set does not say which, one set of numbers for all
-trials describes none of them. The equation of motion of a trial, over its gain r and with its load σ, is
+A servo is often recorded at several gains and with several loads. Where the log set does not say which, one set of numbers for
+all trials describes none of them. The equation of motion of a trial, over its gain r and with its load σ, is
 
     command − q + b = (σ (J q̈ + gravity) + d q̇ + F sgn q̇ + o) / r
 
@@ -71,9 +71,12 @@ def settings_of(
         splits: fit and held-out. rows: indices of their trials into the numbers of `scale`. response_s: of the joint.
     """
     trials = len(scale.gain)
-    free = [(gains, loads) for gains, loads in ((True, False), (False, True), (True, True))]
-    free = [f for f in free if (not f[0] or scale.gain_unstated) and (not f[1] or not scale.load)]
-    parts = [p for split, own, fit in zip(splits, rows, (True, False), strict=True) for p in _parts(split, own, scale, response_s, fit)]
+    free = [
+        f
+        for f in ((True, False), (False, True), (True, True))
+        if (not f[0] or scale.gain_unstated) and (not f[1] or not scale.load)
+    ]
+    parts = _parts(splits[0], rows[0], scale, response_s, True) + _parts(splits[1], rows[1], scale, response_s, False)
     if not free or sum(part.fit for part in parts) < 2:
         return one_setting(trials)
     best, kept = _solved(parts, False, False), (False, False)
@@ -191,3 +194,24 @@ def moved(settings: TrialSettings, group: int, gain: float, load: float) -> Tria
     own = settings.gain.copy(), settings.load.copy()
     own[0][group], own[1][group] = gain, load
     return replace(settings, gain=own[0], load=own[1])
+
+
+def settings_note(joint: str, settings: TrialSettings, files: list[str], group: np.ndarray) -> str:
+    """A sentence on gains and loads that differ between trials without being stated; empty where none do.
+
+    Args:
+        files: of all trials. group: (R,) setting of each of them.
+    """
+    what = [name for name, differs in (("gain", settings.gains), ("load", settings.loads)) if differs]
+    if not what:
+        return ""
+    told = []
+    for k in range(1, len(settings.gain)):
+        own = [f"{name} {getattr(settings, name)[k]:.2g}" for name in what]
+        here = ", ".join(file for file, g in zip(files, group, strict=True) if g == k)
+        told.append(f"{here}: {' and '.join(own)} times that of {files[int(np.flatnonzero(group == 0)[0])]}")
+    fix = {"gain": "drive: {firmware_kp: …}", "load": "load: {mass_kg: …, lever_m: …}"}
+    return (
+        f"{joint}: its {' and '.join(what)} differs between trials and is not stated ({'; '.join(told)}); state "
+        f"{' and '.join(fix[name] for name in what)} of each trial in logset.yaml"
+    )
