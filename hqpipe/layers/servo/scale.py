@@ -16,6 +16,7 @@ from hqpipe.logs.trajectory import Trajectory, Trial
 GRAVITY = 9.80665  # m/s², standard gravity (ISO 80000-3)
 VOLTAGE = "supply/voltage"
 _FOLLOWS = 0.8  # of the variance of the duty, that a position loop must explain; assumption
+_SAME_LAW = 1.3  # ratio of the gains of two trials, over the stated ones, up to which they are one law; assumption
 ROD = (1.0 / 3.0, 0.5)  # inertia and static moment of a uniform rod about its end, over m l² and m l
 
 
@@ -83,10 +84,11 @@ def duty_of(trajectory: Trajectory, joint: str) -> np.ndarray | None:
 
 
 def by_duty(trials: Sequence[Trial], joint: str) -> bool:
-    """Whether the duty is the input, and not the position command: where there is no command, or the duty does not follow it.
+    """Whether the duty is the input, and not the position command: where there is no command, or no one law leads to the duty.
 
-    Behind a loop that closes on the position the duty goes with the error of the command and the speed. Then the command is the
-    better input: it shows what is wrong before the motor too. Where motor constants are stated, the duty gives torques in N·m.
+    Behind a loop that closes on the position the duty goes with the error of the command and the speed. If it does so by the
+    same law in all trials, the command is the better input: it shows what is wrong before the motor too. Where motor constants
+    are stated, the duty gives torques in N·m.
     """
     duties = [duty_of(trial.trajectory, joint) for trial in trials]
     if any(duty is None for duty in duties):
@@ -95,20 +97,24 @@ def by_duty(trials: Sequence[Trial], joint: str) -> bool:
         return True
     if _all([of_joint(trial.drive, joint) for trial in trials], "torque_constant") is not None:
         return True  # which fixes the scale of torques behind a duty only
-    return float(np.median([_explained(trial, joint) for trial in trials])) < _FOLLOWS
+    drives = [of_joint(trial.drive, joint) for trial in trials]
+    stated = next((g for g in (_all(drives, "kp"), _all(drives, "firmware_kp")) if g is not None), np.ones(len(trials)))
+    explained, gains = np.array([_loop(trial, joint) for trial in trials]).T
+    gains = np.abs(gains) / stated
+    return bool(np.median(explained) < _FOLLOWS or gains.max() > _SAME_LAW * gains.min())
 
 
-def _explained(trial: Trial, joint: str) -> float:
-    """Share of the variance of a trial's duty that the error of the command and the speed explain."""
+def _loop(trial: Trial, joint: str) -> tuple[float, float]:
+    """Share of the variance of a duty that the error of the command and the speed explain, and the gain of the error."""
     t = trial.trajectory
     j, duty = t.joint(joint), duty_of(t, joint)
     variance = 0.0 if duty is None else float(np.var(duty))
     if variance == 0.0:
-        return 0.0
+        return 0.0, 0.0
     q = t.position[:, j]
-    columns = np.column_stack([t.position_command[:, j] - q, differentiate(t.position, t.dt)[:, j], np.ones(len(q))])
-    left = duty - columns @ np.linalg.lstsq(columns, duty, rcond=None)[0]
-    return 1.0 - float(np.var(left)) / variance
+    columns = np.column_stack([t.position_command[:, j] - q, differentiate(q[:, None], t.dt)[:, 0], np.ones(len(q))])
+    law = np.linalg.lstsq(columns, duty, rcond=None)[0]
+    return 1.0 - float(np.var(duty - columns @ law)) / variance, float(law[0])
 
 
 def scale_of(trials: Sequence[Trial], joint: str, kind: str | None) -> Scale:

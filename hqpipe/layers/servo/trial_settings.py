@@ -3,9 +3,9 @@
 A servo is often recorded at several gains and with several loads. Where the log set does not say which, one set of numbers for
 all trials describes none of them. The equation of motion of a trial, over its gain r and with its load σ, is
 
-    command − q + b = (σ (J q̈ + gravity) + d q̇ + F sgn q̇ + o) / r
+    e = command − q = (σ (J q̈ + gravity) + d q̇ + F sgn q̇ + o) / r + c |e| sgn q̇ − b
 
-with one J, gravity, d, F, o and b for all. It is solved by alternating least squares.
+with one J, gravity, d, F, o, c and b for all. It is solved by alternating least squares.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def one_setting(trials: int) -> TrialSettings:
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Rows of one trial: (n,) input, (n, A) what goes with the load, (n, B) what does not."""
+    """Rows of one trial: (n,) input, (n, A) what goes with the load, (n, B) what does not, (n, C) what goes with the input."""
 
     trial: int
     fit: bool
@@ -60,6 +60,7 @@ class _Rows:
     y: np.ndarray
     load: np.ndarray
     rest: np.ndarray
+    own: np.ndarray
 
 
 def settings_of(
@@ -109,9 +110,10 @@ def _parts(tracks: Tracks, rows: np.ndarray, scale: Scale, response_s: float, fi
             load = [a, np.ones(len(here))]
         else:
             load = [a, np.sin(q), np.cos(q)]
-        rest = [scale.drag[row] * v, np.tanh(v / (_REST * speed)), np.ones(len(here))]
-        y = scale.gain[row] * pull[here]
-        found.append(_Rows(int(row), fit, samples, y, np.column_stack(load), np.column_stack(rest)))
+        y, direction = scale.gain[row] * pull[here], np.tanh(v / (_REST * speed))
+        rest = [scale.drag[row] * v, direction, np.ones(len(here))]
+        own = [np.abs(y) * direction] if scale.duty else [np.abs(y) * direction, -scale.gain[row] * np.ones(len(here))]
+        found.append(_Rows(int(row), fit, samples, y, *(np.column_stack(part) for part in (load, rest, own))))
     return found
 
 
@@ -120,30 +122,27 @@ def _solved(parts: list[_Rows], gains: bool, loads: bool) -> tuple[float, np.nda
     gain, load = np.ones(len(parts)), np.ones(len(parts))
     mine = [k for k, part in enumerate(parts) if part.fit]
     for _ in range(_ROUNDS if gains or loads else 1):
-        columns = [np.hstack([load[k] * parts[k].load, parts[k].rest]) / gain[k] for k in mine]
-        # b does not go with the gain
-        matrix = np.vstack([np.column_stack([c, -np.ones(len(c))]) if gains else c for c in columns])
-        y = np.concatenate([parts[k].y for k in mine])
-        theta = np.linalg.lstsq(matrix, y, rcond=1e-9)[0]
-        held, bias = parts[0].load.shape[1], theta[-1] if gains else 0.0
-        for k, part in enumerate(parts):
-            a, b = part.load @ theta[:held], part.rest @ theta[held : held + part.rest.shape[1]]
-            gain[k], load[k] = _own(part.y + bias, a, b, gain[k], load[k], gains, loads)
-        middle = np.median(gain[mine]), np.median(load[mine])
-        gain, load = gain / middle[0], load / middle[1]
-    left = scale = 0.0
-    for k in mine:
-        part = parts[k]
-        a, b = part.load @ theta[:held], part.rest @ theta[held : held + part.rest.shape[1]]
-        gone, _ = _best(part.y + bias, a, b, gains, loads)
-        left += part.samples * gone
-        scale += part.samples * float(np.var(part.y))
+        matrix = np.vstack(
+            [np.hstack([load[k] * p.load / gain[k], p.rest / gain[k], p.own]) for k, p in enumerate(parts) if p.fit]
+        )
+        theta = np.linalg.lstsq(matrix, np.concatenate([parts[k].y for k in mine]), rcond=1e-9)[0]
+        sums = [_sums(part, theta) for part in parts]
+        for k, (y, a, b) in enumerate(sums):
+            gain[k], load[k] = _own(y, a, b, gains, loads)
+        gain, load = gain / np.median(gain[mine]), load / np.median(load[mine])
+    left = sum(parts[k].samples * _best(*sums[k], gains, loads)[0] for k in mine)
+    scale = sum(parts[k].samples * float(np.var(parts[k].y)) for k in mine)
     return left / max(scale, 1e-300), gain, load
 
 
-def _own(
-    y: np.ndarray, a: np.ndarray, b: np.ndarray, gain: float, load: float, gains: bool, loads: bool
-) -> tuple[float, float]:
+def _sums(part: _Rows, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(n,) input less what goes with it, torque that goes with the load, torque that does not."""
+    first, second = part.load.shape[1], part.load.shape[1] + part.rest.shape[1]
+    return part.y - part.own @ theta[second:], part.load @ theta[:first], part.rest @ theta[first:second]
+
+
+def _own(y: np.ndarray, a: np.ndarray, b: np.ndarray, gains: bool, loads: bool) -> tuple[float, float]:
+    """Gain and load of one trial, from its sums."""
     _, (over, share) = _best(y, a, b, gains, loads)
     low, high = 1.0 / _FAR, _FAR
     return float(np.clip(1.0 / max(over, low), low, high)), float(np.clip(share, low, high))
