@@ -221,6 +221,7 @@ def _size(item: Prepared, start: Start, torque: np.ndarray, window_s: float) -> 
         window_s=window_s,
         gain=start.gain * float(np.median(scale.gain[rows])),
         inertia=float(np.median(scale.inertia[rows])),
+        drag=float(np.median(scale.drag[rows])),
     )
 
 

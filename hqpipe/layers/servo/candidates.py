@@ -46,7 +46,7 @@ _SHARE = 0.1  # of the largest torque, that a generic shape may come to; assumpt
 @dataclass(frozen=True)
 class Size:
     """How large things are in the fit trials: 99 % quantile of the drive torque and of the speed, travel, sample time, length
-    of a window, gain with which the fit starts, known inertia."""
+    of a window, gain with which the fit starts, known inertia, stated drag."""
 
     torque: float
     speed: float
@@ -55,6 +55,7 @@ class Size:
     window_s: float
     gain: float
     inertia: float
+    drag: float
 
 
 def base_of(scale: Scale, start: Start, size: Size, settings: TrialSettings) -> tuple[Parameter, ...]:
@@ -150,7 +151,9 @@ def _friction(scale: Scale, size: Size) -> list[Effect]:
         Effect("load_dependent_friction", (share,)),
     ]
     if not scale.free_drag:
-        viscous = Parameter("nm_s_per_rad", scale.drag_unit, 0.0, dry / size.speed, 0.0)
+        # A start within the tolerance of the stated drag, which it takes the place of, would be less drag than that.
+        start = max(dry / size.speed, 2.0 * _OUTSIDE * size.drag)
+        viscous = Parameter("nm_s_per_rad", scale.drag_unit, 0.0, dry / size.speed, 0.0, np.inf, (start,))
         found.append(Effect("viscous_friction", (viscous,), common=True))
     if scale.load:
         armature = Parameter("kg_m2", scale.inertia_unit, 0.0, 0.5 * size.inertia, 0.0)
