@@ -40,6 +40,9 @@ _TOLERANCE = (
     0.02  # of a stated load or gain; assumption: kitchen scales, rulers and rounded gains are off by a per cent or two
 )
 _OUTSIDE = 0.05  # what is off by more is an effect, and not the tolerance of what was stated; assumption
+WITHIN = 0.8
+"""Of the bounds of a tolerance, within which it counts. At its end it must have no slope, or an effect in the same direction
+would seem to be what the tolerance can do already."""
 _SHARE = 0.1  # of the largest torque, that a generic shape may come to; assumption: as dry friction
 
 
@@ -109,8 +112,9 @@ def biased(scale: Scale) -> bool:
 
 
 def _tolerance(name: str, unit: str, size: float) -> Parameter:
-    """Of what was stated: how far it is off."""
-    return Parameter(name, unit, 0.0, _TOLERANCE * size, -_OUTSIDE * size, _OUTSIDE * size)
+    """Of what was stated: how far it is off; what is beyond `_OUTSIDE` does nothing, see `WITHIN`."""
+    most = _OUTSIDE * size / WITHIN
+    return Parameter(name, unit, 0.0, _TOLERANCE * size, -most, most)
 
 
 def effects_of(scale: Scale, size: Size, gains_differ: bool, without: Collection[str]) -> tuple[Effect, ...]:

@@ -16,6 +16,7 @@ from hqpipe.layers.servo.candidates import (
     SLOW_SHAPE,
     SPEED_SHAPE,
     TIME_SHAPE,
+    WITHIN,
 )
 from hqpipe.layers.servo.scale import Scale
 from hqpipe.layers.servo.tracks import Tracks, Windows, state_noise
@@ -112,6 +113,7 @@ class ServoJoint:
         self._place = {(effect, parameter.name): k for k, (effect, parameter) in enumerate(named)}
         self._shared = [(k, _COLUMN[key]) for key, k in self._place.items() if key in _COLUMN]
         self._cuts = [self._place[key] for key in [("torque_limit", "share_cut_off")] if key in self._place]
+        self._most = {p.name: WITHIN * p.high for p in base if p.name in _TOLERANCES and np.isfinite(p.high)}
         self._neutral = np.array([parameter.neutral for _, parameter in named])
         self.noise = tuple(self._noise(split) for split in splits)
 
@@ -218,6 +220,7 @@ class ServoJoint:
         numbers[kernel.SAG] /= scale.winding_ohm or 1.0
         numbers[kernel.DAMPS_ERROR] = float(self.damps_error)
         own = {name: values[k] for (effect, name), k in self._place.items() if not effect}
+        own |= {name: min(max(own[name], -most), most) for name, most in self._most.items()}
         for tolerance, key in _TOLERANCES.items():
             if scale.load or tolerance != "inertia":
                 effect = values[self._place[key]] if key in self._place else 0.0
