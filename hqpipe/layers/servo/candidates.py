@@ -32,7 +32,9 @@ _CUT = 0.5  # of the largest torque asked for; assumption: where it lies is not 
 _SAG = 0.1  # supply resistance over that of the winding; assumption: leads are sized for less than a tenth of the loss
 _GAIN = 0.1  # tolerance of motor constants by their data sheets
 _BIAS = 0.02  # rad, a spline tooth of a servo horn is 0.25; assumption: a zero is set to within a tenth of it
-_MOST_BIAS = 0.5  # rad; assumption: two spline teeth
+_MOST_BIAS = (
+    0.1  # rad; assumption: a zero that is off by more is seen at a glance, and a fit that asks for it means another law
+)
 _MOUNTING = 0.25  # rad, a spline tooth
 _MOST_RATIO = 20.0  # between gains or loads of two trials; assumption
 _DRIFT = 0.003  # 1/s; copper gains 0.4 % resistance per kelvin, a small motor heats by about a kelvin a second
@@ -92,7 +94,9 @@ def base_of(scale: Scale, start: Start, size: Size, settings: TrialSettings) -> 
     if not biased(scale):
         found.append(Parameter("offset", scale.torque, start.offset, torque))
     if not scale.duty:
-        found.append(Parameter("command_lead_s", "s", 0.5 * size.dt, 0.5 * size.dt, 0.0, size.dt))
+        beyond = 0.25 * size.dt  # without a slope, as of tolerances
+        lead = Parameter("command_lead_s", "s", 0.5 * size.dt, 0.5 * size.dt, -beyond, size.dt + beyond)
+        found.append(lead)
     if scale.duty:
         found.append(Parameter("duty_delay_s", "s", 0.5 * size.dt, 0.5 * size.dt, -size.dt, size.dt))
     for k in settings.fitted:
@@ -138,7 +142,9 @@ def _command(scale: Scale, size: Size) -> list[Effect]:
         return []
     spread = max(_DELAY, size.dt)
     longest = max(min(_LONGEST_DELAY, 0.5 * size.window_s), 2.0 * spread)
-    delay = Parameter("delay_s", "s", 0.0, spread, 0.0, longest, (spread, min(3.0 * spread, 0.9 * longest)))
+    # Drag and inertia take most of a delay, whose own part is told from the slope of a short one alone.
+    starts = tuple(min(0.5 * size.dt + share * spread, 0.9 * longest) for share in (0.2, 0.5, 3.0))
+    delay = Parameter("delay_s", "s", 0.0, spread, 0.0, longest, starts)
     return [Effect("command_delay", (delay,))]
 
 
