@@ -73,14 +73,6 @@ def test_a_limit_holds_for_all_of_the_torque_or_beside_the_back_emf(back_emf):
     assert joint.setting.torque * (1.0 - found["torque_limit.share_cut_off"]) == pytest.approx(2.0, rel=0.05)
 
 
-def test_stribeck_friction_leaves_the_dry_friction_beside_it():
-    joint = model(Truth(friction=0.5, static=0.8, stribeck=0.2), GAINS)
-    found = fit(joint, ("coulomb_friction", "stribeck_friction"))
-    assert found["coulomb_friction.friction_nm"] == pytest.approx(0.5, rel=0.05)
-    assert found["stribeck_friction.static_nm"] == pytest.approx(0.8, rel=0.05)
-    assert found["stribeck_friction.velocity_rad_s"] == pytest.approx(0.2, rel=0.05)
-
-
 def test_backlash():
     found = fit(model(Truth(gap=0.03), GAINS), ("backlash",))
     assert found["backlash.gap"] == pytest.approx(0.03, rel=0.1)
