@@ -9,21 +9,24 @@ import numpy as np
 from hqpipe.identify.model import Effect, Parameter, Samples
 from hqpipe.layers.servo import kernel
 from hqpipe.layers.servo.candidates import (
+    CONSTANT_SHAPE,
+    COUPLING_SHAPE,
     DIRECTION_SHAPE,
     POSITION_SHAPE,
     SLOW_SHAPE,
     SPEED_SHAPE,
     TIME_SHAPE,
+    WITHIN,
 )
 from hqpipe.layers.servo.scale import Scale
 from hqpipe.layers.servo.tracks import Tracks, Windows, state_noise
+from hqpipe.layers.servo.trial_settings import TrialSettings
 
 _FAR = 10.0  # times the travel, beyond which a run has diverged and its error counts no more
 _COLUMN = {
-    ("", "gravity_sin"): kernel.GRAVITY_SIN,
-    ("", "gravity_cos"): kernel.GRAVITY_COS,
     ("", "offset"): kernel.OFFSET,
-    ("", "command_lead_s"): kernel.COMMAND_RATE,
+    (CONSTANT_SHAPE, "torque"): kernel.OFFSET,
+    ("", "command_lead_s"): kernel.COMMAND_LEAD,
     ("", "duty_delay_s"): kernel.DELAY,
     ("command_delay", "delay_s"): kernel.DELAY,
     ("coulomb_friction", "friction_nm"): kernel.COULOMB,
@@ -34,6 +37,7 @@ _COLUMN = {
     ("backlash", "gap"): kernel.GAP,
     ("transmission_compliance", "compliance"): kernel.COMPLIANCE,
     ("torque_limit", "share_cut_off"): kernel.INVERSE_LIMIT,
+    ("torque_limit", "back_emf_share"): kernel.BACK_EMF_SHARE,
     ("voltage_sag", "ohm"): kernel.SAG,
     ("position_bias", "rad"): kernel.BIAS,
     (DIRECTION_SHAPE, "ratio"): kernel.ASYMMETRY,
@@ -42,36 +46,36 @@ _COLUMN = {
     (POSITION_SHAPE, "degree_2"): kernel.SHAPE_2,
     (SPEED_SHAPE, "coefficient"): kernel.SQUARE,
     (SLOW_SHAPE, "share"): kernel.SLOW,
+    (COUPLING_SHAPE, "share"): kernel.COUPLING,
 }
-_TRIAL = {
-    "inertia": 0,
-    "armature": 0,
-    "gain": 1,
-    "drag": 2,
-    "gain_error": 3,
-    "gain_tolerance": 3,
-    "drag_tolerance": 4,
+_TOLERANCES = {
+    "inertia": ("armature", "kg_m2"),
+    "gain_tolerance": ("gain_error", "ratio"),
+    "drag_tolerance": ("viscous_friction", "nm_s_per_rad"),
 }
-"""What changes the numbers of single trials: index into inertia, gain, drag, and what stated gain and drag are off by."""
+"""Tolerance of what is stated → the effect that is the same number: where that is present, the tolerance counts no more."""
 
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """One split: its signals, windows, and the numbers of its trials; `kept` says which of the (M · W) samples are judged."""
+    """One split: its signals, windows, and the numbers of its trials; `kept` says which of the simulated samples are judged,
+    `coupling` (N,) is the torque from other joints."""
 
     tracks: Tracks
     windows: Windows
     rows: np.ndarray
     kept: np.ndarray
     samples: Samples
+    coupling: np.ndarray
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Length of a window, substeps of a sample; middle and half width of the travel; largest speed; time constant of the slow
-    share, s; largest torque, of which a limit cuts off a share; noise of the position sensor."""
+    """Length of a window and of the run-in before it, substeps of a sample; middle and half width of the travel; largest speed;
+    time constant of the slow share, s; largest torque, of which a limit cuts off a share; noise of the position sensor."""
 
     samples: int
+    run_in: int
     substeps: int
     middle: float
     reach: float
@@ -93,19 +97,23 @@ class ServoJoint:
         setting: Setting,
         splits: tuple[Split, Split],
         notes: tuple[str, ...],
+        settings: TrialSettings,
         damps_error: bool = False,
     ) -> None:
-        """`splits`: fit and held-out. `damps_error`: the drive damps the speed of the error, not that of the joint."""
+        """`splits`: fit and held-out. `settings`: gains and loads of the trials that are not stated. `damps_error`: the drive
+        damps the speed of the error, not that of the joint."""
         self.joint, self.scale, self.base, self.effects = joint, scale, base, effects
         self.unit, self.damps_error = scale.angle, damps_error
-        self.setting, self.notes = setting, notes
-        self._splits = splits
+        self.setting, self.notes, self.settings = setting, notes, settings
+        self.splits = splits
         self.fit, self.heldout = (split.samples for split in splits)
         self.dt = float(np.median(splits[0].tracks.dt))
         named = [("", parameter) for parameter in base]
         named += [(effect.name, parameter) for effect in effects for parameter in effect.parameters]
-        self._slots = [_slot(effect, parameter.name) for effect, parameter in named]
-        self._cuts = [k for k, slot in enumerate(self._slots) if slot == (True, kernel.INVERSE_LIMIT)]
+        self._place = {(effect, parameter.name): k for k, (effect, parameter) in enumerate(named)}
+        self._shared = [(k, _COLUMN[key]) for key, k in self._place.items() if key in _COLUMN]
+        self._cuts = [self._place[key] for key in [("torque_limit", "share_cut_off")] if key in self._place]
+        self._most = {p.name: WITHIN * p.high for p in base if p.name in _TOLERANCES and np.isfinite(p.high)}
         self._neutral = np.array([parameter.neutral for _, parameter in named])
         self.noise = tuple(self._noise(split) for split in splits)
 
@@ -118,12 +126,16 @@ class ServoJoint:
         weight = [name for name in names if name.startswith("gravity")] or ["offset"]
         return {"payload": ("inertia", *weight)}
 
-    def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
-        """(N,) predicted less measured position; see `hqpipe.identify.model.JointModel`."""
-        split = self._splits[int(heldout)]
+    def error(self, values: np.ndarray, heldout: bool = False, coupling: float | None = None) -> np.ndarray:
+        """(N,) predicted less measured position; see `hqpipe.identify.model.JointModel`.
+
+        Args:
+            coupling: share of the torque from other joints; None for that of `values`.
+        """
+        split = self.splits[int(heldout)]
         if len(split.samples.output) == 0:
             return np.empty(0)
-        return self._predicted(values, split) - split.samples.output
+        return self._predicted(values, split, coupling=coupling) - split.samples.output
 
     def reported(self, effect: str, name: str, value: float) -> tuple[str, float, str]:
         """Name, value and unit under which a number that was fitted is answered.
@@ -150,14 +162,23 @@ class ServoJoint:
                 moved[k] = max(1.0 - self.setting.torque * (1.0 - values[k]) / other.setting.torque, 0.0)
         return moved
 
-    def _predicted(self, values: np.ndarray, split: Split, position: float = 0.0, velocity: float = 0.0) -> np.ndarray:
-        """(N,) position at the judged samples, with initial states off by `position` and `velocity`."""
+    def _predicted(
+        self,
+        values: np.ndarray,
+        split: Split,
+        position: float = 0.0,
+        velocity: float = 0.0,
+        coupling: float | None = None,
+    ) -> np.ndarray:
+        """(N,) position at the judged samples; `position`, `velocity`: by which it starts off; `coupling`: as in `error`."""
         numbers, trials = self._numbers(np.asarray(values, dtype=np.float64), split)
+        if coupling is not None:
+            numbers[kernel.COUPLING] = coupling
         setting, tracks, windows = self.setting, split.tracks, split.windows
         constants = np.array(
             [
                 float(not self.scale.duty),
-                self.scale.stall or 1.0,
+                self.scale.stall or setting.torque,
                 setting.middle,
                 setting.reach,
                 setting.speed,
@@ -179,7 +200,8 @@ class ServoJoint:
             tracks.velocity,
             tracks.inputs,
             tracks.rate,
-            setting.samples,
+            split.coupling,
+            setting.run_in + setting.samples,
             setting.substeps,
         )
         run = run.ravel()[split.kept]
@@ -188,30 +210,47 @@ class ServoJoint:
 
     def _numbers(self, values: np.ndarray, split: Split) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of the kernel: those that all trials share, and those of each trial."""
+        scale, rows = self.scale, split.rows
         numbers = np.zeros(len(kernel.NAMES))
         numbers[kernel.STRIBECK] = 1.0
-        own = np.array([0.0, 1.0, 1.0, 0.0, 0.0])  # see `_TRIAL`
-        for (shared, column), value in zip(self._slots, values, strict=True):
-            if shared:
-                numbers[column] = value
-            elif column in (1, 2):
-                own[column] = value
-            else:
-                own[column] += value
-        inertia, gain, drag, gain_off, drag_off = own
-        scale, rows = self.scale, split.rows
+        for k, column in self._shared:
+            numbers[column] += values[k] - (column == kernel.STRIBECK)
         cut = numbers[kernel.INVERSE_LIMIT]
         numbers[kernel.INVERSE_LIMIT] = 1.0 / (self.setting.torque * (1.0 - cut)) if cut > 0.0 else 0.0
         numbers[kernel.SAG] /= scale.winding_ohm or 1.0
-        trials = np.empty((len(rows), 5))
-        trials[:, kernel.INERTIA] = scale.inertia[rows] + inertia
-        trials[:, kernel.GAIN] = scale.gain[rows] * gain * (1.0 + gain_off)
-        trials[:, kernel.DRAG] = scale.drag[rows] * drag * (1.0 + drag_off)
-        if self.damps_error:
-            numbers[kernel.COMMAND_RATE] += np.median(trials[:, kernel.DRAG] / trials[:, kernel.GAIN])
+        if (
+            not scale.duty
+        ):  # a delay is the same as less lead: beside one, commands count in the middle between two rows
+            lead = min(max(numbers[kernel.COMMAND_LEAD], 0.0), self.dt)
+            numbers[kernel.COMMAND_LEAD] = lead if numbers[kernel.DELAY] == 0.0 else 0.5 * self.dt
+        numbers[kernel.DAMPS_ERROR] = float(self.damps_error)
+        own = {name: values[k] for (effect, name), k in self._place.items() if not effect}
+        own |= {name: min(max(own[name], -most), most) for name, most in self._most.items()}
+        for tolerance, key in _TOLERANCES.items():
+            if scale.load or tolerance != "inertia":
+                effect = values[self._place[key]] if key in self._place else 0.0
+                own[tolerance] = own.get(tolerance, 0.0) if effect == 0.0 else effect * (key[0] != "viscous_friction")
+        gain, inertia, gravity = self._ratios(own, rows)
+        trials = np.empty((len(rows), 8))
+        trials[:, kernel.INERTIA] = (scale.inertia[rows] + own["inertia"]) * inertia
+        trials[:, kernel.GAIN] = scale.gain[rows] * own.get("gain", 1.0) * (1.0 + own.get("gain_tolerance", 0.0)) * gain
+        trials[:, kernel.DRAG] = scale.drag[rows] * own.get("drag", 1.0) * (1.0 + own.get("drag_tolerance", 0.0))
         trials[:, kernel.LOAD_GRAVITY] = scale.gravity[rows]
+        trials[:, kernel.MOUNTING] = own.get("mounting_rad", 0.0)
+        trials[:, kernel.GRAVITY_SIN] = own.get("gravity_sin", 0.0) * gravity
+        trials[:, kernel.GRAVITY_COS] = own.get("gravity_cos", 0.0) * gravity
         trials[:, kernel.STEP] = split.tracks.dt
         return numbers, trials
+
+    def _ratios(self, own: dict[str, float], rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(R,) gain, inertia and gravity of trials over those of the first setting."""
+        settings = self.settings
+        gain, inertia, gravity = settings.gain.copy(), settings.load.copy(), settings.load.copy()
+        for ratios, name in ((gain, "gain_ratio"), (inertia, "inertia_ratio"), (gravity, "gravity_ratio")):
+            for k in settings.fitted:
+                ratios[k] = own.get(f"{name}_{k}", ratios[k])
+        group = settings.group[rows]
+        return gain[group], inertia[group], gravity[group]
 
     def _noise(self, split: Split) -> float:
         """Root mean square that the noise of the position sensor leaves: that of the sample, and of the initial state."""
@@ -225,19 +264,14 @@ class ServoJoint:
         return float(np.sqrt(sensor**2 + np.mean(moved**2) + np.mean(faster**2)))
 
 
-def _slot(effect: str, name: str) -> tuple[bool, int]:
-    """Whether a parameter is shared by all trials, and its column."""
-    if (effect, name) in _COLUMN:
-        return True, _COLUMN[effect, name]
-    return False, _TRIAL[effect or name]
-
-
-def samples_of(tracks: Tracks, windows: Windows, samples: int) -> tuple[np.ndarray, Samples]:
-    """Which samples of the windows are judged, (M · W) bool, and those samples."""
-    index = (windows.start[:, None] + np.arange(1, samples + 1)).ravel()
+def samples_of(tracks: Tracks, windows: Windows, samples: int, run_in: int) -> tuple[np.ndarray, Samples]:
+    """Which samples of the runs are judged, (M · (run_in + W)) bool, and those samples: usable ones after the run-in."""
+    index = windows.start[:, None] + np.arange(1, run_in + samples + 1)
     kept = tracks.usable[index]
-    index = index[kept]
-    held = np.repeat(tracks.position[windows.start], samples)[kept]
+    kept[:, :run_in] = False
+    kept = kept.ravel()
+    index = index.ravel()[kept]
+    held = np.repeat(tracks.position[windows.start + run_in], run_in + samples)[kept]
     found = Samples(
         files=tracks.files,
         trial=tracks.trial[index],

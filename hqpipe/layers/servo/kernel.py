@@ -13,8 +13,6 @@ from numba import njit
 import hqpipe.system.checked_cache  # noqa: F401 (before any function is compiled)
 
 NAMES = (
-    "gravity_sin",
-    "gravity_cos",
     "offset",
     "delay_s",
     "friction_nm",
@@ -25,6 +23,7 @@ NAMES = (
     "gap",
     "compliance",
     "inverse_limit",
+    "back_emf_share",
     "sag",
     "bias",
     "asymmetry",
@@ -32,13 +31,13 @@ NAMES = (
     "position_1",
     "position_2",
     "velocity_square",
-    "command_rate",
+    "command_lead",
+    "damps_error",
     "slow_share",
+    "coupling",
 )
 """What the columns of `numbers` are, in their order."""
 (
-    GRAVITY_SIN,
-    GRAVITY_COS,
     OFFSET,
     DELAY,
     COULOMB,
@@ -49,6 +48,7 @@ NAMES = (
     GAP,
     COMPLIANCE,
     INVERSE_LIMIT,
+    BACK_EMF_SHARE,
     SAG,
     BIAS,
     ASYMMETRY,
@@ -56,8 +56,10 @@ NAMES = (
     SHAPE_1,
     SHAPE_2,
     SQUARE,
-    COMMAND_RATE,
+    COMMAND_LEAD,
+    DAMPS_ERROR,
     SLOW,
+    COUPLING,
 ) = range(len(NAMES))
 CONSTANTS = ("loop", "stall", "middle", "reach", "speed", "lower_shape", "slow_s")
 """Columns of `constants`: 1 where the drive closes a position loop and 0 where its duty is logged; torque at full duty;
@@ -66,9 +68,9 @@ share, s."""
 _LOOP, _STALL, _MIDDLE, _REACH, _SPEED, _LOWER, _SLOW_S = range(len(CONSTANTS))
 _FASTEST = 1.2  # times the largest speed of the fit trials; assumption, as for the travel below
 _FARTHEST = 1.2
-INERTIA, GAIN, DRAG, LOAD_GRAVITY, STEP = range(5)
-"""Columns of `trials`: inertia; torque per unit of the input; torque per speed that the drive takes; m g l of the known load;
-s, time of a sample."""
+INERTIA, GAIN, DRAG, LOAD_GRAVITY, MOUNTING, GRAVITY_SIN, GRAVITY_COS, STEP = range(8)
+"""Columns of `trials`: inertia; torque per unit of the input; torque per speed that the drive takes; m g l of the known load
+and the angle by which it hangs beside 0, rad; sine and cosine term of an unknown load; s, time of a sample."""
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -83,24 +85,30 @@ def _held_input(values: np.ndarray, first: int, at: float, width: float, smooth:
         middle = at + 0.5 * width
         k = int(np.floor(middle))
         share = middle - k
-        a, b = max(k, first), min(max(k + 1, first), len(values) - 1)
+        a, b = min(max(k, first), len(values) - 1), min(max(k + 1, first), len(values) - 1)
         return values[a] + share * (values[b] - values[a])
     k = int(np.floor(at + 1e-9))
     beyond = at + width - (k + 1)
-    a = values[max(k, first)]
+    a = values[min(max(k, first), len(values) - 1)]
     if beyond <= 1e-9:
         return a
-    return a + beyond / width * (values[max(k + 1, first)] - a)
+    return a + beyond / width * (values[min(max(k + 1, first), len(values) - 1)] - a)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _lateness(n: np.ndarray) -> float:
+    """s by which an input counts after its row; less than 0 where it counts before it."""
+    return n[DELAY] - n[COMMAND_LEAD]
 
 
 @njit(cache=True, nogil=True, inline="always")
 def _resistance(
-    q: float, v: float, load_gravity: float, gravity: float, phase: float, n: np.ndarray, constants: np.ndarray
+    q: float, v: float, drive: np.ndarray, gravity: float, phase: float, n: np.ndarray, constants: np.ndarray
 ) -> float:
     """Torque against the drive that depends on where the joint is, and on the square of its speed."""
     torque = n[OFFSET]
-    if load_gravity != 0.0:
-        torque += load_gravity * np.sin(q + n[BIAS])
+    if drive[LOAD_GRAVITY] != 0.0:
+        torque += drive[LOAD_GRAVITY] * np.sin(q + drive[MOUNTING])
     if gravity != 0.0:
         torque += gravity * np.sin(q + phase)
     if n[SHAPE_1] != 0.0 or n[SHAPE_2] != 0.0:
@@ -125,15 +133,15 @@ def _commanded(
     u: float,
     rate: float,
     time: float,
-    gain: float,
-    drag: float,
+    drive: np.ndarray,
     n: np.ndarray,
     constants: np.ndarray,
 ) -> float:
     """Torque of the drive at rest: before what it loses with speed."""
-    torque = gain * (u - q) if constants[_LOOP] == 1.0 else gain * u
-    if n[COMMAND_RATE] != 0.0:
-        torque += gain * n[COMMAND_RATE] * rate
+    gain, drag = drive[GAIN], drive[DRAG]
+    torque = gain * (u + n[BIAS] - q) if constants[_LOOP] == 1.0 else gain * u
+    if n[DAMPS_ERROR] != 0.0:
+        torque += n[DAMPS_ERROR] * drag * rate
     if n[DRIFT] != 0.0:
         torque *= max(1.0 + n[DRIFT] * time, 0.0)
     if n[ASYMMETRY] != 0.0:
@@ -175,12 +183,13 @@ def _remembered(
 ) -> tuple[float, float, float]:
     """Slack, torque in the spring and slow torque where a window starts, after up to `samples` samples of the log before it."""
     gain, drag, dt, loop = drive[GAIN], drive[DRAG], drive[STEP], constants[_LOOP]
-    slack, spring, slow = 0.0, 0.0, 0.0
+    slack, spring, slow, late = 0.0, 0.0, 0.0, _lateness(n) / dt
     stiff = n[COMPLIANCE] * drag + dt * (1.0 + gain * loop * n[COMPLIANCE])
     began = max(start - samples, first)
     for k in range(began, max(start, began + 1)):
-        u = _held_input(inputs, first, k - n[DELAY] / dt, 1.0, loop == 0.0)
-        torque = _commanded(position[k], velocity[k], u, rates[k], clock + (k - start) * dt, gain, drag, n, constants)
+        u = _held_input(inputs, first, k - late, 1.0, loop == 0.0)
+        rate = _held_input(rates, first, k - late, 1.0, True) if n[DAMPS_ERROR] != 0.0 else 0.0
+        torque = _commanded(position[k], velocity[k], u, rate, clock + (k - start) * dt, drive, n, constants)
         if n[GAP] > 0.0:
             slack = _across_gap(slack, torque - drag * velocity[k], gain, drag, dt, n, loop)
         torque -= gain * loop * slack + drag * velocity[k]
@@ -199,7 +208,7 @@ def _decay(drag: float, inertia: float, h: float) -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _rubbed(v: float, gained: float, torque: float, n: np.ndarray) -> float:
+def _after_friction(v: float, gained: float, torque: float, n: np.ndarray) -> float:
     """Speed after dry friction, which stops the joint where it can.
 
     Args:
@@ -216,6 +225,48 @@ def _rubbed(v: float, gained: float, torque: float, n: np.ndarray) -> float:
     return 0.0
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _transmitted(
+    s: float,
+    v: float,
+    before: float,
+    slack: float,
+    spring: float,
+    h: float,
+    drive: np.ndarray,
+    n: np.ndarray,
+    loop: float,
+) -> tuple[float, float, float, float, float]:
+    """What gap, spring and limit leave of the torque `s` of the drive.
+
+    Args:
+        v, before: speed in this step and in the last. slack, spring: state of the gap, and torque in the spring.
+
+    Returns:
+        Torque at rest, torque with drag, slack, torque in the spring, and the drag that remains as a factor of the speed.
+    """
+    gain, drag = drive[GAIN], drive[DRAG]
+    middle = 1.5 * v - 0.5 * before  # speed in the middle of the step, as it has been changing
+    if n[GAP] > 0.0:
+        slack = _across_gap(slack, s - drag * v, gain, drag, h, n, loop)
+        if abs(slack) < 0.5 * n[GAP]:
+            return 0.0, 0.0, slack, 0.0, 0.0
+        s -= gain * loop * slack
+    if n[COMPLIANCE] > 0.0:  # the drive's own motion takes part of its torque and of its drag
+        stiff = n[COMPLIANCE] * drag + h * (1.0 + gain * loop * n[COMPLIANCE])
+        s = (h * s + n[COMPLIANCE] * drag * spring) / stiff
+        drag *= h / stiff
+    torque = s - drag * middle
+    spring = torque
+    if n[INVERSE_LIMIT] > 0.0 and loop == 1.0:
+        beyond = n[BACK_EMF_SHARE] * drag
+        held = s - (drag - beyond) * middle
+        if abs(held) * n[INVERSE_LIMIT] > 1.0:
+            s = np.sign(held) / n[INVERSE_LIMIT]
+            return s, s - beyond * middle, slack, spring, beyond
+    return s, torque, slack, spring, drag
+
+
 @njit(cache=True, nogil=True)
 def _run(
     result: np.ndarray,
@@ -229,50 +280,39 @@ def _run(
     memory: tuple[float, float, float],
     inputs: np.ndarray,
     rates: np.ndarray,
+    coupling: np.ndarray,
     substeps: int,
 ) -> None:
     """Simulate one window into `result` (W,), see `simulate`."""
     q, v = state
     slack, spring, slow = memory
-    inertia, gain, drag, dt, loop = drive[INERTIA], drive[GAIN], drive[DRAG], drive[STEP], constants[_LOOP]
-    h, width, late = dt / substeps, 1.0 / substeps, n[DELAY] / dt
-    limit = 1.0 / n[INVERSE_LIMIT] if n[INVERSE_LIMIT] > 0.0 and loop == 1.0 else np.inf
-    gravity, phase = np.hypot(n[GRAVITY_SIN], n[GRAVITY_COS]), np.arctan2(n[GRAVITY_COS], n[GRAVITY_SIN])
-    # With a spring the drive's own motion takes part of its torque and of its drag.
-    stiff = n[COMPLIANCE] * drag + h * (1.0 + gain * loop * n[COMPLIANCE])
-    passed, kept = h / stiff, n[COMPLIANCE] * drag / stiff
-    coupled = drag * passed
-    decay, kick = _decay(coupled + n[VISCOUS], inertia, h)
-    free_decay, free_kick = _decay(n[VISCOUS], inertia, h)
-    before = v
+    dt, loop, before, left = drive[STEP], constants[_LOOP], v, -1.0
+    h, width, late = dt / substeps, 1.0 / substeps, _lateness(n) / dt
+    gravity, phase = (
+        np.hypot(drive[GRAVITY_SIN], drive[GRAVITY_COS]),
+        np.arctan2(drive[GRAVITY_COS], drive[GRAVITY_SIN]),
+    )
+    decay, kick = 0.0, 0.0
     for i in range(len(result)):
-        k = start + i
         for j in range(substeps):
-            u = _held_input(inputs, first, k + j * width - late, width, loop == 0.0)
-            time = clock + (i + (j + 0.5) * width) * dt
+            at = start + i + j * width
+            u = _held_input(inputs, first, at - late, width, loop == 0.0)
+            rate = _held_input(rates, first, at - late, width, True) if n[DAMPS_ERROR] != 0.0 else 0.0
             q += 0.5 * h * v
-            s = _commanded(q, v, u, rates[k], time, gain, drag, n, constants)
-            transmits, free = True, False
-            if n[GAP] > 0.0:
-                slack = _across_gap(slack, s - drag * v, gain, drag, h, n, loop)
-                transmits = abs(slack) >= 0.5 * n[GAP]
-                s -= gain * loop * slack
-            s = passed * s + kept * spring
-            torque = s - coupled * (1.5 * v - 0.5 * before)  # speed in the middle of the step, as it has been changing
+            s = _commanded(q, v, u, rate, clock + (i + (j + 0.5) * width) * dt, drive, n, constants)
+            s, torque, slack, spring, drag = _transmitted(s, v, before, slack, spring, h, drive, n, loop)
             before = v
-            spring = torque
-            if not transmits:
-                s, torque, spring, free = 0.0, 0.0, 0.0, True
-            elif abs(torque) > limit:
-                torque = min(max(torque, -limit), limit)
-                s, free = torque, True
             if n[SLOW] != 0.0:
                 slow += h / constants[_SLOW_S] * (torque - slow)
                 s += n[SLOW] * (slow - torque)
                 torque += n[SLOW] * (slow - torque)
-            s -= _resistance(q, v, drive[LOAD_GRAVITY], gravity, phase, n, constants)
-            gained = free_kick if free else kick
-            v = _rubbed((free_decay if free else decay) * v + gained * s, gained, torque, n)
+            s -= _resistance(q, v, drive, gravity, phase, n, constants)
+            if n[COUPLING] != 0.0:
+                s -= n[COUPLING] * _held_input(coupling, first, at, width, True)
+            if drag != left:
+                left = drag
+                decay, kick = _decay(drag + n[VISCOUS], drive[INERTIA], h)
+            v = _after_friction(decay * v + kick * s, kick, torque, n)
             q += 0.5 * h * v
         result[i] = q
 
@@ -292,6 +332,7 @@ def simulate(
     velocity: np.ndarray,
     inputs: np.ndarray,
     rates: np.ndarray,
+    coupling: np.ndarray,
     samples: int,
     substeps: int,
 ) -> np.ndarray:
@@ -300,12 +341,13 @@ def simulate(
     Torques are in one unit throughout, whichever the scale of the joint is.
 
     Args:
-        numbers: (len(NAMES),) shared by all trials. constants: (len(CONSTANTS),). trials: (R, 5) see `INERTIA` … `STEP`.
+        numbers: (len(NAMES),) shared by all trials. constants: (len(CONSTANTS),). trials: (R, 8) see `INERTIA` … `STEP`.
         trial: (M,) of each window. start: (M,) index of its first sample. first: (M,) index of the first sample of the
             stretch without gaps that it lies in. clock: (M,) s, time of its first sample since the trial began.
         q0, v0: (M,) initial state. position, velocity: (N,) as logged, which drive the memory of gaps, springs and slow shares
             up to the start of a window. inputs: (N,) position command, or duty × voltage. rates: (N,) smoothed rate of the
-            command. samples: W of a window after the first. substeps: S of a sample.
+            command. coupling: (N,) torque against the drive from other joints, of which `numbers` has the share.
+        samples: W of a window after the first. substeps: S of a sample.
 
     Returns:
         (M, W) position at samples 1 … W of each window.
@@ -320,5 +362,19 @@ def simulate(
                 numbers, constants, drive, start[m], first[m], clock[m], position, velocity, inputs, rates, samples
             )
         state = (q0[m], v0[m])
-        _run(result[m], numbers, constants, drive, start[m], first[m], clock[m], state, memory, inputs, rates, substeps)
+        _run(
+            result[m],
+            numbers,
+            constants,
+            drive,
+            start[m],
+            first[m],
+            clock[m],
+            state,
+            memory,
+            inputs,
+            rates,
+            coupling,
+            substeps,
+        )
     return result

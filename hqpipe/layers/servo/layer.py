@@ -3,57 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
 
 import numpy as np
 
 from hqpipe.errors import IdentificationError
-from hqpipe.identify.least_squares import Fitter
-from hqpipe.identify.model import LayerJoints, positions
-from hqpipe.identify.search import base_solution
-from hqpipe.layers.servo.candidates import Size, Start, base_of, effects_of
-from hqpipe.layers.servo.joint import ServoJoint, Setting, Split, samples_of
-from hqpipe.layers.servo.scale import Scale, duty_of, scale_note, scale_of
-from hqpipe.layers.servo.start import LARGEST, drive_error, start_of
+from hqpipe.identify.model import LayerJoints
+from hqpipe.layers.servo.build import joint_model
+from hqpipe.layers.servo.prepare import Prepared, prepare
+from hqpipe.layers.servo.scale import duty_of
 from hqpipe.layers.servo.tracks import (
     LEAST_WINDOW,
-    Tracks,
-    response_time,
-    smoothing,
-    thinned,
-    tracks_of,
-    windows_of,
 )
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.survey.end_stop import EndStop, end_stops
-from hqpipe.logs.survey.signal import noise, resolution
-from hqpipe.logs.trajectory import LogSet, Trial
+from hqpipe.logs.trajectory import LogSet
 
 RESPONSES = 5.0  # a window is this many response times long: what is left of a first-order response is e⁻⁵, 0.7 %
 LONGEST_WINDOW = 2.0  # s; assumption: longer windows leave too few of them
-_LEAST_WINDOWS = 4  # of the fit trials; assumption: fewer initial states are no sample
-_FINE = 25.0  # substeps of a response time; Verlet is then exact to about 1e-3
-_MOST_SUBSTEPS = 8
-_CLEARLY = 0.7  # of the squared error; assumption: less of a gain may be what both models lack
-_MOST_STEPS = 12_500  # substeps of one call on the fit trials, about 0.8 ms
-_HELDOUT = 4  # times that for the held-out trials, which are run once for every answer
-_MOVES = 20.0  # steps of the sensor, or standard deviations of its noise, that the travel must have; assumption
-_UNSURE = 2.0  # times what a regression has for the gain; friction that it does not know makes the gain look smaller
-_ROUNDING = 1e-9  # of the largest value: a smaller one is the rounding of a difference; assumption
-_SLOW = 2.0  # response times: time constant of the slow share of the torque; assumption
-
-
-@dataclass(frozen=True, eq=False)
-class _Prepared:
-    """One joint before its windows are cut."""
-
-    joint: str
-    scale: Scale
-    tracks: tuple[Tracks, Tracks]
-    rows: tuple[np.ndarray, np.ndarray]
-    response_s: float
-    travel: float
-    sensor_noise: float
 
 
 class Servo:
@@ -78,11 +44,11 @@ class Servo:
         Raises:
             IdentificationError: no joint can be judged.
         """
-        ready: list[_Prepared] = []
+        ready: list[Prepared] = []
         left: dict[str, str] = {}
         stops = end_stops([(trial.file, trial.trajectory) for trial in log_set.trials])
         for joint in log_set.joints:
-            found = _prepare(log_set, joint, stops)
+            found = prepare(log_set, joint, stops)
             if isinstance(found, str):
                 left[joint] = found
             else:
@@ -90,7 +56,7 @@ class Servo:
         length, reason = _window(ready, window_s) if ready else (0.0, "")
         models = []
         for item in ready:
-            model = _model(item, length, without)
+            model = joint_model(item, length, without)
             if isinstance(model, str):
                 left[item.joint] = model
             else:
@@ -120,45 +86,7 @@ def _stop_warnings(stops: list[EndStop]) -> tuple[str, ...]:
     )
 
 
-def _prepare(log_set: LogSet, joint: str, stops: list[EndStop]) -> _Prepared | str:
-    """Signals and scale of one joint, or why it cannot be judged."""
-    trials = list(log_set.trials)
-    duty = all(duty_of(trial.trajectory, joint) is not None for trial in trials)
-    if not duty and any(trial.trajectory.position_command is None for trial in trials):
-        return f"neither {joint_column(joint, 'position_command')} nor {joint_column(joint, 'duty')} in every trial"
-    q = np.concatenate([t.trajectory.position[:, t.trajectory.joint(joint)] for t in trials])
-    travel = float(np.ptp(q))
-    sensor = _sensor_noise(trials, joint)
-    if travel <= _MOVES * max(sensor, 1e-12 * float(np.abs(q).max())):
-        return f"it moves by {travel:.2g} only"
-    scale = scale_of(trials, joint, log_set.kinds.get(joint))
-    here = [stop for stop in stops if stop.joint == joint]
-    rows = [
-        np.array([i for i, trial in enumerate(trials) if trial.split == split], int) for split in ("fit", "heldout")
-    ]
-    long = [[i for i in part if trials[i].trajectory.samples > smoothing(trials[i].trajectory.dt)] for part in rows]
-    tracks = [tracks_of([trials[i] for i in part], part, joint, scale, here, travel) for part in long]
-    if not len(tracks[0].position):
-        return "no fit trial is long enough"
-    if np.ptp(tracks[0].inputs) == 0.0:
-        return f"its {'duty' if scale.duty else 'command'} never changes in the fit trials"
-    follows = None if np.isnan(tracks[0].command).any() else tracks[0].command
-    response = response_time(tracks[0], follows)
-    kept = tuple(np.array(part, dtype=np.int64) for part in long)
-    return _Prepared(joint, scale, (tracks[0], tracks[1]), (kept[0], kept[1]), response, travel, sensor)
-
-
-def _sensor_noise(trials: list[Trial], joint: str) -> float:
-    """Standard deviation of the noise of the position sensor: white noise, or that of its steps (uniform, step / √12)."""
-    found = []
-    for trial in trials:
-        q = trial.trajectory.position[:, trial.trajectory.joint(joint)]
-        step = resolution(q)
-        found.append(max(noise(q, step) or 0.0, (step or 0.0) / np.sqrt(12.0)))
-    return float(np.median(found))
-
-
-def _window(ready: list[_Prepared], stated: float | None) -> tuple[float, str]:
+def _window(ready: list[Prepared], stated: float | None) -> tuple[float, str]:
     """Length of a window, s, and why."""
     dt = max(float(np.median(item.tracks[0].dt)) for item in ready)
     if stated is not None:
@@ -173,86 +101,3 @@ def _window(ready: list[_Prepared], stated: float | None) -> tuple[float, str]:
     elif length == LONGEST_WINDOW:
         reason = f"at most {LONGEST_WINDOW:g} s; {slowest.joint} follows its input by {1e3 * slowest.response_s:.0f} ms"
     return length, reason
-
-
-def _model(item: _Prepared, length: float, without: Collection[str]) -> ServoJoint | str:
-    """The model of one joint, or why there is none."""
-    fit, scale = item.tracks[0], item.scale
-    dt = float(np.median(fit.dt))
-    samples = max(int(round(length / dt)), LEAST_WINDOW)
-    substeps = int(np.clip(np.ceil(_FINE * dt / item.response_s), 1, _MOST_SUBSTEPS))
-    splits = []
-    for tracks, rows, most in zip(item.tracks, item.rows, (1, _HELDOUT), strict=True):
-        windows = thinned(windows_of(tracks, samples), max(most * _MOST_STEPS // (samples * substeps), _LEAST_WINDOWS))
-        kept, judged = samples_of(tracks, windows, samples)
-        splits.append(Split(tracks, windows, rows, kept, judged))
-    if len(splits[0].windows.start) < _LEAST_WINDOWS:
-        return (
-            f"the fit trials hold {len(splits[0].windows.start)} windows of {length:.2g} s, expected {_LEAST_WINDOWS}"
-        )
-    start = start_of(fit, item.rows[0], scale, item.response_s, dt / substeps, item.travel)
-    torque = _torque(item, start)
-    size = _size(item, start, torque, samples * dt)
-    setting = Setting(
-        samples=samples,
-        substeps=substeps,
-        middle=float(fit.position.min() + fit.position.max()) / 2.0,
-        reach=item.travel / 2.0,
-        speed=size.speed,
-        slow_s=_SLOW * item.response_s,
-        torque=float(np.abs(torque).max()) * (_UNSURE if scale.free_gain else 1.0),
-        sensor_noise=item.sensor_noise,
-    )
-    base, effects = base_of(scale, start, size), effects_of(scale, size, without)
-    notes = tuple(note for note in (scale_note(item.joint, scale),) if note)
-
-    def damping(error: bool) -> ServoJoint:
-        return ServoJoint(item.joint, scale, base, effects, setting, (splits[0], splits[1]), notes, error)
-
-    speed = damping(False)
-    return speed if scale.duty or not _damps_error(speed, damping(True)) else damping(True)
-
-
-def _damps_error(speed: ServoJoint, error: ServoJoint) -> bool:
-    """Whether the drive damps the speed of the error: with dry friction, that model leaves clearly less than the other."""
-    squares = []
-    for model in (speed, error):
-        fitter = Fitter(model)
-        base = base_solution(fitter)
-        dry = [effect.name for effect in model.effects if effect.name == "coulomb_friction"]
-        free = positions(model, dry)
-        start = base.values.copy()
-        start[free[len(model.base) :]] = 0.1 * fitter.spread[free[len(model.base) :]]
-        squares.append(fitter.fit(free, start, base.square / max(len(base.error), 1)).square)
-    return squares[1] < _CLEARLY * squares[0]
-
-
-def _torque(item: _Prepared, start: Start) -> np.ndarray:
-    """(N,) torque that the drive is asked for in the fit trials."""
-    fit, scale, rows = item.tracks[0], item.scale, item.rows[0]
-    torque = start.gain * scale.gain[rows][fit.trial] * drive_error(fit, scale)
-    if scale.duty:
-        return torque
-    # Of the position error, the damping takes most while the joint follows its command.
-    return torque - start.drag * scale.drag[rows][fit.trial] * fit.velocity
-
-
-def _size(item: _Prepared, start: Start, torque: np.ndarray, window_s: float) -> Size:
-    """How large torque, speed and the rest are in the fit trials of a joint."""
-    fit, scale, rows = item.tracks[0], item.scale, item.rows[0]
-    return Size(
-        torque=_largest(torque),
-        speed=_largest(fit.velocity),
-        travel=item.travel,
-        dt=float(np.median(fit.dt)),
-        window_s=window_s,
-        gain=start.gain * float(np.median(scale.gain[rows])),
-        inertia=float(np.median(scale.inertia[rows])),
-    )
-
-
-def _largest(values: np.ndarray) -> float:
-    """Largest size of a signal but for glitches; of one that is zero nearly throughout, the largest of all."""
-    size = np.abs(values)
-    usual, most = float(np.quantile(size, LARGEST)), float(size.max())
-    return usual if usual > _ROUNDING * most else most

@@ -8,12 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.logs.columns import joint_column
+from hqpipe.logs.differentiate import differentiate
 from hqpipe.logs.drive import of_joint
 from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
 from hqpipe.logs.trajectory import Trajectory, Trial
 
 GRAVITY = 9.80665  # m/s², standard gravity (ISO 80000-3)
 VOLTAGE = "supply/voltage"
+_FOLLOWS = 0.8  # of the variance of the duty, that a position loop must explain; assumption
+_SAME_LAW = 1.3  # ratio of the gains of two trials, over the stated ones, up to which they are one law; assumption
 ROD = (1.0 / 3.0, 0.5)  # inertia and static moment of a uniform rod about its end, over m l² and m l
 
 
@@ -30,6 +33,8 @@ class Scale:
         stall: torque at standstill and full duty, of all trials, where the supply may sag unseen; else None.
         winding_ohm: resistance of the motor, or None.
         volts: what the logged duty is multiplied by where the voltage is not logged, (R,); None where it is.
+        gain_unstated: the gain of a position loop is not known, so that it may differ from trial to trial.
+        may_sag: the supply voltage is not logged.
     """
 
     kind: str | None
@@ -45,6 +50,8 @@ class Scale:
     stall: float | None
     winding_ohm: float | None
     volts: np.ndarray | None
+    gain_unstated: bool = False
+    may_sag: bool = False
 
     @property
     def torque(self) -> str:
@@ -76,6 +83,40 @@ def duty_of(trajectory: Trajectory, joint: str) -> np.ndarray | None:
     return trajectory.extra.get(joint_column(joint, "duty"))
 
 
+def by_duty(trials: Sequence[Trial], joint: str) -> bool:
+    """Whether the duty is the input, and not the position command: where there is no command, or no one law leads to the duty.
+
+    Behind a loop that closes on the position the duty goes with the error of the command and the speed. If it does so by the
+    same law in all trials, the command is the better input: it shows what is wrong before the motor too. Where motor constants
+    are stated, the duty gives torques in N·m.
+    """
+    duties = [duty_of(trial.trajectory, joint) for trial in trials]
+    if any(duty is None for duty in duties):
+        return False
+    if any(trial.trajectory.position_command is None for trial in trials):
+        return True
+    if _all([of_joint(trial.drive, joint) for trial in trials], "torque_constant") is not None:
+        return True  # which fixes the scale of torques behind a duty only
+    drives = [of_joint(trial.drive, joint) for trial in trials]
+    stated = next((g for g in (_all(drives, "kp"), _all(drives, "firmware_kp")) if g is not None), np.ones(len(trials)))
+    explained, gains = np.array([_loop(trial, joint) for trial in trials]).T
+    gains = np.abs(gains) / stated
+    return bool(np.median(explained) < _FOLLOWS or gains.max() > _SAME_LAW * gains.min())
+
+
+def _loop(trial: Trial, joint: str) -> tuple[float, float]:
+    """Share of the variance of a duty that the error of the command and the speed explain, and the gain of the error."""
+    t = trial.trajectory
+    j, duty = t.joint(joint), duty_of(t, joint)
+    variance = 0.0 if duty is None else float(np.var(duty))
+    if variance == 0.0:
+        return 0.0, 0.0
+    q = t.position[:, j]
+    columns = np.column_stack([t.position_command[:, j] - q, differentiate(q[:, None], t.dt)[:, 0], np.ones(len(q))])
+    law = np.linalg.lstsq(columns, duty, rcond=None)[0]
+    return 1.0 - float(np.var(duty - columns @ law)) / variance, float(law[0])
+
+
 def scale_of(trials: Sequence[Trial], joint: str, kind: str | None) -> Scale:
     """What is stated and logged of a joint.
 
@@ -84,7 +125,7 @@ def scale_of(trials: Sequence[Trial], joint: str, kind: str | None) -> Scale:
     """
     drives = [of_joint(trial.drive, joint) for trial in trials]
     load, inertia, gravity = _load([of_joint(trial.load, joint) for trial in trials], kind)
-    if all(duty_of(trial.trajectory, joint) is not None for trial in trials):
+    if by_duty(trials, joint):
         return _duty_scale(trials, drives, kind, load, inertia, gravity)
     kp, kd = _all(drives, "kp"), _all(drives, "kd")
     firmware_kp, firmware_kd = _all(drives, "firmware_kp"), _all(drives, "firmware_kd")
@@ -121,6 +162,8 @@ def scale_of(trials: Sequence[Trial], joint: str, kind: str | None) -> Scale:
         stall=stall if not all(VOLTAGE in trial.trajectory.extra for trial in trials) else None,
         winding_ohm=float(np.median(motor[1])) if stall else None,
         volts=None,
+        gain_unstated=kp is None and firmware_kp is None,
+        may_sag=not all(VOLTAGE in trial.trajectory.extra for trial in trials),
     )
 
 
@@ -155,6 +198,7 @@ def _duty_scale(
         stall=None if logged else float(np.median(gain)) * full,
         winding_ohm=float(np.median(ohm)) if motor and not logged else None,
         volts=volts,
+        may_sag=not logged,
     )
 
 

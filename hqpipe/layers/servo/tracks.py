@@ -119,8 +119,8 @@ def _rate(command: np.ndarray, dt: float) -> np.ndarray:
     return savgol_filter(command, span, 1, deriv=1, delta=dt)
 
 
-def windows_of(tracks: Tracks, samples: int) -> Windows:
-    """Windows of `samples` + 1 samples, end to end within each stretch without gaps.
+def windows_of(tracks: Tracks, samples: int, run_in: int) -> Windows:
+    """Windows of `samples` + 1 samples, end to end within each stretch without gaps, each after a run-in of `run_in` samples.
 
     A stretch ends where a trial does and where more than a tenth of a window is not usable; single samples that are not are
     left out of the judgement.
@@ -133,7 +133,7 @@ def windows_of(tracks: Tracks, samples: int) -> Windows:
             continue
         if begin > 0 and tracks.trial[begin - 1] == tracks.trial[begin]:  # after a gap, which is no base for a velocity
             begin += smoothing(tracks.dt[tracks.trial[begin]]) // 2
-        at = np.arange(begin, end - samples, samples)
+        at = np.arange(begin, end - samples - run_in, samples)
         at = at[tracks.usable[at]]
         starts.append(at)
         firsts.append(np.full(len(at), begin))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import floor, inf, sin
+from math import exp, floor, inf, sin
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,10 @@ class Truth:
     delay: float = 0.0
     gap: float = 0.0
     motor_inertia: float = 0.002
+    static: float = 0.0
+    stribeck: float = 1.0
     limit: float = inf
+    limit_beside_drag: bool = False
     duty: bool = False
     stall: float = 4.0
     drag: float = 0.4
@@ -72,13 +75,15 @@ def _within(value: float, most: float) -> float:
 def _drive(truth: Truth, q: float, v: float, u: float) -> float:
     if truth.duty:
         return truth.stall * _within(u, 1.0) - truth.drag * v
+    if truth.limit_beside_drag:
+        return _within(truth.kp * (u - q), truth.limit) - truth.kd * v
     return _within(truth.kp * (u - q) - truth.kd * v, truth.limit)
 
 
 def _one_mass(truth: Truth, x: np.ndarray, u: float) -> list[float]:
     q, v = x.tolist()
     torque = _drive(truth, q, v, u)
-    dry = truth.friction + truth.share * abs(torque)
+    dry = truth.friction + truth.share * abs(torque) + truth.static * exp(-((v / truth.stribeck) ** 2))
     return [v, (torque - truth.gravity * sin(q) - dry * _within(v / STILL, 1.0)) / truth.inertia]
 
 
@@ -109,11 +114,16 @@ def log_set(
     load: dict[str, float] | None = None,
     kind: str | None = None,
     observed: np.ndarray | None = None,
+    first: int = 0,
 ) -> LogSet:
-    """A fit trial and a held-out trial of one joint "j"; positions with white noise of `noise` rad."""
+    """A fit trial and a held-out trial of one joint "j"; positions with white noise of `noise` rad.
+
+    Args:
+        first: seed of the first motion.
+    """
     dt = 1.0 / hz
     trials = []
-    for number, split in enumerate(("fit", "heldout")):
+    for number, split in enumerate(("fit", "heldout"), first):
         u = command(number, seconds, dt, size)
         q = simulate(truth, u, dt) + np.random.default_rng(10 + number).normal(0.0, noise, len(u))
         q = q[:, None]
@@ -128,7 +138,17 @@ def log_set(
             observed=observed,
         )
         stated = {"*": drive} if drive else {}
-        trials.append(Trial(f"{split}.parquet", split, None, t, None, stated, {"*": load} if load else {}))
+        trials.append(
+            Trial(
+                f"{split}_{first}.parquet" if first else f"{split}.parquet",
+                split,
+                None,
+                t,
+                None,
+                stated,
+                {"*": load} if load else {},
+            )
+        )
     return LogSet(
         Path("planted"), "", "", None, None, None, None, hz, ("j",), tuple(trials), kinds={"j": kind} if kind else {}
     )

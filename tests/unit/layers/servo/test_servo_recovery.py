@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -10,6 +11,7 @@ from servo_plant import Truth, fit, log_set
 from hqpipe.layers.servo import Servo
 
 GAINS = (("kp", 40.0), ("kd", 3.0))
+HALF_A_SAMPLE = 0.0025  # s; beside a delay, commands count as if they had come in the middle between two rows
 LOAD = (("mass_kg", 0.5), ("lever_m", 0.4))
 
 
@@ -23,7 +25,7 @@ def test_inertia_friction_and_delay_with_stated_gains():
     assert found["inertia"] == pytest.approx(0.05, rel=0.03)
     assert found["gravity_sin"] == pytest.approx(2.0, rel=0.03)
     assert found["coulomb_friction.friction_nm"] == pytest.approx(0.8, rel=0.03)
-    assert found["command_delay.delay_s"] == pytest.approx(0.012, abs=3e-4)
+    assert found["command_delay.delay_s"] == pytest.approx(0.012 + HALF_A_SAMPLE, abs=3e-4)
 
 
 def test_without_stated_gains_everything_is_in_radians_of_error():
@@ -32,13 +34,12 @@ def test_without_stated_gains_everything_is_in_radians_of_error():
     assert found["inertia"] == pytest.approx(0.05 / 40.0, rel=0.05)
     assert found["drag"] == pytest.approx(3.0 / 40.0, rel=0.03)
     assert found["coulomb_friction.friction_nm"] == pytest.approx(0.8 / 40.0, rel=0.03)
-    assert found["command_delay.delay_s"] == pytest.approx(0.012, abs=5e-4)
+    assert found["command_delay.delay_s"] == pytest.approx(0.012 + HALF_A_SAMPLE, abs=5e-4)
     assert {p.name: p.unit for p in joint.base} == {
         "inertia": "s²",
         "drag": "s",
         "gravity_sin": "rad",
         "gravity_cos": "rad",
-        "offset": "rad",
         "command_lead_s": "s",
     }
 
@@ -47,8 +48,29 @@ def test_damping_against_a_target_at_rest_is_no_delay():
     joint = model(Truth())
     alone, delayed = fit(joint, ()), fit(joint, ("command_delay",))
     assert alone["drag"] == pytest.approx(3.0 / 40.0, rel=0.02)
-    moved = delayed["command_delay.delay_s"] - delayed["command_lead_s"]  # opposite signs of one thing
-    assert abs(moved) < 0.5 * joint.dt
+    assert delayed["command_delay.delay_s"] < HALF_A_SAMPLE + 0.5 * joint.dt
+
+
+def test_bias_of_the_position_loop():
+    """The drive's zero is 0.03 rad beside that of the log: error = command − position + bias."""
+    logs = log_set(Truth(), seconds=7.0)
+    moved = (replace(t, trajectory=_earlier_command(t.trajectory, 0.03)) for t in logs.trials)
+    found = fit(Servo().joints(replace(logs, trials=tuple(moved))).models[0], ("position_bias",))
+    assert found["position_bias.rad"] == pytest.approx(0.03, rel=0.01)
+    assert found["rms"] < 1e-4
+
+
+def _earlier_command(trajectory, bias: float):
+    return replace(trajectory, position_command=trajectory.position_command - bias)
+
+
+@pytest.mark.parametrize("back_emf", [0.0, 1.0])
+def test_a_limit_holds_for_all_of_the_torque_or_beside_the_back_emf(back_emf):
+    """A current loop limits what it puts out; a full duty has the back-EMF beside it."""
+    joint = model(Truth(limit=2.0, limit_beside_drag=back_emf == 1.0), GAINS, (), 0.8)
+    found = fit(joint, ("torque_limit",))
+    assert found["torque_limit.back_emf_share"] == pytest.approx(back_emf, abs=0.1)
+    assert joint.setting.torque * (1.0 - found["torque_limit.share_cut_off"]) == pytest.approx(2.0, rel=0.05)
 
 
 def test_backlash():

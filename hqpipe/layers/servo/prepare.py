@@ -1,0 +1,91 @@
+"""One joint before its windows are cut: its signals, what fixes its scale, how fast it responds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hqpipe.layers.servo.scale import Scale, duty_of, scale_of
+from hqpipe.layers.servo.tracks import Tracks, response_time, smoothing, tracks_of
+from hqpipe.logs.columns import joint_column
+from hqpipe.logs.survey.end_stop import EndStop
+from hqpipe.logs.survey.signal import noise, resolution
+from hqpipe.logs.trajectory import LogSet, Trial
+
+_MOVES = 20.0  # steps of the sensor, or standard deviations of its noise, that the travel must have; assumption
+_CALM = 20  # samples over which third differences are averaged; assumption
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """One joint before its windows are cut."""
+
+    joint: str
+    scale: Scale
+    tracks: tuple[Tracks, Tracks]
+    rows: tuple[np.ndarray, np.ndarray]
+    response_s: float
+    travel: float
+    sensor_noise: float
+    trials: tuple[tuple[Trial, ...], tuple[Trial, ...]]
+    joints: tuple[str, ...]
+    kinds: dict[str, str]
+
+
+def prepare(log_set: LogSet, joint: str, stops: list[EndStop]) -> Prepared | str:
+    """Signals and scale of one joint, or why it cannot be judged."""
+    trials = list(log_set.trials)
+    duty = all(duty_of(trial.trajectory, joint) is not None for trial in trials)
+    if not duty and any(trial.trajectory.position_command is None for trial in trials):
+        return f"neither {joint_column(joint, 'position_command')} nor {joint_column(joint, 'duty')} in every trial"
+    q = np.concatenate([t.trajectory.position[:, t.trajectory.joint(joint)] for t in trials])
+    travel = float(np.ptp(q))
+    sensor = _sensor_noise(trials, joint)
+    if travel <= _MOVES * max(sensor, 1e-12 * float(np.abs(q).max())):
+        return f"it moves by {travel:.2g} only"
+    scale = scale_of(trials, joint, log_set.kinds.get(joint))
+    here = [stop for stop in stops if stop.joint == joint]
+    rows = [
+        np.array([i for i, trial in enumerate(trials) if trial.split == split], int) for split in ("fit", "heldout")
+    ]
+    long = [[i for i in part if trials[i].trajectory.samples > smoothing(trials[i].trajectory.dt)] for part in rows]
+    tracks = [tracks_of([trials[i] for i in part], part, joint, scale, here, travel) for part in long]
+    if not len(tracks[0].position):
+        return "no fit trial is long enough"
+    if np.ptp(tracks[0].inputs) == 0.0:
+        return f"its {'duty' if scale.duty else 'command'} never changes in the fit trials"
+    follows = None if np.isnan(tracks[0].command).any() else tracks[0].command
+    response = response_time(tracks[0], follows)
+    kept = tuple(np.array(part, dtype=np.int64) for part in long)
+    own = tuple(tuple(trials[i] for i in part) for part in long)
+    return Prepared(
+        joint,
+        scale,
+        (tracks[0], tracks[1]),
+        (kept[0], kept[1]),
+        response,
+        travel,
+        sensor,
+        (own[0], own[1]),
+        tuple(log_set.joints),
+        dict(log_set.kinds),
+    )
+
+
+def _sensor_noise(trials: list[Trial], joint: str) -> float:
+    """Standard deviation of the noise of the position sensor: white noise, or that of its steps (uniform, step / √12).
+
+    Positions that were brought to another clock have lost their steps. Then it is what third differences of the calmest tenth
+    of the samples hold, of which white noise has 20 times its variance.
+    """
+    found = []
+    for trial in trials:
+        q = trial.trajectory.position[:, trial.trajectory.joint(joint)]
+        step = resolution(q)
+        sigma = max(noise(q, step) or 0.0, (step or 0.0) / np.sqrt(12.0))
+        if sigma == 0.0 and len(q) > _CALM:
+            calm = np.lib.stride_tricks.sliding_window_view(np.diff(q, 3) ** 2, _CALM).mean(axis=1)
+            sigma = float(np.sqrt(np.quantile(calm, 0.1) / 20.0))
+        found.append(sigma)
+    return float(np.median(found))
