@@ -7,13 +7,22 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hqpipe.identify.model import Effect, Parameter, Samples
-from hqpipe.layers.valve.kernel import DT, LAYOUT, OWN_DEMAND, SCALE, run_blocks, travelled
+from hqpipe.layers.valve.kernel import DT, LAYOUT, LONGEST, OWN_DEMAND, SCALE, run_blocks, travelled
 from hqpipe.layers.valve.record import Record
 from hqpipe.layers.valve.windows import Windows
 
 INVERSE = {"effort_max_nm": "inverse_effort_max", "pressure_max_pa": "inverse_effort_max"}
-WITHOUT_LIMIT = ("limit", "upper_speed", "lower_speed")  # inert at their upper bound, where no limit is left
-_NEUTRAL = {"limit": np.inf, "upper_speed": np.inf, "lower_speed": np.inf, "recovery_s": 0.1, "damping_ratio": 0.4}
+WITHOUT_LIMIT = ("limit", "speed_limit", "upper_speed", "lower_speed")  # inert at the bound where no limit is left
+_NEUTRAL = {
+    "limit": np.inf,
+    "speed_limit": np.inf,
+    "upper_speed": np.inf,
+    "lower_speed": np.inf,
+    "recovery_s": 0.1,
+    "damping_ratio": 0.4,
+    "area_ratio": 1.0,
+    "drawn_ratio": 1.0,
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,19 +100,24 @@ class ValveJoint:
             if inverse:
                 row[column] = 0.0 if value >= removed else 1.0 / value
             else:
-                row[column] = np.inf if value >= removed else value
+                row[column] = np.inf if abs(value) >= removed else value
         return row
 
 
 def _removed_at(parameter: Parameter) -> float:
-    """The value from which on a limit is none at all; infinite for what is not a limit."""
-    return parameter.high if parameter.name in WITHOUT_LIMIT or parameter.name in INVERSE else np.inf
+    """The size from which on a limit is none at all; infinite for what is not a limit."""
+    is_limit = parameter.name in WITHOUT_LIMIT or parameter.name in INVERSE
+    return max(parameter.high, -parameter.low) if is_limit else np.inf
 
 
-def settings_of(command: float, own_demand: float) -> dict[int, float]:
-    """What the kernel reads beside parameters: the command's largest distance from rest, what the own speed counts in the
-    flow that the supply gives."""
-    return {SCALE: command, OWN_DEMAND: own_demand}
+def settings_of(command: float, own_demand: float, longest_s: float) -> dict[int, float]:
+    """What the kernel reads beside parameters.
+
+    Args:
+        command: largest distance from rest. own_demand: what the own speed counts in the flow that the supply gives.
+        longest_s: of the trials.
+    """
+    return {SCALE: command, OWN_DEMAND: own_demand, LONGEST: longest_s}
 
 
 def samples_of(record: Record, cut: Windows, travels: bool) -> Samples:

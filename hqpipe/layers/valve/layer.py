@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from hqpipe.layers.valve.masks import at_end_stops, blocked, usual_speeds
 from hqpipe.layers.valve.noise import sensor_noise
 from hqpipe.layers.valve.parameters import base_parameters, effects
 from hqpipe.layers.valve.record import Record, Scales, record_of, scales_of
-from hqpipe.layers.valve.start import first_look, sizes_of
+from hqpipe.layers.valve.start import Look, first_look, sizes_of
 from hqpipe.layers.valve.windows import windows_of
 from hqpipe.logs.trajectory import LogSet, Trial
 
@@ -53,13 +54,14 @@ class Valve:
                 fix="record the command of the valves",
             )
         travels = any(t.trajectory.velocity_source == "differentiated" for t in log_set.trials)
-        looks = {name: _look(log_set, j) for j, name in enumerate(log_set.joints)}
-        left = {name: look for name, look in looks.items() if isinstance(look, str)}
-        kept = {name: look for name, look in looks.items() if not isinstance(look, str)}
+        every = {name: _seen(log_set, j) for j, name in enumerate(log_set.joints)}
+        left = {name: seen for name, seen in every.items() if isinstance(seen, str)}
+        kept = {name: seen for name, seen in every.items() if not isinstance(seen, str)}
         length, reason = _window(log_set, kept, travels, window_s)
+        first_s = min((seen.look.first_s for seen in kept.values()), default=np.inf) if len(kept) > 1 else np.inf
         models = []
-        for name, (scales, record, noise) in kept.items():
-            model = _joint(log_set, name, scales, record, noise, length, travels, without)
+        for name, seen in kept.items():
+            model = _joint(log_set, name, seen, length, travels, without, first_s)
             if isinstance(model, str):
                 left[name] = model
             else:
@@ -75,8 +77,18 @@ class Valve:
         return LayerJoints(self.NAME, "free_run_rmse", length, reason, tuple(models), left)
 
 
-def _look(log_set: LogSet, j: int) -> str | tuple[Scales, Record, float]:
-    """Sizes, fit record and position noise of joint `j`, or why it cannot be judged."""
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What is known of a joint before it is modelled: sizes, fit record, noise of the position, and a first look."""
+
+    scales: Scales
+    record: Record
+    noise: float
+    look: Look
+
+
+def _seen(log_set: LogSet, j: int) -> str | Seen:
+    """What is known of joint `j`, or why it cannot be judged."""
     scales = scales_of(log_set.fit, j)
     if scales.command == 0.0:
         return "its valve command never changes"
@@ -84,7 +96,7 @@ def _look(log_set: LogSet, j: int) -> str | tuple[Scales, Record, float]:
         return "it never moves"
     record = record_of(log_set.fit, j, scales, _slides(log_set, j), _alike(log_set, scales, j), _dt(log_set))
     noise = sensor_noise(record.position, record, scales)
-    return scales, record, noise
+    return Seen(scales, record, noise, first_look(record, scales))
 
 
 def _dt(log_set: LogSet) -> float:
@@ -103,16 +115,14 @@ def _alike(log_set: LogSet, scales: Scales, j: int) -> np.ndarray:
     return np.where(same, 1.0, speeds[j] / speeds)
 
 
-def _window(
-    log_set: LogSet, looks: dict[str, tuple[Scales, Record, float]], travels: bool, window_s: float | None
-) -> tuple[float, str]:
+def _window(log_set: LogSet, joints: dict[str, Seen], travels: bool, window_s: float | None) -> tuple[float, str]:
     """Length of a free run, s, and why."""
     dt = _dt(log_set)
     if window_s is not None:
         return max(window_s, 10.0 * dt), "as asked for, and at least ten samples"
     length = max(LEAST_ROWS * dt, LEAST_S)
-    if travels and looks:
-        clear = max(CLEAR * noise / scales.speed for scales, _, noise in looks.values())
+    if travels and joints:
+        clear = max(CLEAR * seen.noise / seen.scales.speed for seen in joints.values())
         length = max(length, min(clear, LONGEST_S))
     what = "the travel in it is well above the noise of the position" if travels else "it holds the valve's response"
     return float(length), f"at least {LEAST_ROWS} samples; {what}"
@@ -121,17 +131,16 @@ def _window(
 def _joint(
     log_set: LogSet,
     name: str,
-    scales: Scales,
-    record: Record,
-    noise: float,
+    seen: Seen,
     window_s: float,
     travels: bool,
     without: Collection[str],
+    first_s: float,
 ) -> str | JointModel:
     """The model of one joint, or why there is none."""
+    scales, record, noise, look = seen.scales, seen.record, seen.noise, seen.look
     j, slides = log_set.joints.index(name), _slides(log_set, log_set.joints.index(name))
     held = record_of(log_set.heldout, j, scales, slides, _alike(log_set, scales, j), record.dt)
-    look = first_look(record, scales)
     ends = _ends(log_set.trials, j)
     stops = [at_end_stops(r, scales, np.sign(look.gain), ends, noise) for r in (record, held)]
     curve = usual_speeds(record, scales, record.observed & ~stops[0], round(look.delay_s / record.dt))
@@ -143,7 +152,7 @@ def _joint(
     if len(cuts[0].begin) < FEWEST_WINDOWS:
         return f"only {len(cuts[0].begin)} windows of {window_s:.3g} s in which it is commanded or moves"
     own_demand = 0.0 if record.supply else 1.0
-    size = sizes_of(record, scales, look, len(log_set.joints), slides)
+    size = sizes_of(record, scales, look, len(log_set.joints), slides, first_s)
     output_noise = noise * np.sqrt(1.0 + 1.0 / cuts[0].begin_samples)
     if not travels:
         output_noise = sensor_noise(record.velocity, record, scales)
@@ -159,7 +168,7 @@ def _joint(
         noise=(float(output_noise), float(output_noise)),
         notes=_notes(record, held, stops, stuck),
         travels=travels,
-        settings=settings_of(scales.command, own_demand),
+        settings=settings_of(scales.command, own_demand, float(record.time.max())),
         records=(record, held),
         windows=(cuts[0], cuts[1]),
     )

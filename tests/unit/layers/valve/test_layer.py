@@ -186,7 +186,7 @@ def test_effects_of_the_load_need_a_load(logs):
         for t in logs.trials
     )
     effect = {e.name: e for e in the_joint(replace(logs, trials=trials)).effects}["orifice_flow"]
-    assert [(p.name, p.unit) for p in effect.parameters] == [("pressure_max_pa", "Pa")]
+    assert [(p.name, p.unit) for p in effect.parameters] == [("pressure_max_pa", "Pa"), ("area_ratio", "1")]
 
 
 def test_a_log_without_a_valve_command_is_refused(logs):
