@@ -22,6 +22,7 @@ _NEUTRAL = {
     "damping_ratio": 0.4,
     "area_ratio": 1.0,
     "drawn_ratio": 1.0,
+    "other_kinds": 1.0,
 }
 
 

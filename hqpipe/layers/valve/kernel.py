@@ -17,14 +17,14 @@ import hqpipe.system.checked_cache  # noqa: F401 (before any function is compile
 LAYOUT = (
     "gain", "neutral", "row_offset_s", "half_width", "jump", "delay_s", "difference_s", "time_constant_s",
     "behind_edges", "play", "limit", "ratio", "inverse_effort_max", "area_ratio", "load_relief",
-    "droop", "recovery_s", "drawn_ratio", "rate_per_s", "speed_limit", "upper_speed", "lower_speed", "curve",
+    "droop", "recovery_s", "drawn_ratio", "other_kinds", "rate_per_s", "speed_limit", "upper_speed", "lower_speed", "curve",
     "geometry_1", "geometry_2", "load_sin", "load_cos", "others", "creep_speed", "creep_position", "speed_per_effort",
     "gain_step", "moment_s", "period_s", "damping_ratio", "dt", "command_scale", "own_demand", "longest_s",
 )  # fmt: skip
 (
     GAIN, NEUTRAL, ROW_OFFSET, BAND, JUMP, DELAY, DIFFERENCE, LAG,
     BEHIND, PLAY, LIMIT, RATIO, INVERSE_EFFORT, AREAS, RELIEF,
-    DROOP, RECOVERY, DRAWN, RATE, ONE_WAY, UPPER, LOWER, CURVE,
+    DROOP, RECOVERY, DRAWN, KINDS, RATE, ONE_WAY, UPPER, LOWER, CURVE,
     GEOMETRY_1, GEOMETRY_2, LOAD_SIN, LOAD_COS, OTHERS, CREEP, CREEP_POSITION, YIELD,
     STEP, MOMENT, PERIOD, DAMPING, DT, SCALE, OWN_DEMAND, LONGEST,
 ) = range(len(LAYOUT))  # fmt: skip
@@ -32,13 +32,17 @@ LAYOUT = (
 CLEARANCE = 0.035
 """Share of the half width over which the edge of a deadband is rounded: oil passes the clearance of the lands before the
 spool opens (Merritt 1967, ch. 5: leakage at null)."""
+LEAST_BAND = (
+    0.1  # of the command's largest distance from rest: the edge of a jump is no sharper than that of such a deadband
+)
 CHANGE = 0.05
 """Share of the longest trial in which a sudden change of the gain happens: much less than a drift takes, and so long that a fit
 finds the moment; assumption."""
-TIME, Z, SIN, COS, EFFORT, OTHER_SPEED, OTHER_OPENING, LOSS, FREE = range(9)
+TIME, Z, SIN, COS, EFFORT, OTHER_SPEED, OTHER_OPENING, LOSS, FREE, OTHER_KIND = range(10)
 """Rows of the logged signals: s since the trial began; position over its travel, −1 … 1; sine and cosine of the angle, or the
-same position and its square; effort; summed speed of the other joints; summed opening of their valves, 0 … 1; measured loss
-of supply pressure, 0 … 1; 1 where the joint is free to move, 0 where it is held and draws no flow."""
+same position and its square; effort; summed speed of the other joints of this kind; summed opening of the other valves, 0 … 1;
+measured loss of supply pressure, 0 … 1; 1 where the joint is free to move, 0 where it is held and draws no flow; summed speed of
+the joints of the other kind, brought to the size of this one's."""
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -89,17 +93,20 @@ def beyond(excess: float, corner: float) -> float:
 
 @njit(cache=True, nogil=True, inline="always")
 def opened(p: np.ndarray, spool: float) -> float:
-    """Opening of the valve, command units: within the stroke, beyond the deadband, after a jump at its edge."""
+    """Opening of the valve, command units: within the stroke, beyond the deadband, after a jump at its edge.
+
+    The jump is a share of the opening at the full command, which it leaves as it is.
+    """
     error = min(max(spool - p[NEUTRAL], -p[LIMIT]), p[LIMIT])
     if p[BAND] == 0.0 and p[JUMP] == 0.0:
         return error
-    corner = CLEARANCE * max(p[BAND], p[JUMP])
+    corner = CLEARANCE * p[BAND] if p[JUMP] == 0.0 else CLEARANCE * max(p[BAND], LEAST_BAND * p[SCALE])
     found = beyond(error - p[BAND], corner) - beyond(-error - p[BAND], corner)
     if p[JUMP] == 0.0:
         return found
     up = min(max(0.5 * (error - p[BAND] + corner) / corner, 0.0), 1.0)
     down = min(max(0.5 * (-error - p[BAND] + corner) / corner, 0.0), 1.0)
-    return found + p[JUMP] * (up - down)
+    return (1.0 - p[JUMP]) * found + p[JUMP] * max(p[SCALE] - p[BAND], 0.0) * (up - down)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -150,7 +157,7 @@ def run_blocks(
     A block begins in the steady state of its first command and knows the commands before it.
 
     Args:
-        p: as in `LAYOUT`. command: (T,). signals: (9, T).
+        p: as in `LAYOUT`. command: (T,). signals: (10, T).
         first, last: (B,) first and last sample of the stretch of each block. start, stop: (B,) its samples start … stop − 1.
         kept: (B,) sample from which its velocity is kept: before it the block settles.
         substeps: per sample.
@@ -183,7 +190,8 @@ def run_blocks(
                 v = speed_of(p, opening, signals, k, measured if measured != 0.0 else sag)
                 if p[DROOP] != 0.0:
                     drawn = v if v > 0.0 else -v * p[DRAWN]
-                    demand = signals[OTHER_SPEED, k] + p[OWN_DEMAND] * signals[FREE, k] * drawn
+                    others = signals[OTHER_SPEED, k] + p[KINDS] * signals[OTHER_KIND, k]
+                    demand = others + p[OWN_DEMAND] * signals[FREE, k] * drawn
                     sag += recovering * (p[DROOP] * demand - sag)
                 if p[PERIOD] > 0.0:
                     if not begun:

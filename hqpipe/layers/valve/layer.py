@@ -94,7 +94,7 @@ def _seen(log_set: LogSet, j: int) -> str | Seen:
         return "its valve command never changes"
     if scales.half_travel == 0.0 or scales.speed == 0.0:
         return "it never moves"
-    record = record_of(log_set.fit, j, scales, _slides(log_set, j), _alike(log_set, scales, j), _dt(log_set))
+    record = _record(log_set, log_set.fit, j, scales)
     noise = sensor_noise(record.position, record, scales)
     return Seen(scales, record, noise, first_look(record, scales))
 
@@ -108,11 +108,12 @@ def _slides(log_set: LogSet, j: int) -> bool:
     return log_set.kinds.get(log_set.joints[j], "revolute") == "prismatic"
 
 
-def _alike(log_set: LogSet, scales: Scales, j: int) -> np.ndarray:
-    """(J,) factors that give the speeds of other joints the size of those of joint `j`: 1 among joints of one kind."""
+def _record(log_set: LogSet, trials: Sequence[Trial], j: int, scales: Scales) -> Record:
+    """The samples of joint `j`; the speeds of joints of the other kind are given the size of its own."""
+    same = np.array([_slides(log_set, k) == _slides(log_set, j) for k in range(len(scales.speeds))])
     speeds = np.maximum(np.array(scales.speeds), 1e-300)
-    same = np.array([_slides(log_set, k) == _slides(log_set, j) for k in range(len(speeds))])
-    return np.where(same, 1.0, speeds[j] / speeds)
+    alike = np.where(same, 1.0, speeds[j] / speeds)
+    return record_of(trials, j, scales, same, _slides(log_set, j), alike, _dt(log_set))
 
 
 def _window(log_set: LogSet, joints: dict[str, Seen], travels: bool, window_s: float | None) -> tuple[float, str]:
@@ -140,7 +141,7 @@ def _joint(
     """The model of one joint, or why there is none."""
     scales, record, noise, look = seen.scales, seen.record, seen.noise, seen.look
     j, slides = log_set.joints.index(name), _slides(log_set, log_set.joints.index(name))
-    held = record_of(log_set.heldout, j, scales, slides, _alike(log_set, scales, j), record.dt)
+    held = _record(log_set, log_set.heldout, j, scales)
     ends = _ends(log_set.trials, j)
     stops = [at_end_stops(r, scales, np.sign(look.gain), ends, noise) for r in (record, held)]
     curve = usual_speeds(record, scales, record.observed & ~stops[0], round(look.delay_s / record.dt))

@@ -9,7 +9,7 @@ import numpy as np
 
 from hqpipe.identify.model import Effect, Parameter
 
-NEVER = 2.0
+NEVER = 1.2
 """Of the command's largest distance from rest: a valve that is fully open only there never is."""
 MOST_DELAY_S, MOST_LAG_S = 0.5, 0.5
 """assumption: pilot-operated valves of mobile machines take 0.05 to 0.2 s in all (Jelali & Kroll 2003, ch. 4)."""
@@ -31,7 +31,9 @@ class Sizes:
         dt: s. command: largest distance from rest. gain, neutral: of a straight line through the logs.
         speed: usual where the joint moves. effort: usual, 0 where it is not logged; most_effort: largest. effort_unit: of it.
         demand: usual total speed of the joints. supply: whether its pressure is logged. alone: whether no other joint is.
-        edge: command from rest at which the joint seems to start. delay_s: for which the command precedes the motion most.
+        kinds: whether there are joints of both kinds, which turn and slide.
+        edge: command from rest at which the joint seems to start; full: from neutral, beyond which it moves no faster.
+        delay_s: for which the command precedes the motion most.
         first_s: for which the command precedes the motion of the joint that answers first.
         creeps: whether the joint is seen to creep at rest, within the deadband.
         slower: direction of motion that flattens off at large commands, +1 or −1; 0 where the other one was not driven as far.
@@ -49,7 +51,9 @@ class Sizes:
     demand: float
     supply: bool
     alone: bool
+    kinds: bool
     edge: float
+    full: float
     delay_s: float
     first_s: float
     creeps: bool
@@ -85,8 +89,8 @@ def _command_side(size: Sizes) -> tuple[Effect, ...]:
     never = NEVER * command
     # Overlap of 3 to 20 % of the stroke is usual for proportional valves, 0 to 3 % for servo valves (Jelali & Kroll 2003).
     deadband = Parameter("half_width", "command", 0.0, 0.05 * command, 0.0, command, (0.05 * command, size.edge))
-    # A driver that compensates an overlap jumps by about its width.
-    jump = Parameter("jump", "command", 0.0, 0.05 * command, 0.0, command, (0.02 * command, 0.1 * command))
+    # Of the speed at the full command; a driver that compensates the overlap, or lands without notches; assumption of the size.
+    jump = Parameter("jump", "1", 0.0, 0.2, 0.0, 1.0, (0.1, 0.5))
     delays = tuple(dict.fromkeys((max(size.delay_s, size.dt), 0.3 * max(size.delay_s, size.dt))))
     # Each solenoid of a pilot-operated valve fills a chamber of its own: apart by no more than the whole takes.
     apart = Parameter(
@@ -95,7 +99,7 @@ def _command_side(size: Sizes) -> tuple[Effect, ...]:
     lag = Parameter("time_constant_s", "s", 0.0, 0.02, 0.0, MOST_LAG_S, (0.01, 0.05))
     # Lands lie behind the spool; the dead zone and limit of a driver or pilot before it, and hoses and load behind all.
     behind = Parameter("behind_edges", "1", 0.0, 0.5, 0.0, 1.0, (0.0, 1.0))
-    limits = (0.9 * command, 0.7 * command, 0.4 * command)
+    limits = (size.full, 0.9 * command, 0.7 * command, 0.4 * command)
     return (
         Effect("valve_deadband", (deadband,)),
         Effect("opening_jump", (jump,)),
@@ -128,7 +132,9 @@ def _flow_side(size: Sizes) -> tuple[Effect, ...]:
         recovery = Parameter("recovery_s", "s", 0.1, 0.2, 0.003, 5.0, (0.05, 0.5))
         # The side of the rod takes less oil for the same speed.
         drawn = Parameter("drawn_ratio", "1", 1.0, 0.3, 1.0 / UNEQUAL, UNEQUAL)
-        found.append(Effect("supply_droop", (droop, recovery, drawn)))
+        # What a joint draws at a speed of another unit is unknown, and it may have a pump of its own.
+        kinds = (Parameter("other_kinds", "1", 1.0, 0.5, 0.0, 3.0),) if size.kinds else ()
+        found.append(Effect("supply_droop", (droop, recovery, drawn, *kinds)))
     return tuple(found)
 
 

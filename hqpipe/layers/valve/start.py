@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hqpipe.layers.valve.kernel import OTHER_SPEED
+from hqpipe.layers.valve.kernel import OTHER_KIND, OTHER_SPEED
 from hqpipe.layers.valve.masks import runs, smooth_speed
 from hqpipe.layers.valve.parameters import MOST_DELAY_S, Sizes
 from hqpipe.layers.valve.record import Record, Scales
@@ -33,6 +33,7 @@ class Look:
         gain: unit of the position per s and command. neutral: command. delay_s: for which the command comes before the speed.
         first_s: the same to a fraction of a sample, from the row that holds the command.
         edge: distance from rest at which the joint starts to move, as far as can be seen.
+        full: distance from neutral beyond which it moves no faster.
         creeps: whether it creeps at rest. slower: direction that flattens off at large commands, 0 if that cannot be told.
     """
 
@@ -41,6 +42,7 @@ class Look:
     delay_s: float
     first_s: float
     edge: float
+    full: float
     creeps: bool
     slower: int
 
@@ -63,9 +65,10 @@ def first_look(record: Record, scales: Scales) -> Look:
     neutral = float(np.clip(neutral, scales.rest - scales.command, scales.rest + scales.command))
     lead = shift + _vertex([lines.get(s, (np.nan,))[0] for s in (shift - 1, shift, shift + 1)])
     edge = _edge(record, scales, speed, shift)
+    full = _full(record, scales, speed, shift, neutral)
     slower = _slower(record, speed, shift, gain, neutral)
     # The command of a row is held to the next: it comes half a sample later than the row.
-    return Look(gain, neutral, shift * record.dt, (lead - 0.5) * record.dt, edge, _creeps(record, scales), slower)
+    return Look(gain, neutral, shift * record.dt, (lead - 0.5) * record.dt, edge, full, _creeps(record, scales), slower)
 
 
 def _line(record: Record, speed: np.ndarray, shift: int, most: int) -> tuple[float, float, float]:
@@ -95,6 +98,19 @@ def _edge(record: Record, scales: Scales, speed: np.ndarray, shift: int) -> floa
         np.mean(size[~moves] > e) + np.mean(size[moves] <= e) if moves.any() and not moves.all() else 1.0 for e in edges
     ]
     return float(edges[int(np.argmin(wrong))])
+
+
+def _full(record: Record, scales: Scales, speed: np.ndarray, shift: int, neutral: float) -> float:
+    """The distance of the command from neutral beyond which the speed rises no more, as far as a straight line to it tells."""
+    index = np.maximum(np.arange(len(speed)) - shift, record.first[record.stretch])
+    beyond = record.command[index] - neutral
+    limits = np.linspace(0.0, scales.command, CLASSES + 1)[1:]
+    errors = []
+    for limit in limits:
+        opening = np.clip(beyond, -limit, limit)
+        gain = float(opening @ speed) / max(float(opening @ opening), 1e-300)
+        errors.append(float(np.sum((speed - gain * opening) ** 2)))
+    return float(limits[int(np.argmin(errors))])
 
 
 def _creeps(record: Record, scales: Scales) -> bool:
@@ -150,7 +166,9 @@ def sizes_of(record: Record, scales: Scales, look: Look, joints: int, slides: bo
         demand=scales.speed if joints == 1 else scales.speed + _others(record),
         supply=record.supply,
         alone=joints == 1,
+        kinds=bool(record.signals[OTHER_KIND].any()),
         edge=look.edge,
+        full=look.full,
         delay_s=look.delay_s,
         first_s=first_s,
         creeps=look.creeps,
@@ -161,4 +179,4 @@ def sizes_of(record: Record, scales: Scales, look: Look, joints: int, slides: bo
 
 
 def _others(record: Record) -> float:
-    return float(np.sqrt(np.mean(record.signals[OTHER_SPEED] ** 2)))
+    return float(np.sqrt(np.mean((record.signals[OTHER_SPEED] + record.signals[OTHER_KIND]) ** 2)))
