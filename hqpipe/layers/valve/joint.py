@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hqpipe.identify.model import Effect, Parameter, Samples
+from hqpipe.identify.least_squares import Fitter
+from hqpipe.identify.model import Effect, Parameter, Samples, all_parameters
 from hqpipe.layers.valve.kernel import DT, LAYOUT, LONGEST, OWN_DEMAND, SCALE, run_blocks, travelled
+from hqpipe.layers.valve.parameters import offset_before
 from hqpipe.layers.valve.record import Record
 from hqpipe.layers.valve.windows import Windows
 
@@ -91,6 +94,26 @@ class ValveJoint:
         )
         return velocity
 
+    def remarks(self, effects: Collection[str], values: np.ndarray) -> tuple[str, ...]:
+        """What the numbers of a fit say beside the parameters of its causes, one sentence each.
+
+        Args:
+            effects: the causes. values: (P,) as in `error`.
+        """
+        names = [parameter.name for parameter in all_parameters(self)]
+        number = dict(zip(names, np.asarray(values, dtype=np.float64).tolist(), strict=True))
+        found = []
+        if "valve_deadband" in effects:
+            edges = [number["neutral"] + side * number["half_width"] for side in (-1.0, 1.0)]
+            found.append("motion sets in at the commands {:.3g} and {:.3g}: the edges of the deadband".format(*edges))
+        if "direction_asymmetry" in effects and not self.records[0].effort_unit:
+            found.append(
+                "no load is logged, so that unequal piston areas and a constant load such as gravity look the same"
+            )
+        if "recovery_s" in number and "supply_droop" in effects and number["recovery_s"] < 0.5 * self.dt:
+            found.append("the supply follows the flow within a sample, as a pump without an accumulator does")
+        return tuple(found)
+
     def row(self, values: np.ndarray) -> np.ndarray:
         """(len(LAYOUT),) what the kernel reads."""
         row = np.array([_NEUTRAL.get(name, 0.0) for name in LAYOUT])
@@ -109,6 +132,32 @@ def _removed_at(parameter: Parameter) -> float:
     """The size from which on a limit is none at all; infinite for what is not a limit."""
     is_limit = parameter.name in WITHOUT_LIMIT or parameter.name in INVERSE
     return max(parameter.high, -parameter.low) if is_limit else np.inf
+
+
+def of_one_log(models: Sequence[ValveJoint]) -> tuple[ValveJoint, ...]:
+    """The joints of one log, whose commands stand in the same row: that of the joint that answers first bounds all."""
+    if len(models) < 2:
+        return tuple(models)
+    first_s = min(_dead_time(model) for model in models)
+    return tuple(
+        replace(model, base=(*model.base[:-1], offset_before(model.base[-1], first_s, model.dt))) for model in models
+    )
+
+
+def _dead_time(model: ValveJoint) -> float:
+    """s from the row of a command to the motion, of the straight line that fits best."""
+    names = [parameter.name for parameter in all_parameters(model)]
+    if "delay_s" not in names:
+        return np.inf
+    offset, delay = names.index("row_offset_s"), names.index("delay_s")
+    fitter, free = Fitter(model), np.append(np.arange(len(model.base)), delay)
+    fits = []
+    for start_s in (0.0, *all_parameters(model)[delay].starts):
+        start = fitter.neutral.copy()
+        start[delay] = start_s
+        fits.append(fitter.fit(free, start, 0.0))
+    best = min(fits, key=lambda fit: fit.square)
+    return float(best.values[offset] + best.values[delay])
 
 
 def settings_of(command: float, own_demand: float, longest_s: float) -> dict[int, float]:

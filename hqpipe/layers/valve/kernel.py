@@ -41,8 +41,8 @@ finds the moment; assumption."""
 TIME, Z, SIN, COS, EFFORT, OTHER_SPEED, OTHER_OPENING, LOSS, FREE, OTHER_KIND = range(10)
 """Rows of the logged signals: s since the trial began; position over its travel, −1 … 1; sine and cosine of the angle, or the
 same position and its square; effort; summed speed of the other joints of this kind; summed opening of the other valves, 0 … 1;
-measured loss of supply pressure, 0 … 1; 1 where the joint is free to move, 0 where it is held and draws no flow; summed speed of
-the joints of the other kind, brought to the size of this one's."""
+measured loss of supply pressure, 0 … 1; 1 where the joint is free to move, 0 where it is held and draws no flow; summed
+speed of the joints of the other kind, brought to the size of this one's."""
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.errors import IdentificationError
-from hqpipe.identify.model import JointModel, LayerJoints
-from hqpipe.layers.valve.joint import ValveJoint, samples_of, settings_of
+from hqpipe.identify.model import LayerJoints
+from hqpipe.layers.valve.joint import ValveJoint, of_one_log, samples_of, settings_of
 from hqpipe.layers.valve.kernel import FREE
 from hqpipe.layers.valve.masks import at_end_stops, blocked, usual_speeds
 from hqpipe.layers.valve.noise import sensor_noise
@@ -58,10 +58,9 @@ class Valve:
         left = {name: seen for name, seen in every.items() if isinstance(seen, str)}
         kept = {name: seen for name, seen in every.items() if not isinstance(seen, str)}
         length, reason = _window(log_set, kept, travels, window_s)
-        first_s = min((seen.look.first_s for seen in kept.values()), default=np.inf) if len(kept) > 1 else np.inf
-        models = []
+        models: list[ValveJoint] = []
         for name, seen in kept.items():
-            model = _joint(log_set, name, seen, length, travels, without, first_s)
+            model = _joint(log_set, name, seen, length, travels, without)
             if isinstance(model, str):
                 left[name] = model
             else:
@@ -74,7 +73,7 @@ class Valve:
                 field="valve_command",
                 fix="record motions that the valve commands",
             )
-        return LayerJoints(self.NAME, "free_run_rmse", length, reason, tuple(models), left)
+        return LayerJoints(self.NAME, "free_run_rmse", length, reason, of_one_log(models), left)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +135,7 @@ def _joint(
     window_s: float,
     travels: bool,
     without: Collection[str],
-    first_s: float,
-) -> str | JointModel:
+) -> str | ValveJoint:
     """The model of one joint, or why there is none."""
     scales, record, noise, look = seen.scales, seen.record, seen.noise, seen.look
     j, slides = log_set.joints.index(name), _slides(log_set, log_set.joints.index(name))
@@ -153,7 +151,7 @@ def _joint(
     if len(cuts[0].begin) < FEWEST_WINDOWS:
         return f"only {len(cuts[0].begin)} windows of {window_s:.3g} s in which it is commanded or moves"
     own_demand = 0.0 if record.supply else 1.0
-    size = sizes_of(record, scales, look, len(log_set.joints), slides, first_s)
+    size = sizes_of(record, scales, look, len(log_set.joints), slides)
     output_noise = noise * np.sqrt(1.0 + 1.0 / cuts[0].begin_samples)
     if not travels:
         output_noise = sensor_noise(record.velocity, record, scales)

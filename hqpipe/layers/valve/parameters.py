@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ NEVER = 1.2
 """Of the command's largest distance from rest: a valve that is fully open only there never is."""
 MOST_DELAY_S, MOST_LAG_S = 0.5, 0.5
 """assumption: pilot-operated valves of mobile machines take 0.05 to 0.2 s in all (Jelali & Kroll 2003, ch. 4)."""
+BEYOND = 0.25  # of a sample, by which the offset of a row may lie beyond either convention; assumption
 FAST = 5.0  # of the usual speed: a speed limit that is never reached
 LOADED = 20.0  # of the usual effort: an effort at which the flow would stop, so large that nobody notices
 CREEP = 0.02  # of the usual speed; assumption: what seals and lands let a loaded joint sink
@@ -34,7 +35,6 @@ class Sizes:
         kinds: whether there are joints of both kinds, which turn and slide.
         edge: command from rest at which the joint seems to start; full: from neutral, beyond which it moves no faster.
         delay_s: for which the command precedes the motion most.
-        first_s: for which the command precedes the motion of the joint that answers first.
         creeps: whether the joint is seen to creep at rest, within the deadband.
         slower: direction of motion that flattens off at large commands, +1 or −1; 0 where the other one was not driven as far.
         longest_s: of the trials. speed_unit: of the joint.
@@ -55,7 +55,6 @@ class Sizes:
     edge: float
     full: float
     delay_s: float
-    first_s: float
     creeps: bool
     slower: int
     longest_s: float
@@ -66,16 +65,23 @@ def base_parameters(size: Sizes) -> tuple[Parameter, ...]:
     """Gain, neutral point, and the row that the command belongs to.
 
     A log does not say whether a row holds the command sent before or after its measurement: up to one sample of offset is the
-    log's, not the machine's. The bounds lie a quarter of a sample beyond, so that neither convention is on a bound. All joints
-    of a log have one offset, and none moves before it.
+    log's, not the machine's. The bounds lie a quarter of a sample beyond, so that neither convention is on a bound.
     """
-    low = -0.25 * size.dt
-    high = float(np.clip(size.first_s + 0.25 * size.dt, low + 0.25 * size.dt, 1.25 * size.dt))
     return (
         Parameter("gain", f"{size.speed_unit} per command", size.gain, np.inf),
         Parameter("neutral", "command", size.neutral, np.inf),
-        Parameter("row_offset_s", "s", min(0.5 * size.dt, high), 0.5 * size.dt, low, high),
+        Parameter("row_offset_s", "s", 0.5 * size.dt, 0.5 * size.dt, -BEYOND * size.dt, (1.0 + BEYOND) * size.dt),
     )
+
+
+def offset_before(offset: Parameter, first_s: float, dt: float) -> Parameter:
+    """The row that the command belongs to, which is the same for all joints of a log: none of them moves before it.
+
+    Args:
+        first_s: for which the command precedes the motion of the joint that answers first.
+    """
+    high = float(np.clip(first_s + BEYOND * dt, offset.low + BEYOND * dt, offset.high))
+    return replace(offset, neutral=min(offset.neutral, high), high=high)
 
 
 def effects(size: Sizes, without: Collection[str] = ()) -> tuple[Effect, ...]:

@@ -14,7 +14,7 @@ from hqpipe.layers.valve.record import Record, Scales
 SPAN_S = 0.1  # over which a speed is averaged; assumption: short beside a stroke
 CLASSES = 50  # of the command's size, among which the edge of a deadband is looked for; assumption
 MOVES = 0.15  # of the usual speed, beyond which the joint moves; assumption
-MOST_SHIFTS = 25  # delays that are tried, before those round the best; assumption
+MOST_SHIFTS = 25  # delays that are tried; assumption
 LEFT_ALONE, SETTLE_S = 0.02, 0.5  # a joint is left alone, as in `noise`: of the command's largest distance from rest; s
 FEWEST_RESTS, SURE = 5, 9.0  # rests that show a creep; its square over that of its standard error: three of them
 CREEPS = 0.002  # of the usual speed, below which a creep is of no use to anybody: a tenth of `parameters.CREEP`
@@ -31,7 +31,6 @@ class Look:
 
     Attributes:
         gain: unit of the position per s and command. neutral: command. delay_s: for which the command comes before the speed.
-        first_s: the same to a fraction of a sample, from the row that holds the command.
         edge: distance from rest at which the joint starts to move, as far as can be seen.
         full: distance from neutral beyond which it moves no faster.
         creeps: whether it creeps at rest. slower: direction that flattens off at large commands, 0 if that cannot be told.
@@ -40,7 +39,6 @@ class Look:
     gain: float
     neutral: float
     delay_s: float
-    first_s: float
     edge: float
     full: float
     creeps: bool
@@ -54,21 +52,15 @@ def first_look(record: Record, scales: Scales) -> Look:
     most = round(MOST_DELAY_S / record.dt)
     coarse = np.unique(np.linspace(0, most, min(most + 1, MOST_SHIFTS)).round().astype(int))
     lines = {int(shift): _line(record, speed, int(shift), most) for shift in coarse}
-    best = min(lines, key=lambda shift: lines[shift][0])
-    step = int(np.diff(coarse).max(initial=1))
-    near = range(max(best - step, 0), min(best + step, most) + 1)
-    lines |= {shift: _line(record, speed, shift, most) for shift in near if shift not in lines}
     shift = min(lines, key=lambda shift: lines[shift][0])
     _, gain, neutral = lines[shift]
     if gain == 0.0:
         neutral = scales.rest
     neutral = float(np.clip(neutral, scales.rest - scales.command, scales.rest + scales.command))
-    lead = shift + _vertex([lines.get(s, (np.nan,))[0] for s in (shift - 1, shift, shift + 1)])
     edge = _edge(record, scales, speed, shift)
     full = _full(record, scales, speed, shift, neutral)
     slower = _slower(record, speed, shift, gain, neutral)
-    # The command of a row is held to the next: it comes half a sample later than the row.
-    return Look(gain, neutral, shift * record.dt, (lead - 0.5) * record.dt, edge, full, _creeps(record, scales), slower)
+    return Look(gain, neutral, shift * record.dt, edge, full, _creeps(record, scales), slower)
 
 
 def _line(record: Record, speed: np.ndarray, shift: int, most: int) -> tuple[float, float, float]:
@@ -79,13 +71,6 @@ def _line(record: Record, speed: np.ndarray, shift: int, most: int) -> tuple[flo
     gain = float(spread @ answer) / max(float(spread @ spread), 1e-300)
     error = float(np.sum((answer - answer.mean() - gain * spread) ** 2))
     return error, gain, float(command.mean() - answer.mean() / gain) if gain else 0.0
-
-
-def _vertex(errors: list[float]) -> float:
-    """Where the parabola through three neighbours is lowest, samples from the middle one; 0 next to an end."""
-    before, here, behind = errors
-    bend = before + behind - 2.0 * here
-    return 0.5 * (before - behind) / bend if np.isfinite(bend) and bend > 0.0 else 0.0
 
 
 def _edge(record: Record, scales: Scales, speed: np.ndarray, shift: int) -> float:
@@ -147,12 +132,8 @@ def _slower(record: Record, speed: np.ndarray, shift: int, gain: float, neutral:
     return int(side) if gain > 0.0 else -int(side)
 
 
-def sizes_of(record: Record, scales: Scales, look: Look, joints: int, slides: bool, first_s: float) -> Sizes:
-    """What bounds and priors are multiples of.
-
-    Args:
-        first_s: for which the command precedes the motion of the joint that answers first.
-    """
+def sizes_of(record: Record, scales: Scales, look: Look, joints: int, slides: bool) -> Sizes:
+    """What bounds and priors are multiples of."""
     effort = float(np.sqrt(np.mean((record.effort - record.effort.mean()) ** 2)))
     return Sizes(
         dt=record.dt,
@@ -170,7 +151,6 @@ def sizes_of(record: Record, scales: Scales, look: Look, joints: int, slides: bo
         edge=look.edge,
         full=look.full,
         delay_s=look.delay_s,
-        first_s=first_s,
         creeps=look.creeps,
         slower=look.slower,
         longest_s=float(record.time.max()),
