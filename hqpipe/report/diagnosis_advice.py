@@ -9,7 +9,7 @@ MEANINGS = {
     "flow_saturation": "beyond a certain command the valve is fully open",
     "orifice_flow": "flow falls with the square root of the pressure that the load leaves over",
     "supply_droop": "the supply pressure sags when all joints together draw much oil",
-    "direction_asymmetry": "extending and retracting have different gains: unequal areas or, if none is logged, a constant load",
+    "direction_asymmetry": "extending and retracting have different gains: unequal areas or an unmeasured constant load",
     "dead_time_asymmetry": "one direction takes longer than the other to answer a command",
     "opening_jump": "at the edge of the deadband the flow sets in at once with a share of its full size",
     "leakage": "oil leaks past piston or spool, so that the joint creeps while its valve is closed",
