@@ -1,7 +1,7 @@
 """The velocity of a valve-controlled joint from its command: all effects at once, each inert at its neutral value.
 
-spool   first-order lag of the command, delayed by the dead time and held from sample to sample; part of the lag may come
-        behind the edges
+spool   first-order lag of the command, delayed by the dead time and held from sample to sample; a share of the opening may
+        follow the edges with that lag instead
 opening max(|spool − neutral| within ± limit − half_width, 0), and the jump beyond the edge
 flow    opening × direction × flow curve × geometry × load × pressure × drift
 speed   gain × flow + leakage, within the speed limits, behind a second-order response
@@ -163,8 +163,8 @@ def run_blocks(
         substeps: per sample.
     """
     h, length = p[DT] / substeps, 1.0 / substeps
-    share, mean = shares(p[LAG] * (1.0 - p[BEHIND]), h)
-    share_behind, mean_behind = shares(p[LAG] * p[BEHIND], h)
+    share, mean = shares(p[LAG], h)
+    lags_behind = p[LAG] > 0.0 and p[BEHIND] > 0.0
     recovering = 1.0 - np.exp(-h / max(p[RECOVERY], 1e-9))
     omega = 2.0 * np.pi / max(p[PERIOD], 1e-9)
     damped = 1.0 / (1.0 + 2.0 * p[DAMPING] * omega * h + (omega * h) ** 2)
@@ -183,10 +183,10 @@ def run_blocks(
                 seen = spool + mean * (driven - spool) if mean < 1.0 else driven
                 spool += share * (driven - spool)
                 opening = opened(p, seen)
-                if mean_behind < 1.0:
-                    target = opening
-                    opening = flowing + mean_behind * (target - flowing)
-                    flowing += share_behind * (target - flowing)
+                if lags_behind:
+                    target = opened(p, driven)
+                    opening += p[BEHIND] * (flowing + mean * (target - flowing) - opening)
+                    flowing += share * (target - flowing)
                 v = speed_of(p, opening, signals, k, measured if measured != 0.0 else sag)
                 if p[DROOP] != 0.0:
                     drawn = v if v > 0.0 else -v * p[DRAWN]
