@@ -89,6 +89,7 @@ class JointModel(Protocol):
         notes: what an answer should say of this joint, one sentence each.
 
     It may have `changes`: cause → names of the base parameters that change with it from one record of the machine to another.
+    It may have `remarks(causes, values)`: what the numbers of a fit say beside the causes' parameters, one sentence each.
     """
 
     joint: str

@@ -9,7 +9,10 @@ A layer is a class with
 
 from __future__ import annotations
 
-ONLY_IN_LAYERS = ("armature", "gain_error", "payload", "spring", "torque_limit", "voltage_sag")
+ONLY_IN_LAYERS = (
+    *("armature", "counterbalance", "dead_time_asymmetry", "gain_error", "leakage", "one_way_speed_limit"),
+    *("opening_jump", "payload", "spring", "torque_limit", "voltage_sag"),
+)
 """Effects that a layer may offer and `hqpipe.effects` does not hold."""
 
 LAYERS = {

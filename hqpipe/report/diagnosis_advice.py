@@ -9,7 +9,12 @@ MEANINGS = {
     "flow_saturation": "beyond a certain command the valve is fully open",
     "orifice_flow": "flow falls with the square root of the pressure that the load leaves over",
     "supply_droop": "the supply pressure sags when all joints together draw much oil",
-    "direction_asymmetry": "extending and retracting have different gains",
+    "direction_asymmetry": "extending and retracting have different gains: unequal areas or an unmeasured constant load",
+    "dead_time_asymmetry": "one direction takes longer than the other to answer a command",
+    "opening_jump": "at the edge of the deadband the flow sets in at once with a share of its full size",
+    "leakage": "oil leaks past piston or spool, so that the joint creeps while its valve is closed",
+    "counterbalance": "a load-holding valve keeps a pulling load from speeding the motion up",
+    "one_way_speed_limit": "one direction does not exceed a certain speed, whatever the command",
     "position_dependent_stiffness": "the gain changes with the position, as the oil volumes do",
     "gain_drift": "the gain changes in the course of a trial, as with warming oil",
     "integral_action": "the controller on the machine integrates its error",
@@ -59,6 +64,16 @@ ADVICE = {
     "with the droop that all joints share.",
     "direction_asymmetry": "Give each direction its own gain in the valve driver, the two piston areas differ; the "
     "ratio should then come out as zero.",
+    "dead_time_asymmetry": "Look at the pilot stages and hoses of both directions; give each direction its own dead "
+    "time in the simulator.",
+    "opening_jump": "Lower the driver's deadband compensation until the motion sets in gently, or keep the jump in the "
+    "simulator: without it the policy will hunt round standstill.",
+    "leakage": "Hold the joint under load with its valve closed and watch it sink: look at piston seals, spool and "
+    "load-holding valves, and keep the creep in the simulator.",
+    "counterbalance": "Keep the load out of the lowering speed in the simulator; a counterbalance, overcentre or "
+    "load-holding valve does this on the machine.",
+    "one_way_speed_limit": "Look for a counterbalance valve, a throttle with a check valve or a lowering brake in this "
+    "direction, and put the limit in the simulator.",
     "position_dependent_stiffness": "Schedule the gain with the position, or keep the slope in the simulator so that "
     "the policy learns it.",
     "gain_drift": "Warm the oil up before recording and log its temperature; vary the gain over this range in "

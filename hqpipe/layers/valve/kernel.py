@@ -1,7 +1,8 @@
 """The velocity of a valve-controlled joint from its command: all effects at once, each inert at its neutral value.
 
-spool   first-order lag of the command, delayed by the dead time and held from sample to sample
-opening max(|spool − neutral| within ± limit − half_width, 0)
+spool   first-order lag of the command, delayed by the dead time and held from sample to sample; a share of the opening may
+        follow the edges with that lag instead
+opening max(|spool − neutral| within ± limit − half_width, 0), and the jump beyond the edge
 flow    opening × direction × flow curve × geometry × load × pressure × drift
 speed   gain × flow + leakage, within the speed limits, behind a second-order response
 """
@@ -14,25 +15,34 @@ from numba import njit
 import hqpipe.system.checked_cache  # noqa: F401 (before any function is compiled)
 
 LAYOUT = (
-    "gain", "neutral", "row_offset_s", "half_width", "delay_s", "direction_delay_s", "time_constant_s", "limit",
-    "ratio", "inverse_effort_max", "droop", "recovery_s", "rate_per_s", "upper_speed", "lower_speed", "curve",
-    "geometry_1", "geometry_2", "load_sin", "load_cos", "others", "leak", "leak_position", "leak_effort",
-    "period_s", "damping_ratio", "dt", "command_scale", "own_demand",
+    "gain", "neutral", "row_offset_s", "half_width", "jump", "delay_s", "difference_s", "time_constant_s",
+    "behind_edges", "play", "limit", "ratio", "inverse_effort_max", "area_ratio", "load_relief",
+    "droop", "recovery_s", "drawn_ratio", "other_kinds", "rate_per_s", "speed_limit", "upper_speed", "lower_speed", "curve",
+    "geometry_1", "geometry_2", "load_sin", "load_cos", "others", "creep_speed", "creep_position", "speed_per_effort",
+    "gain_step", "moment_s", "period_s", "damping_ratio", "dt", "command_scale", "own_demand", "longest_s",
 )  # fmt: skip
 (
-    GAIN, NEUTRAL, ROW_OFFSET, BAND, DELAY, DELAY_BACK, LAG, LIMIT,
-    RATIO, INVERSE_EFFORT, DROOP, RECOVERY, RATE, UPPER, LOWER, CURVE,
-    GEOMETRY_1, GEOMETRY_2, LOAD_SIN, LOAD_COS, OTHERS, LEAK, LEAK_POSITION, LEAK_EFFORT,
-    PERIOD, DAMPING, DT, SCALE, OWN_DEMAND,
+    GAIN, NEUTRAL, ROW_OFFSET, BAND, JUMP, DELAY, DIFFERENCE, LAG,
+    BEHIND, PLAY, LIMIT, RATIO, INVERSE_EFFORT, AREAS, RELIEF,
+    DROOP, RECOVERY, DRAWN, KINDS, RATE, ONE_WAY, UPPER, LOWER, CURVE,
+    GEOMETRY_1, GEOMETRY_2, LOAD_SIN, LOAD_COS, OTHERS, CREEP, CREEP_POSITION, YIELD,
+    STEP, MOMENT, PERIOD, DAMPING, DT, SCALE, OWN_DEMAND, LONGEST,
 ) = range(len(LAYOUT))  # fmt: skip
 
 CLEARANCE = 0.035
 """Share of the half width over which the edge of a deadband is rounded: oil passes the clearance of the lands before the
 spool opens (Merritt 1967, ch. 5: leakage at null)."""
-TIME, Z, SIN, COS, EFFORT, OTHER_SPEED, OTHER_OPENING, LOSS, FREE = range(9)
+LEAST_BAND = (
+    0.1  # of the command's largest distance from rest: the edge of a jump is no sharper than that of such a deadband
+)
+CHANGE = 0.05
+"""Share of the longest trial in which a sudden change of the gain happens: much less than a drift takes, and so long that a fit
+finds the moment; assumption."""
+TIME, Z, SIN, COS, EFFORT, OTHER_SPEED, OTHER_OPENING, LOSS, FREE, OTHER_KIND = range(10)
 """Rows of the logged signals: s since the trial began; position over its travel, −1 … 1; sine and cosine of the angle, or the
-same position and its square; effort; summed speed of the other joints; summed opening of their valves, 0 … 1; measured loss
-of supply pressure, 0 … 1; 1 where the joint is free to move, 0 where it is held and draws no flow."""
+same position and its square; effort; summed speed of the other joints of this kind; summed opening of the other valves, 0 … 1;
+measured loss of supply pressure, 0 … 1; 1 where the joint is free to move, 0 where it is held and draws no flow; summed
+speed of the joints of the other kind, brought to the size of this one's."""
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -49,13 +59,17 @@ def held_mean(command: np.ndarray, first: int, last: int, start: float, length: 
 
 @njit(cache=True, nogil=True, inline="always")
 def driving(p: np.ndarray, command: np.ndarray, first: int, last: int, at: float, length: float) -> float:
-    """The command that reaches the valve from sample `at` on, for `length` samples; each direction after its own dead time."""
-    delay, apart = (p[ROW_OFFSET] + p[DELAY]) / p[DT], p[DELAY_BACK] / p[DT]
-    driven = held_mean(command, first, last, at - (delay + apart), length)
-    if apart == 0.0:
+    """The command that reaches the valve from sample `at` on, for `length` samples.
+
+    The part of the command that moves the joint one way may take longer than the other part, as through another pilot stage.
+    """
+    delay = (p[ROW_OFFSET] + p[DELAY]) / p[DT]
+    driven = held_mean(command, first, last, at - delay, length)
+    if p[DIFFERENCE] == 0.0:
         return driven
-    other = held_mean(command, first, last, at - (delay - apart), length)
-    return p[NEUTRAL] + max(driven - p[NEUTRAL], 0.0) + min(other - p[NEUTRAL], 0.0)
+    late = held_mean(command, first, last, at - delay - abs(p[DIFFERENCE]) / p[DT], length)
+    above, below = (late, driven) if (p[GAIN] > 0.0) == (p[DIFFERENCE] > 0.0) else (driven, late)
+    return p[NEUTRAL] + max(above - p[NEUTRAL], 0.0) + min(below - p[NEUTRAL], 0.0)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -79,12 +93,29 @@ def beyond(excess: float, corner: float) -> float:
 
 @njit(cache=True, nogil=True, inline="always")
 def opened(p: np.ndarray, spool: float) -> float:
-    """Opening of the valve, command units: within the stroke, beyond the deadband."""
+    """Opening of the valve, command units: within the stroke, beyond the deadband, after a jump at its edge.
+
+    The jump is a share of the opening at the full command, which it leaves as it is.
+    """
     error = min(max(spool - p[NEUTRAL], -p[LIMIT]), p[LIMIT])
-    if p[BAND] == 0.0:
+    if p[BAND] == 0.0 and p[JUMP] == 0.0:
         return error
-    corner = CLEARANCE * p[BAND]
-    return beyond(error - p[BAND], corner) - beyond(-error - p[BAND], corner)
+    corner = CLEARANCE * p[BAND] if p[JUMP] == 0.0 else CLEARANCE * max(p[BAND], LEAST_BAND * p[SCALE])
+    found = beyond(error - p[BAND], corner) - beyond(-error - p[BAND], corner)
+    if p[JUMP] == 0.0:
+        return found
+    up = min(max(0.5 * (error - p[BAND] + corner) / corner, 0.0), 1.0)
+    down = min(max(0.5 * (-error - p[BAND] + corner) / corner, 0.0), 1.0)
+    return (1.0 - p[JUMP]) * found + p[JUMP] * max(p[SCALE] - p[BAND], 0.0) * (up - down)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def stepped(p: np.ndarray, time: float) -> float:
+    """Factor of the gain: 1 before the moment at which it changes, another one after it."""
+    if p[STEP] == 0.0:
+        return 1.0
+    passed = (time - p[MOMENT]) / (CHANGE * p[LONGEST]) + 0.5
+    return max(1.0 + p[STEP] * min(max(passed, 0.0), 1.0), 0.0)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -98,10 +129,14 @@ def speed_of(p: np.ndarray, opening: float, s: np.ndarray, k: int, sag: float) -
     flow *= 1.0 + p[OTHERS] * s[OTHER_OPENING, k]
     load = p[INVERSE_EFFORT] * s[EFFORT, k]
     if p[GAIN] * opening < 0.0:
-        load = -load
+        load = -load / p[AREAS]
+    if load < 0.0:  # it pulls with the motion
+        load *= 1.0 - p[RELIEF]
     flow *= np.sqrt(max(1.0 - sag - load, 0.0)) * max(1.0 + p[RATE] * s[TIME, k], 0.0)
-    leak = p[LEAK] + p[LEAK_POSITION] * s[Z, k] + p[LEAK_EFFORT] * s[EFFORT, k]
-    return min(max(p[GAIN] * flow + leak, -p[LOWER]), p[UPPER])
+    flow *= stepped(p, s[TIME, k])
+    creep = p[CREEP] + p[CREEP_POSITION] * s[Z, k] - p[YIELD] * s[EFFORT, k]
+    speed = min(max(p[GAIN] * flow + creep, -p[LOWER]), p[UPPER])
+    return min(speed, p[ONE_WAY]) if p[ONE_WAY] > 0.0 else max(speed, p[ONE_WAY])
 
 
 @njit(cache=True, nogil=True)
@@ -122,29 +157,41 @@ def run_blocks(
     A block begins in the steady state of its first command and knows the commands before it.
 
     Args:
-        p: as in `LAYOUT`. command: (T,). signals: (9, T).
+        p: as in `LAYOUT`. command: (T,). signals: (10, T).
         first, last: (B,) first and last sample of the stretch of each block. start, stop: (B,) its samples start … stop − 1.
         kept: (B,) sample from which its velocity is kept: before it the block settles.
         substeps: per sample.
     """
     h, length = p[DT] / substeps, 1.0 / substeps
     share, mean = shares(p[LAG], h)
+    lags_behind = p[LAG] > 0.0 and p[BEHIND] > 0.0
     recovering = 1.0 - np.exp(-h / max(p[RECOVERY], 1e-9))
     omega = 2.0 * np.pi / max(p[PERIOD], 1e-9)
     damped = 1.0 / (1.0 + 2.0 * p[DAMPING] * omega * h + (omega * h) ** 2)
     for b in range(start.shape[0]):
-        spool = driving(p, command, first[b], last[b], start[b], length)
+        slack = driving(p, command, first[b], last[b], start[b], length)
+        spool, flowing = slack, opened(p, slack)
         sag, moving, rising, begun = 0.0, 0.0, 0.0, False
         for k in range(start[b], stop[b]):
             total = 0.0
             measured = p[DROOP] * signals[LOSS, k]
             for i in range(substeps):
                 driven = driving(p, command, first[b], last[b], k + i * length, length)
-                seen = driven if p[LAG] == 0.0 else spool + mean * (driven - spool)
+                if p[PLAY] > 0.0:
+                    slack = min(max(slack, driven - p[PLAY]), driven + p[PLAY])
+                    driven = slack
+                seen = spool + mean * (driven - spool) if mean < 1.0 else driven
                 spool += share * (driven - spool)
-                v = speed_of(p, opened(p, seen), signals, k, measured if measured != 0.0 else sag)
+                opening = opened(p, seen)
+                if lags_behind:
+                    target = opened(p, driven)
+                    opening += p[BEHIND] * (flowing + mean * (target - flowing) - opening)
+                    flowing += share * (target - flowing)
+                v = speed_of(p, opening, signals, k, measured if measured != 0.0 else sag)
                 if p[DROOP] != 0.0:
-                    demand = signals[OTHER_SPEED, k] + p[OWN_DEMAND] * signals[FREE, k] * abs(v)
+                    drawn = v if v > 0.0 else -v * p[DRAWN]
+                    others = signals[OTHER_SPEED, k] + p[KINDS] * signals[OTHER_KIND, k]
+                    demand = others + p[OWN_DEMAND] * signals[FREE, k] * drawn
                     sag += recovering * (p[DROOP] * demand - sag)
                 if p[PERIOD] > 0.0:
                     if not begun:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from hqpipe.errors import IdentificationError
-from hqpipe.identify.model import JointModel, LayerJoints
-from hqpipe.layers.valve.joint import ValveJoint, samples_of, settings_of
+from hqpipe.identify.model import LayerJoints
+from hqpipe.layers.valve.joint import ValveJoint, of_one_log, samples_of, settings_of
 from hqpipe.layers.valve.kernel import FREE
 from hqpipe.layers.valve.masks import at_end_stops, blocked, usual_speeds
 from hqpipe.layers.valve.noise import sensor_noise
 from hqpipe.layers.valve.parameters import base_parameters, effects
 from hqpipe.layers.valve.record import Record, Scales, record_of, scales_of
-from hqpipe.layers.valve.start import first_look, sizes_of
+from hqpipe.layers.valve.start import Look, first_look, sizes_of
 from hqpipe.layers.valve.windows import windows_of
 from hqpipe.logs.trajectory import LogSet, Trial
 
@@ -53,13 +54,13 @@ class Valve:
                 fix="record the command of the valves",
             )
         travels = any(t.trajectory.velocity_source == "differentiated" for t in log_set.trials)
-        looks = {name: _look(log_set, j) for j, name in enumerate(log_set.joints)}
-        left = {name: look for name, look in looks.items() if isinstance(look, str)}
-        kept = {name: look for name, look in looks.items() if not isinstance(look, str)}
+        every = {name: _seen(log_set, j) for j, name in enumerate(log_set.joints)}
+        left = {name: seen for name, seen in every.items() if isinstance(seen, str)}
+        kept = {name: seen for name, seen in every.items() if not isinstance(seen, str)}
         length, reason = _window(log_set, kept, travels, window_s)
-        models = []
-        for name, (scales, record, noise) in kept.items():
-            model = _joint(log_set, name, scales, record, noise, length, travels, without)
+        models: list[ValveJoint] = []
+        for name, seen in kept.items():
+            model = _joint(log_set, name, seen, length, travels, without)
             if isinstance(model, str):
                 left[name] = model
             else:
@@ -72,19 +73,29 @@ class Valve:
                 field="valve_command",
                 fix="record motions that the valve commands",
             )
-        return LayerJoints(self.NAME, "free_run_rmse", length, reason, tuple(models), left)
+        return LayerJoints(self.NAME, "free_run_rmse", length, reason, of_one_log(models), left)
 
 
-def _look(log_set: LogSet, j: int) -> str | tuple[Scales, Record, float]:
-    """Sizes, fit record and position noise of joint `j`, or why it cannot be judged."""
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What is known of a joint before it is modelled: sizes, fit record, noise of the position, and a first look."""
+
+    scales: Scales
+    record: Record
+    noise: float
+    look: Look
+
+
+def _seen(log_set: LogSet, j: int) -> str | Seen:
+    """What is known of joint `j`, or why it cannot be judged."""
     scales = scales_of(log_set.fit, j)
     if scales.command == 0.0:
         return "its valve command never changes"
     if scales.half_travel == 0.0 or scales.speed == 0.0:
         return "it never moves"
-    record = record_of(log_set.fit, j, scales, _slides(log_set, j), _alike(log_set, scales, j), _dt(log_set))
+    record = _record(log_set, log_set.fit, j, scales)
     noise = sensor_noise(record.position, record, scales)
-    return scales, record, noise
+    return Seen(scales, record, noise, first_look(record, scales))
 
 
 def _dt(log_set: LogSet) -> float:
@@ -96,23 +107,22 @@ def _slides(log_set: LogSet, j: int) -> bool:
     return log_set.kinds.get(log_set.joints[j], "revolute") == "prismatic"
 
 
-def _alike(log_set: LogSet, scales: Scales, j: int) -> np.ndarray:
-    """(J,) factors that give the speeds of other joints the size of those of joint `j`: 1 among joints of one kind."""
+def _record(log_set: LogSet, trials: Sequence[Trial], j: int, scales: Scales) -> Record:
+    """The samples of joint `j`; the speeds of joints of the other kind are given the size of its own."""
+    same = np.array([_slides(log_set, k) == _slides(log_set, j) for k in range(len(scales.speeds))])
     speeds = np.maximum(np.array(scales.speeds), 1e-300)
-    same = np.array([_slides(log_set, k) == _slides(log_set, j) for k in range(len(speeds))])
-    return np.where(same, 1.0, speeds[j] / speeds)
+    alike = np.where(same, 1.0, speeds[j] / speeds)
+    return record_of(trials, j, scales, same, _slides(log_set, j), alike, _dt(log_set))
 
 
-def _window(
-    log_set: LogSet, looks: dict[str, tuple[Scales, Record, float]], travels: bool, window_s: float | None
-) -> tuple[float, str]:
+def _window(log_set: LogSet, joints: dict[str, Seen], travels: bool, window_s: float | None) -> tuple[float, str]:
     """Length of a free run, s, and why."""
     dt = _dt(log_set)
     if window_s is not None:
         return max(window_s, 10.0 * dt), "as asked for, and at least ten samples"
     length = max(LEAST_ROWS * dt, LEAST_S)
-    if travels and looks:
-        clear = max(CLEAR * noise / scales.speed for scales, _, noise in looks.values())
+    if travels and joints:
+        clear = max(CLEAR * seen.noise / seen.scales.speed for seen in joints.values())
         length = max(length, min(clear, LONGEST_S))
     what = "the travel in it is well above the noise of the position" if travels else "it holds the valve's response"
     return float(length), f"at least {LEAST_ROWS} samples; {what}"
@@ -121,17 +131,15 @@ def _window(
 def _joint(
     log_set: LogSet,
     name: str,
-    scales: Scales,
-    record: Record,
-    noise: float,
+    seen: Seen,
     window_s: float,
     travels: bool,
     without: Collection[str],
-) -> str | JointModel:
+) -> str | ValveJoint:
     """The model of one joint, or why there is none."""
+    scales, record, noise, look = seen.scales, seen.record, seen.noise, seen.look
     j, slides = log_set.joints.index(name), _slides(log_set, log_set.joints.index(name))
-    held = record_of(log_set.heldout, j, scales, slides, _alike(log_set, scales, j), record.dt)
-    look = first_look(record, scales)
+    held = _record(log_set, log_set.heldout, j, scales)
     ends = _ends(log_set.trials, j)
     stops = [at_end_stops(r, scales, np.sign(look.gain), ends, noise) for r in (record, held)]
     curve = usual_speeds(record, scales, record.observed & ~stops[0], round(look.delay_s / record.dt))
@@ -159,7 +167,7 @@ def _joint(
         noise=(float(output_noise), float(output_noise)),
         notes=_notes(record, held, stops, stuck),
         travels=travels,
-        settings=settings_of(scales.command, own_demand),
+        settings=settings_of(scales.command, own_demand, float(record.time.max())),
         records=(record, held),
         windows=(cuts[0], cuts[1]),
     )

@@ -27,7 +27,7 @@ class Record:
         stretch: (N,) index into these. time: (N,) s since the recording began.
         command, position, velocity: (N,); `velocity` as logged, or differentiated. observed: (N,).
         effort: (N,) load, 0 where there is none; `effort_unit` is then "". supply: whether its pressure was logged.
-        signals: (9, N) see `kernel`.
+        signals: (10, N) see `kernel`.
     """
 
     dt: float
@@ -123,11 +123,14 @@ def _moving_speed(velocity: np.ndarray) -> float:
     return float(np.sqrt(np.mean(velocity[moving] ** 2))) if moving.any() else 0.0
 
 
-def record_of(trials: Sequence[Trial], j: int, scales: Scales, linear: bool, alike: np.ndarray, dt: float) -> Record:
+def record_of(
+    trials: Sequence[Trial], j: int, scales: Scales, same: np.ndarray, linear: bool, alike: np.ndarray, dt: float
+) -> Record:
     """The samples of joint `j`.
 
     Args:
-        linear: whether the joint slides. alike: (J,) factors that give the speeds of other joints the size of this one's.
+        same: (J,) joints of the same kind. linear: whether the joint slides.
+        alike: (J,) factors that give the speeds of other joints the size of this one's.
         dt: s, of the log set.
     """
     parts = [t.trajectory for t in trials]
@@ -143,7 +146,7 @@ def record_of(trials: Sequence[Trial], j: int, scales: Scales, linear: bool, ali
     position = joined(lambda t: t.position[:, j])
     time = joined(lambda t: t.time - t.time[0] + t.start)
     supply = scales.supply > 0.0 and all(SUPPLY in t.extra for t in parts)
-    signals = _other_joints(joined, j, scales, alike, supply, len(position))
+    signals = _other_joints(joined, j, scales, same, alike, supply, len(position))
     z = (position - scales.middle) / scales.half_travel
     signals[kernel.TIME], signals[kernel.Z], signals[kernel.EFFORT] = time, z, effort
     signals[kernel.FREE] = 1.0
@@ -167,9 +170,11 @@ def record_of(trials: Sequence[Trial], j: int, scales: Scales, linear: bool, ali
     )
 
 
-def _other_joints(joined, j: int, scales: Scales, alike: np.ndarray, supply: bool, samples: int) -> np.ndarray:
-    """(9, N) signals, of which what the other joints and the supply do is filled in."""
-    signals = np.zeros((9, samples))
+def _other_joints(
+    joined, j: int, scales: Scales, same: np.ndarray, alike: np.ndarray, supply: bool, samples: int
+) -> np.ndarray:
+    """(10, N) signals, of which what the other joints and the supply do is filled in."""
+    signals = np.zeros((10, samples))
     others = np.arange(len(scales.speeds)) != j
     sizes = np.maximum(np.array(scales.commands), 1e-300)
     if others.any():
@@ -179,7 +184,9 @@ def _other_joints(joined, j: int, scales: Scales, alike: np.ndarray, supply: boo
     if supply:
         signals[kernel.LOSS] = joined(lambda t: np.clip(1.0 - t.extra[SUPPLY] / scales.supply, 0.0, 1.0))
     elif others.any():
-        signals[kernel.OTHER_SPEED] = joined(lambda t: (np.abs(t.velocity) * alike)[:, others].sum(axis=1))
+        for row, kind in ((kernel.OTHER_SPEED, same), (kernel.OTHER_KIND, ~same)):
+            if (others & kind).any():
+                signals[row] = joined(lambda t, k=others & kind: (np.abs(t.velocity) * alike)[:, k].sum(axis=1))
     return signals
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cylinder_truth import AREA_A, FULL_SPEED, SUPPLY, log_set, strokes
+from cylinder_truth import AREA_A, FULL_SPEED, HELD, SUPPLY, log_set, strokes
 from fitting import fitted
 
 from hqpipe.layers.valve import Valve
@@ -96,3 +96,67 @@ def test_four_effects_at_once():
     assert values["ratio"] == pytest.approx(1.0 / 6.0, rel=0.03)
     assert values["half_width"] == pytest.approx(0.1, rel=0.03)
     assert max(fit, heldout) < 1.4 * model.noise[0]
+
+
+def test_a_load_on_unequal_areas_stops_each_direction_at_its_own_force():
+    model = joint(spring=6e4, area_ratio=1.5)
+    values, (fit, _) = fitted(model, "orifice_flow", "direction_asymmetry")
+    assert values["effort_max_nm"] == pytest.approx(SUPPLY * AREA_A, rel=0.03)
+    assert values["area_ratio"] == pytest.approx(1.0 / 1.5, rel=0.05)
+    assert fit < 1.5 * NOISE
+
+
+def test_a_counterbalance_valve_takes_the_load_out_of_lowering():
+    pilot = 5.0
+    model = joint(spring=1.2e4, weight=9e3, pilot=pilot)
+    with_it, (fit, _) = fitted(model, "orifice_flow", "direction_asymmetry", "counterbalance")
+    _, (without, _) = fitted(model, "orifice_flow", "direction_asymmetry")
+    # lowering, v² ∝ p − (setting − load/A)/(R + 1): how it depends on the load, beside how lifting does
+    metered = SUPPLY - 1.3 * HELD / AREA_A / (pilot + 1.0)
+    dependence = SUPPLY / metered / (pilot + 1.0)
+    assert (1.0 - with_it["load_relief"]) / with_it["area_ratio"] == pytest.approx(dependence, abs=0.05)
+    assert with_it["effort_max_nm"] == pytest.approx(SUPPLY * AREA_A, rel=0.05)
+    assert fit < 1.5 * NOISE < without
+
+
+def test_a_speed_limit_of_one_direction():
+    values, (fit, _) = fitted(joint(lowest=-0.6 * FULL_SPEED), "one_way_speed_limit")
+    assert values["speed_limit"] == pytest.approx(-0.6 * FULL_SPEED, rel=0.01)
+    assert fit < 1.5 * NOISE
+
+
+@pytest.mark.parametrize("apart", [0.04, -0.04])
+def test_dead_times_that_differ_by_direction(apart):
+    model = joint(delay=0.03, apart=apart)
+    values, (fit, _) = fitted(model, "command_delay", "dead_time_asymmetry", "valve_lag")
+    _, (without, _) = fitted(model, "command_delay", "valve_lag")
+    assert values["difference_s"] == pytest.approx(apart, abs=2e-3)
+    assert fit < 0.2 * without
+
+
+def test_a_jump_at_the_edge_of_the_deadband():
+    model = joint(levels=(0.1, 0.6), hold=(0.2, 0.5), overlap=0.2, jump=0.4)
+    values, (fit, _) = fitted(model, "valve_deadband", "opening_jump")
+    assert values["half_width"] == pytest.approx(0.2, rel=0.05)
+    at_edge, at_most = 0.4 * 0.8, 0.4 * 0.8 + 0.6 * 0.4  # of the opening at the command 1; the largest command is 0.6
+    assert values["jump"] == pytest.approx(at_edge / at_most, rel=0.05)
+    assert fit < 0.3 * fitted(model, "valve_deadband")[1][0]
+
+
+def test_a_lag_before_and_behind_the_edges():
+    for where in ("spool_s", "behind_s"):
+        model = joint(levels=(0.1, 0.8), overlap=0.15, **{where: 0.08})
+        values, (fit, _) = fitted(model, "valve_deadband", "valve_lag")
+        assert values["time_constant_s"] == pytest.approx(0.08, rel=0.1), where
+        assert values["behind_edges"] == pytest.approx(float(where == "behind_s"), abs=0.1), where
+        assert fit < 2.0 * NOISE, where
+
+
+def test_a_loaded_cylinder_creeps_while_its_valve_is_closed():
+    leak = 2e-7  # m/s per N
+    model = joint(levels=(0.25, 0.8), pause=2.0, hold=(0.2, 0.6), overlap=0.15, spring=1.2e4, weight=9e3, leak=leak)
+    values, (fit, _) = fitted(model, "valve_deadband", "orifice_flow", "leakage")
+    assert values["speed_per_effort"] == pytest.approx(leak, rel=0.05)
+    assert values["half_width"] == pytest.approx(0.15, rel=0.03)
+    assert fit < 1.5 * NOISE
+    assert "leakage" not in {e.name for e in joint(levels=(0.25, 0.8), pause=2.0, overlap=0.15).effects}

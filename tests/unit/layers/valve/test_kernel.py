@@ -9,7 +9,15 @@ from hqpipe.layers.valve import kernel
 from hqpipe.layers.valve.kernel import LAYOUT, beyond, held_mean, opened, run_blocks
 
 DT = 0.01
-NEUTRAL = {"limit": np.inf, "upper_speed": np.inf, "lower_speed": np.inf, "recovery_s": 0.1, "damping_ratio": 0.4}
+NEUTRAL = {
+    "recovery_s": 0.1,
+    "damping_ratio": 0.4,
+    "area_ratio": 1.0,
+    "drawn_ratio": 1.0,
+    "other_kinds": 1.0,
+    "longest_s": 2.0,
+}
+NEUTRAL |= dict.fromkeys(("limit", "speed_limit", "upper_speed", "lower_speed"), np.inf)
 GAIN, ZERO = 0.731, 0.0437  # unit per s and command, command
 
 
@@ -19,7 +27,7 @@ def row(**numbers):
 
 
 def signals(samples, **rows):
-    values = np.random.default_rng(7).uniform(0.1, 1.0, (9, samples))
+    values = np.random.default_rng(7).uniform(0.1, 1.0, (10, samples))
     values[kernel.LOSS] = 0.0
     for name, value in rows.items():
         values[getattr(kernel, name)] = value
@@ -86,7 +94,7 @@ def test_direction_saturation_drift_and_load(command):
 
 def test_a_supply_sags_to_what_its_own_flow_asks():
     command, droop = np.full(400, ZERO + 1.0), 0.5
-    still = signals(400, OTHER_SPEED=0.0, FREE=1.0)
+    still = signals(400, OTHER_SPEED=0.0, OTHER_KIND=0.0, FREE=1.0)
     found = simulate(command, substeps=4, logged=still, droop=droop)[-1]
     assert found == pytest.approx(GAIN * np.sqrt(1.0 - droop * found), rel=1e-6)
 
@@ -99,8 +107,20 @@ def test_a_second_order_response_settles_and_overshoots():
 
 
 def test_every_column_of_a_parameter_changes_something(command):
-    inert = {"dt", "command_scale", "own_demand", "recovery_s", "damping_ratio"}
-    before = simulate(command, substeps=2)
+    inert = {"dt", "command_scale", "own_demand", "longest_s"}
+    beside = {
+        "recovery_s": {"droop": 0.3},
+        "drawn_ratio": {"droop": 0.3},
+        "other_kinds": {"droop": 0.3},
+        "damping_ratio": {"period_s": 0.1},
+        "behind_edges": {"time_constant_s": 0.05, "half_width": 0.1},
+        "area_ratio": {"inverse_effort_max": 0.4},
+        "load_relief": {"inverse_effort_max": 0.4},
+        "moment_s": {"gain_step": 0.3},
+    }
+    speeds = dict.fromkeys(("speed_limit", "upper_speed", "lower_speed"), 0.2)
     for name in set(LAYOUT) - inert:
-        value = {"limit": 0.4, "upper_speed": 0.2, "lower_speed": 0.2}.get(name, 0.02)
-        assert not np.array_equal(simulate(command, substeps=2, **{name: value}), before), name
+        others = beside.get(name, {})
+        value = ({"limit": 0.4, "moment_s": 1.0, "area_ratio": 0.7} | speeds).get(name, 0.02)
+        before = simulate(command, substeps=2, **others)
+        assert not np.array_equal(simulate(command, substeps=2, **others, **{name: value}), before), name

@@ -186,7 +186,7 @@ def test_effects_of_the_load_need_a_load(logs):
         for t in logs.trials
     )
     effect = {e.name: e for e in the_joint(replace(logs, trials=trials)).effects}["orifice_flow"]
-    assert [(p.name, p.unit) for p in effect.parameters] == [("pressure_max_pa", "Pa")]
+    assert [(p.name, p.unit) for p in effect.parameters] == [("pressure_max_pa", "Pa"), ("area_ratio", "1")]
 
 
 def test_a_log_without_a_valve_command_is_refused(logs):
@@ -206,3 +206,44 @@ def test_a_command_that_never_changes_is_refused(logs):
     )
     with pytest.raises(IdentificationError, match="rod: its valve command never changes"):
         Valve().joints(constant)
+
+
+def test_remarks_name_the_edges_and_what_cannot_be_told(logs):
+    model = the_joint(logs)
+    values = neutral(model)
+    names = [p.name for p in all_parameters(model)]
+    for name, value in (("neutral", 0.1), ("half_width", 0.3), ("recovery_s", 0.2)):
+        values[names.index(name)] = value
+    assert model.remarks((), values) == ()
+    (edges,) = model.remarks(("valve_deadband",), values)
+    assert "-0.2 and 0.4" in edges
+    (areas,) = model.remarks(("direction_asymmetry",), values)
+    assert "constant load" in areas
+    assert model.remarks(("supply_droop",), values) == ()
+
+
+def test_joints_of_one_log_share_the_row_of_the_command(logs):
+    """The joint that answers at once bounds the row's offset, so that a dead time below a sample shows in the other."""
+    one = logs.trials
+    slow = log_set([t.trajectory.valve_command[:, 0] for t in one], DT, overlap=0.05, delay=0.008).trials
+    both = tuple(
+        replace(
+            a,
+            trajectory=replace(
+                a.trajectory,
+                joints=("rod", "late"),
+                **{
+                    name: np.column_stack([getattr(a.trajectory, name), getattr(b.trajectory, name)])
+                    for name in ("position", "velocity", "valve_command")
+                },
+            ),
+        )
+        for a, b in zip(one, slow, strict=True)
+    )
+    kinds = {"rod": "prismatic", "late": "prismatic"}
+    joints = Valve().joints(replace(logs, joints=("rod", "late"), trials=both, kinds=kinds)).models
+    alone = the_joint(logs)
+    assert all(m.base[-1].high < alone.base[-1].high for m in joints)
+    values, _ = fitted(joints[1], "valve_deadband", "command_delay")
+    assert values["delay_s"] + values["row_offset_s"] == pytest.approx(0.008 + 0.005, abs=2e-3)
+    assert values["delay_s"] > 2e-3
