@@ -23,7 +23,7 @@ from hqpipe.gap.locate import Place, locate
 from hqpipe.gap.since import EarlierLogs
 from hqpipe.gap.tally import ALL
 from hqpipe.gap.unchanged import AS_THEN, FAMILIAR
-from hqpipe.identify.found import LayerFound
+from hqpipe.identify.found import JointFound, LayerFound
 from hqpipe.identify.identify import identify
 from hqpipe.identify.model import JointModel, LayerJoints
 from hqpipe.layers import LAYERS
@@ -223,12 +223,18 @@ def _rows(
     return rows, whole
 
 
+def _remarks(joint: JointFound) -> Sequence[str]:
+    """What the numbers of a joint say beside the parameters of its causes, if its model has a word for it."""
+    remarks = getattr(joint.model, "remarks", None)
+    return remarks([cause.effect for cause in joint.causes], joint.named.values) if remarks is not None else ()
+
+
 def _warnings_of(found: LayerFound) -> list[str]:
     """Warnings of the layer, notes of its joints with the joints that share one, drifts, and joints that were left."""
     joints = found.joints
     notes: dict[str, list[str]] = {}
     for joint in found.found:
-        for note in (*joint.model.notes, *joint.drifts, *unseen_changes(joint)):
+        for note in (*joint.model.notes, *_remarks(joint), *joint.drifts, *unseen_changes(joint)):
             notes.setdefault(note.removeprefix(f"{joint.model.joint}: "), []).append(joint.model.joint)
     left: dict[str, list[str]] = {}
     for joint, reason in joints.left.items():

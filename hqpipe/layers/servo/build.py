@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from copy import copy
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.model import positions
@@ -29,7 +28,6 @@ _LEAST_WINDOWS = 4  # of the fit trials; assumption: fewer initial states are no
 _FINE = 25.0  # substeps of a response time; Verlet is then exact to about 1e-3
 _MOST_SUBSTEPS = 8
 _CUTS = (0.3, 0.6)  # shares of the largest torque, from which a limit is tried; assumption
-_UNSURE_RATIO = 0.3  # logarithm, by which a ratio from a regression may be off; assumption
 _DIFFERS = 1.05  # ratio of the gains of two trials that tells a bias from a constant torque; assumption
 _CLEARLY = 0.7  # of the squared error; assumption: less of a gain may be what both models lack
 _MOST_STEPS = 12_500  # substeps of one call on the fit trials, about 0.8 ms
@@ -59,7 +57,8 @@ def joint_model(item: Prepared, length: float, without: Collection[str]) -> Serv
         found = _with_friction(several)
         if found.square < CLEARLY * solution.square:
             plain, solution = several, found
-            plain = _built(item, splits, runs, without, _settled(plain, solution))
+            known = _splits(item, samples, run_in, substeps, plain.settings.unseen(item.rows[1]))
+            plain = _built(item, known, runs, without, _settled(plain, solution))
     if not item.scale.duty:
         error = _rebuilt(plain, damps_error=True)
         found = _with_friction(error)
@@ -110,10 +109,15 @@ def _coupled(item: Prepared, model: ServoJoint, solution: Solution, without: Col
     return _rebuilt(model, splits=splits, effects=effects)
 
 
-def _splits(item: Prepared, samples: int, run_in: int, substeps: int) -> tuple[Split, Split]:
+def _splits(
+    item: Prepared, samples: int, run_in: int, substeps: int, unseen: Sequence[int] = ()
+) -> tuple[Split, Split]:
+    """Windows of the fit and the held-out trials; `unseen`: held-out trials that are not judged."""
     found = []
     for tracks, rows, most in zip(item.tracks, item.rows, (1, _HELDOUT), strict=True):
         windows = windows_of(tracks, samples, run_in)
+        if tracks is item.tracks[1]:
+            windows = windows.of(~np.isin(windows.trial, unseen))
         windows = thinned(windows, max(most * _MOST_STEPS // ((run_in + samples) * substeps), _LEAST_WINDOWS))
         kept, judged = samples_of(tracks, windows, samples, run_in)
         found.append(Split(tracks, windows, rows, kept, judged, np.zeros(len(tracks.position))))
@@ -167,37 +171,13 @@ def _with_friction(model: ServoJoint) -> Solution:
 
 
 def _settled(model: ServoJoint, solution: Solution) -> TrialSettings:
-    """Settings at the ratios of a fit; those that no fit trial has, at the ratios by which the held-out trials run best."""
+    """Settings at the ratios of a fit."""
     settings = model.settings
     at = {p.name: float(solution.values[k]) for k, p in enumerate(model.base)}
     for k in settings.fitted:
         gain, load = at.get(f"gain_ratio_{k}", settings.gain[k]), at.get(f"gravity_ratio_{k}", settings.load[k])
         settings = moved(settings, k, float(gain), float(load))
-    for k in sorted(set(range(1, len(settings.gain))) - set(settings.fitted)):
-        if settings.gains:
-            settings = _best_ratio(model, solution, settings, k, (1.0, 0.0))
-        if settings.loads:
-            settings = _best_ratio(model, solution, settings, k, (0.0, 1.0))
     return settings
-
-
-def _best_ratio(
-    model: ServoJoint, solution: Solution, settings: TrialSettings, setting: int, along: tuple[float, float]
-) -> TrialSettings:
-    """With the gain or the load of one setting, as `along` says, at which the held-out trials run best."""
-    probe = copy(model)
-
-    def stepped(step: float) -> TrialSettings:
-        gain, load = settings.gain[setting] * np.exp(along[0] * step), settings.load[setting] * np.exp(along[1] * step)
-        return moved(settings, setting, float(gain), float(load))
-
-    def square(step: float) -> float:
-        probe.settings = stepped(step)
-        error = probe.error(solution.values, True)
-        return float(error @ error)
-
-    span = (-_UNSURE_RATIO, _UNSURE_RATIO)
-    return stepped(float(minimize_scalar(square, bounds=span, method="bounded", options={"maxiter": 12}).x))
 
 
 def _torque(item: Prepared, start: Start, gain: np.ndarray) -> np.ndarray:

@@ -151,7 +151,7 @@ class ServoJoint:
             unit = f"{self.scale.torque}/{self.scale.angle}" if self.scale.si else "1"
             return "stiffness_nm_per_rad", 1.0 / value if value > 0.0 else np.inf, unit
         found = [p for e in self.effects if e.name == effect for p in e.parameters if p.name == name]
-        found += [p for p in self.base if not effect and p.name == name]
+        found += [p for p in self.base if p.name == name]  # an effect may stand for a change of the base, as a payload
         return name, value, found[0].unit
 
     def referred_to(self, values: np.ndarray, other: ServoJoint) -> np.ndarray:

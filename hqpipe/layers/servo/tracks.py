@@ -54,6 +54,10 @@ class Windows:
     first: np.ndarray
     trial: np.ndarray
 
+    def of(self, kept: np.ndarray) -> Windows:
+        """Those of an index or a mask."""
+        return Windows(self.start[kept], self.first[kept], self.trial[kept])
+
 
 def smoothing(dt: float) -> int:
     """Samples over which the initial state is fitted, as by `differentiate`."""
@@ -157,7 +161,7 @@ def thinned(windows: Windows, most: int) -> Windows:
     if len(windows.start) <= most:
         return windows
     kept = np.unique(np.linspace(0, len(windows.start) - 1, most).round().astype(np.int64))
-    return Windows(windows.start[kept], windows.first[kept], windows.trial[kept])
+    return windows.of(kept)
 
 
 def response_time(tracks: Tracks, follows: np.ndarray | None) -> float:

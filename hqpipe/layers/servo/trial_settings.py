@@ -44,6 +44,14 @@ class TrialSettings:
     gains: bool = False
     loads: bool = False
 
+    def unseen(self, rows: np.ndarray) -> list[int]:
+        """Which of the held-out trials have a setting of no fit trial: no fit says how they would move.
+
+        Args:
+            rows: indices of the held-out trials into `group`.
+        """
+        return [k for k, row in enumerate(rows) if self.group[row] not in (0, *self.fitted)]
+
 
 def one_setting(trials: int) -> TrialSettings:
     """All trials with the same gain and load, or as stated."""
@@ -210,7 +218,10 @@ def settings_note(joint: str, settings: TrialSettings, files: list[str], group: 
         here = ", ".join(file for file, g in zip(files, group, strict=True) if g == k)
         told.append(f"{here}: {' and '.join(own)} times that of {files[int(np.flatnonzero(group == 0)[0])]}")
     fix = {"gain": "drive: {firmware_kp: …}", "load": "load: {mass_kg: …, lever_m: …}"}
+    seen = {0, *settings.fitted}
+    gone = ", ".join(file for file, g in zip(files, group, strict=True) if g not in seen)
     return (
         f"{joint}: its {' and '.join(what)} differs between trials and is not stated ({'; '.join(told)}); state "
         f"{' and '.join(fix[name] for name in what)} of each trial in logset.yaml"
+        + (f"; {gone} are not judged: no fit trial has their setting" if gone else "")
     )
