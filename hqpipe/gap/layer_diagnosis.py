@@ -23,7 +23,7 @@ from hqpipe.gap.locate import Place, locate
 from hqpipe.gap.since import EarlierLogs
 from hqpipe.gap.tally import ALL
 from hqpipe.gap.unchanged import AS_THEN, FAMILIAR
-from hqpipe.identify.found import JointFound, LayerFound
+from hqpipe.identify.found import JointCause, JointFound, LayerFound
 from hqpipe.identify.identify import identify
 from hqpipe.identify.model import JointModel, LayerJoints
 from hqpipe.layers import LAYERS
@@ -98,7 +98,8 @@ def layer_diagnosis(
         familiar = _familiar(found, then)
         found, withdrawn = _only_changed(found, evidence.before <= familiar)
         errors = layer_errors(found, log_set)
-        evidence = weigh_layer(errors, familiar)
+        changed = np.array([bool(joint.causes) for joint in found.found])
+        evidence = weigh_layer(errors, np.where(changed, np.minimum(familiar, evidence.after), familiar))
     causes = merge_causes(errors, joints, layer)
     before, after = (
         errors.tally([getattr(joint.found, name) for joint in errors.joints]) for name in ("base", "named")
@@ -185,17 +186,24 @@ def _familiar(found: LayerFound, then: LayerJoints) -> np.ndarray:
 
 
 def _only_changed(found: LayerFound, unchanged: np.ndarray) -> tuple[LayerFound, dict[str, str]]:
-    """Without the causes of joints that err no more than they did then, and why, by the names of these causes.
+    """Without the causes of joints that err no more than they did then, unless a number has changed for certain; and why, by
+    the names of these causes.
 
     Args:
         unchanged: (J,) True for such joints.
     """
     joints, reasons = [], {}
-    for joint, same in zip(found.found, unchanged, strict=True):
+    for joint, familiar in zip(found.found, unchanged, strict=True):
+        same = familiar and not any(_has_changed(cause) for cause in joint.causes)
         reasons |= {cause.effect: AS_THEN for cause in joint.causes if same}
         none = same or not joint.causes  # what is left without a cause is all: no number may move for nothing
         joints.append(replace(joint, named=joint.base, causes=(), without={}) if none else joint)
     return replace(found, found=tuple(joints)), reasons
+
+
+def _has_changed(cause: JointCause) -> bool:
+    """Whether the interval of a number, which holds what differs from trial to trial, leaves out its earlier value."""
+    return any(not n.ci95[0] <= n.reference <= n.ci95[1] for n in cause.numbers if n.reference is not None)
 
 
 def _rows(
