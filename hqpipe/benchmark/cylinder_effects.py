@@ -15,6 +15,7 @@ from hqpipe.benchmark.planted import Built, Planted, plant_recipe
 Build = Callable[[CylinderMachine, int, float, np.random.Generator], Built]
 LAYER = "valve"
 SPOOL = "valve_lag"  # of which every valve has its own
+JUMP = "opening_jump"  # of the flow just behind the edges of a deadband
 LOAD = "orifice_flow"  # what a load on the cylinder does to the flow at the same opening
 
 
@@ -162,7 +163,17 @@ def with_ordinary(
     machine: CylinderMachine, planted: tuple[Planted, ...], rng: np.random.Generator
 ) -> tuple[Planted, ...]:
     """The effects with what every such machine has and no layer's base model knows of."""
-    return with_lags(machine, with_load(machine, planted, rng), LAYER)
+    return with_lags(machine, with_load(machine, with_jumps(planted), rng), LAYER)
+
+
+def with_jumps(planted: tuple[Planted, ...]) -> tuple[Planted, ...]:
+    """The effects with the jump behind a deadband's edges under its own name, which is right but not asked for."""
+    jumps = []
+    for one in planted:
+        if any(fields.get("edge_jump") for fields in one.settings.values()):
+            nothing: dict[str, dict[str, float]] = {joint: {} for joint in one.joints}
+            jumps.append(Planted(JUMP, one.layer, False, one.joints, one.scope, None, {}, nothing, ordinary=True))
+    return (*planted, *jumps)
 
 
 def with_lags(machine: CylinderMachine, planted: tuple[Planted, ...], layer: str) -> tuple[Planted, ...]:

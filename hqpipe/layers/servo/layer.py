@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
@@ -55,8 +57,9 @@ class Servo:
                 ready.append(found)
         length, reason = _window(ready, window_s) if ready else (0.0, "")
         models = []
-        for item in ready:
-            model = joint_model(item, length, without)
+        with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:  # most of it is compiled code
+            built = list(pool.map(lambda item: joint_model(item, length, without), ready))
+        for item, model in zip(ready, built, strict=True):
             if isinstance(model, str):
                 left[item.joint] = model
             else:
