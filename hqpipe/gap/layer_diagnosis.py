@@ -62,6 +62,8 @@ def diagnose_layer(
         UsageError: the earlier logs lack what the layer needs.
     """
     layer = apply_layer(name)
+    if earlier is not None and hasattr(layer, "comparing"):
+        layer = layer.comparing(log_set, earlier.log_set)
     try:
         then = _earlier_joints(layer, name, earlier, window_s, without)
         joints = layer.joints(log_set, then.window_s if then is not None and window_s is None else window_s, without)

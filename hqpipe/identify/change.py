@@ -47,7 +47,8 @@ class Both:
 
     The models of the two may differ: which effects a record shows depends on its motion. A model whose numbers refer to
     something of its own record, as to its mean position, offers `referred_to(values, other)`: the same joint as the model of
-    the other record counts it.
+    the other record counts it. One in which both records share more than numbers offers `together(then)`, whose
+    `error(then, now, heldout)` takes the place of the two errors.
     """
 
     then: JointModel
@@ -59,12 +60,16 @@ class Both:
         self.joint, self.unit, self.dt = now.joint, now.unit, now.dt
         self.base, self.effects, self.notes = now.base, now.effects, now.notes
         self.fit, self.heldout, self.noise = _joined(self.then.fit, now.fit), now.heldout, now.noise
+        together = getattr(now, "together", None)
+        self._together = together(self.then) if together is not None else None
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
         return self.error_of(values, values, heldout)
 
     def error_of(self, then: np.ndarray, now: np.ndarray, heldout: bool) -> np.ndarray:
         """Errors with numbers of its own for each record."""
+        if self._together is not None:
+            return self._together.error(self._of_then(then), now, heldout)
         if heldout:
             return self.now.error(now, True)
         return np.concatenate([self.then.error(self._of_then(then)), self.now.error(now)])

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -25,19 +26,27 @@ class MovingMachine:
 
     Attributes:
         log_set: with trials long enough to filter. dt: s. bandwidths: of each joint, None for one that does not move.
-        motions: per trial, of each joint.
+        motions: per trial, of each joint. posture: joint → position from which angles count; its mean where none is given.
     """
 
     log_set: LogSet
     dt: float
     bandwidths: tuple[Bandwidth | None, ...]
     motions: tuple[tuple[Motion | None, ...], ...]
+    posture: Mapping[str, float] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
 class JointMotion:
     """Torque or motor current against motion: one inertia, a constant and gravity per joint, and what is missing in that."""
 
-    NAME = "joint_motion"
+    posture: Mapping[str, float] = field(default_factory=dict)
+    NAME: ClassVar[str] = "joint_motion"
+
+    def comparing(self, log_set: LogSet, earlier: LogSet) -> JointMotion:
+        """The layer for two records of one machine, whose angles count from one posture."""
+        shared = [joint for joint in log_set.joints if joint in earlier.joints]
+        return JointMotion({joint: _mean(log_set, earlier, joint) for joint in shared})
 
     def lacking(self, log_set: LogSet) -> list[str]:
         """A torque or a current; positions are in every log."""
@@ -59,7 +68,7 @@ class JointMotion:
                 file=log_set.path,
                 fix="record the torque or the motor current of each joint",
             )
-        machine = moving_machine(log_set)
+        machine = replace(moving_machine(log_set), posture=self.posture)
         models, left, warnings = [], {}, []
         for joint in log_set.joints:
             try:
@@ -89,14 +98,18 @@ class JointMotion:
         )
 
 
+def _mean(one: LogSet, other: LogSet, joint: str) -> float:
+    """Position of a joint, mean over the fit trials of two records."""
+    positions = [t.trajectory.position[:, logs.joints.index(joint)] for logs in (one, other) for t in logs.fit]
+    return float(np.mean(np.concatenate(positions)))
+
+
 def moving_machine(log_set: LogSet) -> MovingMachine:
     """Filtered motion of all joints in all trials.
 
     Raises:
         IdentificationError: no fit trial is long enough.
     """
-    from dataclasses import replace
-
     trials = tuple(t for t in log_set.trials if t.trajectory.samples >= LEAST_TRIAL)
     if not any(t.split == "fit" for t in trials):
         raise IdentificationError(

@@ -140,6 +140,7 @@ def _model(
         unsigned=unsigned,
         instrumental=projection is not None,
         parts=projection or data.parts,
+        measured=data.parts,
         nuisances=nuisances,
         columns=data.columns,
         load=(output.moment, output.inertia) if known_load else (0.0, 0.0),

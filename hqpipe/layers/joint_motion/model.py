@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from hqpipe.layers.joint_motion.columns import Columns
 from hqpipe.layers.joint_motion.coupling import Nuisance, Predicted
 from hqpipe.layers.joint_motion.records import Part
 
+if TYPE_CHECKING:
+    from hqpipe.layers.joint_motion.two_records import TwoRecords
+
 
 @dataclass(frozen=True, eq=False)
 class MotionModel:
@@ -21,7 +25,7 @@ class MotionModel:
     Attributes:
         unsigned: whether the log holds the size of the torque only; its sign was restored in `fit` and `heldout`.
         instrumental: whether the regressors are projected on instruments, because the noise of the loop biases them.
-        parts: (fit, held-out) filtered samples. columns: what their columns are.
+        parts: (fit, held-out) filtered samples; measured: the same without instruments. columns: what their columns are.
         nuisances: of both, what the other joints may do, which is taken out of the errors.
         load: gravity of a known load at a right angle, N·m, and its inertia, kg·m²; 0 where none is known.
         back: samples from the start of a window of persistence to its end.
@@ -40,6 +44,7 @@ class MotionModel:
     unsigned: bool
     instrumental: bool
     parts: tuple[Part, Part]
+    measured: tuple[Part, Part]
     nuisances: tuple[Nuisance, Predicted]
     columns: Columns
     load: tuple[float, float]
@@ -86,14 +91,21 @@ class MotionModel:
         values = np.asarray(values, dtype=float)
         fit, predicted = self.nuisances
         if not heldout:
-            return fit.left(self._own_error(values, False))
-        fitted = self._own_error(values, False) if predicted.gains.size else np.zeros(0)
-        return predicted.left(self._own_error(values, True), fitted)
+            return fit.left(self.own_error(values, False))
+        fitted = self.own_error(values, False) if predicted.gains.size else np.zeros(0)
+        return predicted.left(self.own_error(values, True), fitted)
 
-    def _own_error(self, values: np.ndarray, heldout: bool) -> np.ndarray:
+    def own_error(self, values: np.ndarray, heldout: bool) -> np.ndarray:
         """(N,) predicted less measured torque, with what other joints do."""
         late = self._value(values, "", "timing_s") + self._value(values, "channel_skew", "skew_s")
         return self._predicted(values, heldout) - _advanced(self.parts[heldout], late / self.dt)
+
+    def together(self, then: MotionModel) -> TwoRecords | None:
+        """Both records with one machine around the joint; None where they do not have the same terms of other joints."""
+        from hqpipe.layers.joint_motion.two_records import TwoRecords
+
+        same = self.columns.coupling is not None and self.columns.coupling == then.columns.coupling
+        return TwoRecords(then, self) if same and self.mean == then.mean else None
 
     def referred_to(self, values: np.ndarray, other: MotionModel) -> np.ndarray:
         """(P,) the same gravity and spring as they count from the mean position of another record."""

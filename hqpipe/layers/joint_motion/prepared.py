@@ -124,7 +124,12 @@ def _coupling(machine: MovingMachine, j: int, turns: bool, independent: float) -
 def _views(machine: MovingMachine, j: int, near: Sequence[int], fit: Sequence[int]) -> tuple[list[View], float]:
     """Motion of the joint and of those near it in each trial, and the mean position that it counts from."""
     logs = machine.log_set
-    means = {k: float(np.mean(np.concatenate([machine.motions[t][k].position for t in fit]))) for k in (j, *near)}
+    means = {
+        k: machine.posture.get(
+            logs.joints[k], float(np.mean(np.concatenate([machine.motions[t][k].position for t in fit])))
+        )
+        for k in (j, *near)
+    }
     turns = {k: logs.kinds.get(logs.joints[k]) != PRISMATIC for k in near}
     views = []
     for motions in machine.motions:

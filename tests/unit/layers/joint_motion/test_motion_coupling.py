@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from layers.joint_motion.closed_loop import HZ, fitted, log_set, reference, simulate
 
+from hqpipe.identify.identify import identify
 from hqpipe.layers.joint_motion import JointMotion
 from hqpipe.layers.joint_motion.coupling import Coupling, Nuisance, Predicted, coupling_for, ridge_of
 
@@ -55,17 +56,23 @@ def test_a_short_log_takes_in_fewer_joints():
     assert coupling_for([True, True], 0, 1e6)[0] == Coupling((True, True), 0, True)
 
 
-def two_links(seed, friction):
-    """Torques of a two-link arm in the vertical plane, with dry friction in both joints."""
+def two_links(seed, friction, posture=0.0, mass=0.0):
+    """Torques of a two-link arm in the vertical plane, with dry friction in both joints.
+
+    Args:
+        posture: rad, mean position of the elbow. mass: kg, at the tip, 0.5 m from the elbow, which is 0.5 m from the shoulder.
+    """
     t = np.arange(15 * HZ) / HZ
-    q = np.array([reference(15, seed, size=0.8), reference(15, 10 + seed, size=0.8)])
+    q = np.array([reference(15, seed, size=0.8), posture + reference(15, 10 + seed, size=0.8)])
     v = np.gradient(q, t, axis=1)
     a = np.gradient(v, t, axis=1)
     (q1, q2), (v1, v2), (a1, a2) = q, v, a
-    c, s = np.cos(q2), np.sin(q2)
-    first = (2.0 + 0.8 * c) * a1 + (0.3 + 0.4 * c) * a2 - 0.4 * s * (2 * v1 * v2 + v2**2)
-    first += 20.0 * np.sin(q1) + 5.0 * np.sin(q1 + q2)
-    second = (0.3 + 0.4 * c) * a1 + 0.3 * a2 + 0.4 * s * v1**2 + 5.0 * np.sin(q1 + q2)
+    c, s, tip = np.cos(q2), np.sin(q2), 0.25 * mass
+    crossed, weight = 0.4 + tip, 5.0 + 0.5 * 9.81 * mass
+    first = (2.0 + 2.0 * tip + 2.0 * crossed * c) * a1 + (0.3 + tip + crossed * c) * a2
+    first -= crossed * s * (2 * v1 * v2 + v2**2)
+    first += (20.0 + 0.5 * 9.81 * mass) * np.sin(q1) + weight * np.sin(q1 + q2)
+    second = (0.3 + tip + crossed * c) * a1 + (0.3 + tip) * a2 + crossed * s * v1**2 + weight * np.sin(q1 + q2)
     torque = np.array([first, second]) + friction * np.sign(v)
     return q.T, q.T, (torque + 0.02 * np.random.default_rng(seed).standard_normal(torque.shape)).T
 
@@ -78,6 +85,17 @@ def test_friction_of_an_arm_is_right_beside_the_motion_of_its_other_joint(joint)
     alone = JointMotion().joints(log_set([tuple(x[:, [joint]] for x in run) for run in runs])).models[0]
     assert abs(fitted(alone, [DRY])[0]["friction_nm"] / 0.4 - 1.0) > 0.1
     assert any("other joints" in note for note in model.notes) and not any("other joints" in n for n in alone.notes)
+
+
+@pytest.mark.parametrize(("mass", "causes"), [(0.0, set()), (1.0, {"payload"})])
+def test_another_posture_of_the_other_joints_is_no_payload(mass, causes):
+    def arm(seeds, **changed):
+        return log_set([two_links(seed, 0.4, **changed) for seed in seeds], joints=("shoulder", "elbow"))
+
+    then, now = arm((1, 2, 3)), arm((4, 5, 6), posture=0.8, mass=mass)
+    layer = JointMotion().comparing(now, then)
+    found = identify(layer.joints(now), reference=layer.joints(then)).found
+    assert {cause.effect for joint in found for cause in joint.causes} == causes
 
 
 def runs_with(change):
