@@ -61,12 +61,12 @@ class Case:
 
     def faulty(self, leave_out: Sequence[str] = (), before: bool = False) -> Any:
         """The machine with its effects, without those named; or as it was `before`, in its earlier trials."""
-        room = FAMILIES[self.family].room
+        model = FAMILIES[self.family].model
         found = replace(self.machine, trials=self.earlier) if before else self.machine
         later = () if before else tuple(one for one in self.planted if one.effect not in leave_out)
         for one in (*(self.reference or ()), *later):
-            found = room.with_settings(found, one.settings)
-        return room.at_viscosity(found, self.viscosity) if before else found
+            found = model.with_settings(found, one.settings)
+        return model.at_viscosity(found, self.viscosity) if before else found
 
 
 def cases(n: int, seed: int, machine: str = "joints", kinds: Sequence[str] = ()) -> list[Case]:
@@ -203,7 +203,7 @@ def write(case: Case, folder: Path, writer: Any, leave_out: Sequence[str] = (), 
     """Simulate the machine of a case and write its log set.
 
     Args:
-        folder: made. writer: `hqpipe.logs.writer.LogSetWriter`, which this room does not know.
+        folder: made. writer: `hqpipe.logs.writer.LogSetWriter`, handed in because this package imports no reader of logs.
         leave_out: effects that the machine does not have. before: the reference of a case of kind "change".
     """
     machine = case.faulty(leave_out, before)

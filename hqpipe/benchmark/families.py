@@ -19,12 +19,12 @@ class Family:
     """One kind of machine.
 
     Attributes:
-        draw: a sound machine. room: module with `with_settings` and `at_viscosity`. effects: module of its recipes.
+        draw: a sound machine. model: module with `with_settings` and `at_viscosity`. effects: module of its recipes.
         motions: of `hqpipe.benchmark.motions.MOTIONS`. electric: its friction is drawn beside other effects.
     """
 
     draw: Callable[[np.random.Generator], Any]
-    room: ModuleType
+    model: ModuleType
     effects: ModuleType
     motions: tuple[str, ...]
     electric: bool = False

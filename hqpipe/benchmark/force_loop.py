@@ -26,9 +26,7 @@ LOOP = np.dtype(
 """Control of one cylinder."""
 
 HOST_LAG: Final = 5.0e-3  # s, of the speed that the host derives from the position; assumption
-MOST: Final = (
-    2.0  # by which a drive opens further for a small pressure drop; assumption, so that none opens without end
-)
+MOST: Final = 2.0  # by which a drive opens further for a small pressure drop; assumption, so that it stays finite
 
 
 @njit(cache=True, nogil=True)

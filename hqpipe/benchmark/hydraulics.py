@@ -38,9 +38,7 @@ LAMINAR: Final = 2.0e5  # Pa, below which an edge is laminar, so that its slope 
 MODULUS: Final = 1.0e9  # Pa, oil with some air in hoses; Jelali and Kroll 2003 give 0.7 to 1.4 GPa
 RETURN: Final = 4.0e5  # Pa, the tank line
 EMPTY: Final = 1.0e3  # Pa, the least that oil bears before it opens a cavity
-HOLD_LAG: Final = (
-    0.01  # s, of a load-holding valve behind its damping orifice; assumption: usual ones answer in 5 to 20 ms
-)
+HOLD_LAG: Final = 0.01  # s, of a load-holding valve and its damping orifice; assumption: usual ones take 5 to 20 ms
 
 
 @njit(cache=True, nogil=True)

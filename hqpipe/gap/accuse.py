@@ -140,7 +140,7 @@ def accuse(
         sensor = _sensor_floor(rest.machine, states, steps)
         states = drop_outweighed(states, assemble(states, floor), sensor, rest)
     spans = _tidy_spans(search_spans(states, floor, workers), states, floor)
-    after = _with_spans(_machine(states, mode, speed, chosen=True), spans, states, log_set)
+    after = _with_spans(_machine(states, mode, speed, chosen=True), spans, log_set)
     if spans or not np.array_equal(after.rows, rest.machine.rows):
         rest = rest.of(after)
     causes = assemble(states, floor)
@@ -329,7 +329,7 @@ def _machine(states: list[JointState], mode: str, speed: str, chosen: bool) -> R
     return RowModel(tuple(state.joint for state in states), np.array(rows), mode, speed)
 
 
-def _with_spans(model: RowModel, spans: Spans | None, states: list[JointState], log_set: LogSet) -> RowModel:
+def _with_spans(model: RowModel, spans: Spans | None, log_set: LogSet) -> RowModel:
     """The machine with other rows in the stretches; outside of them the joint is sound."""
     if spans is None:
         return model

@@ -22,9 +22,7 @@ LEAST_SIZE = 0.1
 is none."""
 AT_BOUND = 0.99  # of the way to its bound, from which a number counts as being there; by the tolerance of a fit
 BELIEVED = 0.5  # probability from which an effect is more likely there than not
-CONFUSED = (
-    0.05  # probability of a set with another effect in its place, from which the two are said to be alike; assumption
-)
+CONFUSED = 0.05  # probability of a set with another effect instead, from which both are said to be alike; assumption
 
 
 def answer(search: Search, best: Known) -> JointFound:

@@ -11,9 +11,7 @@ from hqpipe.identify.model import Effect, Parameter
 from hqpipe.layers.joint_motion.columns import Columns
 from hqpipe.layers.joint_motion.output import Output
 
-FRICTION = (
-    0.2  # of the rms torque: dry and viscous friction of geared joints, a tenth to a fifth (Armstrong-Hélouvry 1994)
-)
+FRICTION = 0.2  # of the rms torque: friction of geared joints is a tenth to a fifth (Armstrong-Hélouvry 1994)
 STRIBECK = 0.1  # of the rms torque: half of the dry friction, as in the worked cases of Canudas de Wit et al. (1995)
 STRIBECK_SPEED = 0.1  # of the rms speed; assumption: friction falls over the slowest tenth
 LOAD_FRICTION = 0.1  # of the transmitted torque: gears of 0.9 efficiency
@@ -43,9 +41,11 @@ SHAPES = {  # generic shape → (group of its columns, signal)
 
 @dataclass(frozen=True)
 class Scale:
-    """Attributes:
-    torque: root mean square about the mean. largest: that the drive puts out in these logs.
-    speed: root mean square, rad/s. travel: standard deviation, rad. seconds: length of a trial. step: s, of the log.
+    """Sizes of a joint's signals in the fit trials.
+
+    Attributes:
+        torque: root mean square about the mean. largest: that the drive puts out in these logs.
+        speed: root mean square, rad/s. travel: standard deviation, rad. seconds: length of a trial. step: s, of the log.
     """
 
     torque: float

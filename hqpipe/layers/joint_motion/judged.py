@@ -36,9 +36,7 @@ if TYPE_CHECKING:
     from hqpipe.layers.joint_motion.joint_motion import MovingMachine
 
 CLEAR = 5.0  # standard errors of the gravity that fixes a scale: 20 % would be no scale
-AGAINST = (
-    3.0  # standard errors by which inertia and dry friction are both negative: never by chance, if errors are normal
-)
+AGAINST = 3.0  # standard errors by which inertia and dry friction are both negative: never by chance in normal errors
 LEAST_WINDOW_S = 0.1  # over which persistence is asked, that of the other layers
 
 
@@ -212,7 +210,7 @@ def nuisances_of(data: Prepared) -> tuple[Nuisance, Predicted]:
     terms = [part.columns[np.ix_(part.keep, data.group("coupling"))] for part in data.parts]
     base = [part.columns[np.ix_(part.keep, data.group(*BASE))] for part in data.parts]
     held = projected(terms[0], base[0]) if terms[0].size else np.zeros((base[0].shape[1], 0))
-    terms = [columns - own @ held for columns, own in zip(terms, base, strict=True)]
+    terms = [columns - rows @ held for columns, rows in zip(terms, base, strict=True)]
     size = np.sqrt(np.mean(terms[0] ** 2, axis=0))
     terms = [columns[:, size > 0.0] / size[size > 0.0] for columns in terms]
     if not terms[0].size:

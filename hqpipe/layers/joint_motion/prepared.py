@@ -63,6 +63,11 @@ class Prepared:
 
 
 def prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
+    """The filtered samples of one joint, with the columns that its motion and that of the other joints allow.
+
+    Raises:
+        Unjudged: it does not move enough, or its torque is constant.
+    """
     logs = machine.log_set
     j = logs.joints.index(joint)
     fit = [k for k, trial in enumerate(logs.trials) if trial.split == "fit"]
@@ -151,6 +156,9 @@ def _gravity_bends(machine: MovingMachine, output: Output, fit: Sequence[int], j
 
 
 def check(data: Prepared, dt: float) -> None:
+    """Raises:
+    Unjudged: too few samples of the fit trials are evidence.
+    """
     fit = data.parts[0]
     if len(fit.keep) < LEAST_SAMPLES or len(fit.keep) * data.low_pass.step * dt < LEAST_MOVING_S:
         seconds = len(fit.keep) * data.low_pass.step * dt
@@ -158,6 +166,7 @@ def check(data: Prepared, dt: float) -> None:
 
 
 def without_bursts(data: Prepared, dt: float, notes: list[str]) -> Prepared:
+    """The joint without the samples at which something outside pushed; a note says for how long."""
     step = data.low_pass.step * dt
     masks = bursts(*data.parts, step)
     seconds = sum(int(mask.sum()) for mask in masks) * step

@@ -15,13 +15,9 @@ from hqpipe.layers.joint_motion.motion import ParallelFilter
 MOST_SAMPLES = 20_000  # of a joint and split: what a search over sets of effects handles in seconds
 LONGEST = 200_000  # samples of the log at a time: 150 terms of other joints then take 240 MB
 PIECE = 400  # samples of a stretch where a log is too long to use all of it
-REST_SHARE = (
-    0.2  # of the filter's weight that may lie on samples at rest; assumption: a reversal passes, a dwell does not
-)
+REST_SHARE = 0.2  # of the filter's weight that may lie on rest; assumption: a reversal passes, a dwell does not
 REACH = 0.25  # of a period of the cut-off: half of the main lobe of the low-pass
-SATURATED_RUN = (
-    5  # samples in a row at the largest torque of the trial; assumption: fewer are chance in a coarse channel
-)
+SATURATED_RUN = 5  # samples in a row at a trial's largest torque; assumption: fewer are chance in a coarse channel
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +39,10 @@ class Record:
 
 @dataclass(frozen=True, eq=False)
 class Filters:
-    """Attributes:
-    cutoff: Hz, of the low-pass without delay on position and torque. parallel: on torque and columns after that.
+    """The filters of a joint.
+
+    Attributes:
+        cutoff: Hz, of the low-pass without delay on position and torque. parallel: on torque and columns after that.
     """
 
     cutoff: float

@@ -25,10 +25,12 @@ SHAPES = ("inertia", "offset", "gravity", "spring", "coulomb", "viscous")
 
 @dataclass(frozen=True, eq=False)
 class Signs:
-    """Attributes:
-    coefficients: of the columns of `SHAPES`, with which the sign of the torque is predicted.
-    columns: their indices. error: standard deviation of the sizes about theirs, by the median.
-    share: of the torque, by size, that is negative.
+    """How the sign of a torque is restored.
+
+    Attributes:
+        coefficients: (K,) with which the sign of the torque is predicted.
+        columns: (K,) their indices: those of `SHAPES`, and the terms of other joints where there are any.
+        error: standard deviation of the sizes about theirs, by the median. share: of the torque, by size, that is negative.
     """
 
     coefficients: np.ndarray

@@ -21,9 +21,7 @@ from hqpipe.layers.servo.start import LARGEST, Start, drive_error, start_of
 from hqpipe.layers.servo.tracks import LEAST_WINDOW, thinned, windows_of
 from hqpipe.layers.servo.trial_settings import CLEARLY, TrialSettings, moved, one_setting, settings_note, settings_of
 
-RUN_IN = (
-    2.0  # response times before a window, in which what is wrong with an initial state dies out where a loop is closed
-)
+RUN_IN = 2.0  # response times before a window, in which the error of an initial state dies out where a loop is closed
 _LEAST_WINDOWS = 4  # of the fit trials; assumption: fewer initial states are no sample
 _FINE = 25.0  # substeps of a response time; Verlet is then exact to about 1e-3
 _MOST_SUBSTEPS = 8

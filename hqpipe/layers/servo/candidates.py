@@ -32,15 +32,11 @@ _CUT = 0.5  # of the largest torque asked for; assumption: where it lies is not 
 _SAG = 0.1  # supply resistance over that of the winding; assumption: leads are sized for less than a tenth of the loss
 _GAIN = 0.1  # tolerance of motor constants by their data sheets
 _BIAS = 0.02  # rad, a spline tooth of a servo horn is 0.25; assumption: a zero is set to within a tenth of it
-_MOST_BIAS = (
-    0.1  # rad; assumption: a zero that is off by more is seen at a glance, and a fit that asks for it means another law
-)
+_MOST_BIAS = 0.1  # rad; assumption: a larger one is seen at a glance, and a fit that asks for it means another law
 _MOUNTING = 0.25  # rad, a spline tooth
 _MOST_RATIO = 20.0  # between gains or loads of two trials; assumption
 _DRIFT = 0.003  # 1/s; copper gains 0.4 % resistance per kelvin, a small motor heats by about a kelvin a second
-_TOLERANCE = (
-    0.02  # of a stated load or gain; assumption: kitchen scales, rulers and rounded gains are off by a per cent or two
-)
+_TOLERANCE = 0.02  # of a stated load or gain; assumption: scales, rulers and rounded gains are off by a per cent or two
 _OUTSIDE = 0.05  # what is off by more is an effect, and not the tolerance of what was stated; assumption
 WITHIN = 0.8
 """Of the bounds of a tolerance, within which it counts. At its end it must have no slope, or an effect in the same direction
@@ -123,7 +119,7 @@ def _tolerance(name: str, unit: str, size: float) -> Parameter:
 
 def effects_of(scale: Scale, size: Size, gains_differ: bool, without: Collection[str]) -> tuple[Effect, ...]:
     """Candidates that these logs can tell from the base, without those that are left out by name."""
-    found = [*_command(scale, size), *_friction(scale, size), *_transmission(scale, size), *_drive(scale, size)]
+    found = [*_command(scale, size), *_friction(scale, size), *_transmission(scale, size), *_drive(scale)]
     found += _shapes(scale, size)
     if biased(scale) and gains_differ:  # at one gain a constant torque is a bias
         torque = Parameter("torque", scale.torque, 0.0, _SHARE * size.torque, -size.torque, size.torque)
@@ -186,7 +182,7 @@ def _transmission(scale: Scale, size: Size) -> list[Effect]:
     return found
 
 
-def _drive(scale: Scale, size: Size) -> list[Effect]:
+def _drive(scale: Scale) -> list[Effect]:
     cut = Parameter("share_cut_off", "1", 0.0, _CUT, 0.0, 0.99, (0.2, 0.4, 0.6, 0.8, 0.95))
     limit = [cut]
     if not scale.duty:

@@ -1,7 +1,8 @@
 """What the other joints of a machine do to one joint: torque from their motion and posture, as one signal.
 
-Links in series accelerate and tilt each other. The torque is linear in products of the motions (the terms of the Lagrangian of
-links in series, as in hqpipe.layers.joint_motion.columns). Its many coefficients are fitted once, beside the base and dry
+Links in series accelerate and tilt each other. The torque is linear in products of the motions: the simplest terms of the
+Lagrangian of links in series, of which hqpipe.layers.joint_motion.coupling has more, because torques that are logged show more.
+The coefficients are fitted once, beside the base and dry
 friction, by least squares on the slopes of the free run; a search then asks for the resulting signal as a whole.
 """
 
@@ -16,7 +17,7 @@ from hqpipe.identify.least_squares import Solution
 from hqpipe.logs.joint_kinds import PRISMATIC
 from hqpipe.logs.trajectory import Trial
 
-_NEIGHBOURS = 2  # joints before and after; assumption: the links next to it, as in the layer joint_motion
+_NEIGHBOURS = 2  # joints before and after; assumption: a free run does not show what lies further away
 _SPAN = 0.5  # of the response time, over which accelerations are smoothed: what is faster the joint does not follow
 _LEAST_SPAN = 7  # samples, as of the initial state
 _STILL = 1e-3  # rad/s RMS; assumption: a joint that is slower stands still

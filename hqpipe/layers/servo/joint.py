@@ -218,9 +218,8 @@ class ServoJoint:
         cut = numbers[kernel.INVERSE_LIMIT]
         numbers[kernel.INVERSE_LIMIT] = 1.0 / (self.setting.torque * (1.0 - cut)) if cut > 0.0 else 0.0
         numbers[kernel.SAG] /= scale.winding_ohm or 1.0
-        if (
-            not scale.duty
-        ):  # a delay is the same as less lead: beside one, commands count in the middle between two rows
+        if not scale.duty:
+            # A delay is the same as less lead: beside one, commands count in the middle between two rows.
             lead = min(max(numbers[kernel.COMMAND_LEAD], 0.0), self.dt)
             numbers[kernel.COMMAND_LEAD] = lead if numbers[kernel.DELAY] == 0.0 else 0.5 * self.dt
         numbers[kernel.DAMPS_ERROR] = float(self.damps_error)

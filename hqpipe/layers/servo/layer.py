@@ -13,9 +13,7 @@ from hqpipe.identify.model import LayerJoints
 from hqpipe.layers.servo.build import joint_model
 from hqpipe.layers.servo.prepare import Prepared, prepare
 from hqpipe.layers.servo.scale import duty_of
-from hqpipe.layers.servo.tracks import (
-    LEAST_WINDOW,
-)
+from hqpipe.layers.servo.tracks import LEAST_WINDOW
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.survey.end_stop import EndStop, end_stops
 from hqpipe.logs.trajectory import LogSet

@@ -16,9 +16,7 @@ from hqpipe.logs.trajectory import Trial
 LEAST_WINDOW = 10  # samples; with fewer the initial state, fitted to 7, decides
 _ORDER = 3  # of the polynomial that smooths, as in hqpipe.logs.differentiate
 _SLOWEST = 1.0  # s; assumption: slower responses are those of a load, and not of a servo
-_LAGS = (
-    60  # between one sample and that; assumption: 10 % from one to the next is near enough for the length of a window
-)
+_LAGS = 60  # between one sample and that; assumption: 10 % from one to the next is near enough for a window's length
 _AT_STOP = 2e-3  # of the travel, as in hqpipe.logs.survey.end_stop
 
 

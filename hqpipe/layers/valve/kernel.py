@@ -32,9 +32,9 @@ LAYOUT = (
 CLEARANCE = 0.035
 """Share of the half width over which the edge of a deadband is rounded: oil passes the clearance of the lands before the
 spool opens (Merritt 1967, ch. 5: leakage at null)."""
-LEAST_BAND = (
-    0.1  # of the command's largest distance from rest: the edge of a jump is no sharper than that of such a deadband
-)
+LEAST_BAND = 0.1
+"""Of the command's largest distance from rest: the edge of a jump is no sharper than that of such a deadband; assumption: a fit
+then finds the edge."""
 CHANGE = 0.05
 """Share of the longest trial in which a sudden change of the gain happens: much less than a drift takes, and so long that a fit
 finds the moment; assumption."""

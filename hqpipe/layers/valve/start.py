@@ -18,10 +18,8 @@ MOST_SHIFTS = 25  # delays that are tried; assumption
 LEFT_ALONE, SETTLE_S = 0.02, 0.5  # a joint is left alone, as in `noise`: of the command's largest distance from rest; s
 FEWEST_RESTS, SURE = 5, 9.0  # rests that show a creep; its square over that of its standard error: three of them
 CREEPS = 0.002  # of the usual speed, below which a creep is of no use to anybody: a tenth of `parameters.CREEP`
-FARTHEST, AS_FAR = (
-    0.99,
-    0.7,
-)  # quantile of a side's commands; share of the other's from which both were driven alike; assumption
+FARTHEST = 0.99  # quantile of a side's commands that counts as the largest; the rest may be glitches
+AS_FAR = 0.7  # of the other side's largest command, from which both directions were driven alike; assumption
 FEWEST = 20  # samples at a level of the command; assumption
 
 

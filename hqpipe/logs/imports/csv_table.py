@@ -111,9 +111,9 @@ def _columns(path: Path, text: bytes, layout: Layout) -> tuple[dict[str, np.ndar
     notes = [f"columns of text left out: {listed(texts)}"] if texts else []
     numbers = {n for n, kind in zip(layout.names, layout.kinds, strict=True) if kind == "number"}
     try:
-        table, bad = _parsed(path, body, delimiter, layout, wanted, {n: pa.float64() for n in numbers})
+        table, bad = _parsed(body, delimiter, layout, wanted, {n: pa.float64() for n in numbers})
     except pa.ArrowInvalid:  # a cell that is no number: everything as text, then cell by cell
-        table, bad = _parsed(path, body, delimiter, layout, wanted, {})
+        table, bad = _parsed(body, delimiter, layout, wanted, {})
     if bad:
         if len(bad) > _MOST_BAD * (table.num_rows + len(bad)):
             what = f"{path}: {len(bad)} of {table.num_rows + len(bad)} rows have not {len(layout.names)} cells"
@@ -128,7 +128,7 @@ def _columns(path: Path, text: bytes, layout: Layout) -> tuple[dict[str, np.ndar
 
 
 def _parsed(
-    path: Path, body: bytes, delimiter: str, layout: Layout, wanted: list[str], types: dict[str, Any]
+    body: bytes, delimiter: str, layout: Layout, wanted: list[str], types: dict[str, Any]
 ) -> tuple[Any, list[int]]:
     """The rows of a table, columns without a type as text, and the lengths of the rows that do not fit."""
     import pyarrow as pa
