@@ -243,8 +243,8 @@ def _misfit(data: Sequence[JointData], names: tuple[str, ...], workers: int) -> 
 
 
 def _least_misfit(data: Sequence[JointData], names: Sequence[str], workers: int) -> float:
-    """The same with the effect that explains most of each joint by itself, or none: what an effect would explain can outweigh
-    what is asked, and the base model bends to it."""
+    """The same with the effect that explains most of each joint by itself, or none: an effect that is missing can change the
+    error by more than the choice of the speed does, and the fit of the base adapts to it."""
 
     def least(one: JointData) -> float:
         fitter = JointFitter(one)

@@ -1,7 +1,7 @@
-"""Causes that are small beside what nobody explains.
+"""Causes that are small beside what no effect explains.
 
-Where much of a gap is left, some effect will describe a part of it by chance, however certain it is that the logs are described
-better with it: the probability compares it with the library alone. Such a cause is believed only if it closes a share of the
+Where much of a gap is left, some effect describes a part of it by chance, however probable it is: the probability compares it
+with the library alone. Such a cause is believed only if it closes a share of the
 gap that counts beside what is left, in the joint or in those joints of the machine that show it best.
 """
 
@@ -40,7 +40,7 @@ def without_outweighed(
 def _outweighed(answers: Sequence[JointFound]) -> list[tuple[float, str, int]]:
     """(what it closes over what is left, effect, joint) of each such cause.
 
-    Joints that show an effect vouch for it in those that show it less, each counted relative to its base.
+    Joints that show an effect clearly count towards it in those that show it less, each relative to its base.
     """
     found = []
     for effect in sorted({name for joint in answers for name in joint.closes}):

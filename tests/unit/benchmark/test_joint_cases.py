@@ -36,7 +36,7 @@ from hqpipe.logs.writer import LogSetWriter
 from hqpipe.stages.blind_joints import joint_answer, make_joint_case
 from hqpipe.stages.blind_make import make, truth_sets
 
-ROOMS = {
+MODULES = {
     "servo": (electric, electric_effects, electric_record.record),
     "arm": (electric, electric_effects, electric_record.record),
     "cylinder": (cylinder, cylinder_effects, cylinder_record.record),
@@ -44,7 +44,7 @@ ROOMS = {
 }
 EFFECTS = [
     (family, key)
-    for family, (_, effects, _) in ROOMS.items()
+    for family, (_, effects, _) in MODULES.items()
     for key, recipe in effects.RECIPES.items()
     if "cylinder" in family or family in recipe.families
 ]
@@ -240,10 +240,10 @@ def test_the_truth_without_effects_is_the_sound_machine(tmp_path, family):
 
 @pytest.mark.parametrize(("family", "key"), EFFECTS)
 def test_an_effect_of_typical_size_changes_the_log_by_more_than_the_sensor_noise(family, key):
-    room, effects, record = ROOMS[family]
+    model, effects, record = MODULES[family]
     machine, rng = drawn(family, key)
     planted = effects.plant(machine, key, "typical", machine.names, rng)
-    faulty, largest = room.with_settings(machine, planted.settings), 0.0
+    faulty, largest = model.with_settings(machine, planted.settings), 0.0
     for trial in machine.trials:
         sound, other = record(machine, trial), record(faulty, trial)
         for j, name in enumerate(machine.names):
