@@ -190,7 +190,7 @@ class _Sieve:
     def _windows_left(self, j: int) -> float:
         """In the split that has fewer of them, the windows in which a joint that has end stops touches none."""
         left, touched = [], False
-        for trials in (self.logs.fit, self.logs.heldout):
+        for trials in filter(None, (self.logs.fit, self.logs.heldout)):
             left.append(0)
             for t in (trial.trajectory for trial in trials):
                 judged = judged_windows(t, self.steps)

@@ -135,10 +135,11 @@ def _pooled(numbers: list[Number]) -> Number:
     parts = [_estimate(number) for number in numbers]
     values = np.array([part.value for part in parts])
     least = np.finfo(float).eps * max(float(np.max(np.abs(values))), np.finfo(float).tiny)
-    own = np.maximum([part.deviation for part in parts], least) ** 2
+    own = np.clip([part.deviation for part in parts], least, least / np.finfo(float).eps ** 2) ** 2
     weight = 1.0 / own
     excess = float(weight @ (values - weight @ values / weight.sum()) ** 2) - (len(parts) - 1)
-    scatter = max(excess, 0.0) / float(weight.sum() - weight @ weight / weight.sum())
+    spare = float(weight.sum() - weight @ weight / weight.sum())
+    scatter = max(excess, 0.0) / spare if spare > 0.0 else 0.0  # none where one joint knows everything
     weight = 1.0 / (own + scatter)
     shared, drawn = float(weight @ values / weight.sum()), own * weight
     value = float(np.mean(drawn * shared + (1.0 - drawn) * values))
@@ -146,7 +147,8 @@ def _pooled(numbers: list[Number]) -> Number:
     half = Z95 * float(np.sqrt(variance))
     then = [number.reference for number in numbers]
     mean = None if any(value is None for value in then) else float(np.mean(then))
-    return Number(numbers[0].name, numbers[0].unit, value, (value - half, value + half), mean)
+    low, high = min(part.low for part in parts), max(part.high for part in parts)  # their bounds are its bounds
+    return Number(numbers[0].name, numbers[0].unit, value, (max(value - half, low), min(value + half, high)), mean)
 
 
 def shares(errors: LayerErrors, causes: Sequence[LayerCause]) -> Shrink:

@@ -236,7 +236,7 @@ def _rows(
 def _remarks(joint: JointFound) -> Sequence[str]:
     """What the numbers of a joint say beside the parameters of its causes, if its model has a word for it."""
     remarks = getattr(joint.model, "remarks", None)
-    return remarks([cause.effect for cause in joint.causes], joint.named.values) if remarks is not None else ()
+    return remarks([cause.effect for cause in joint.causes], joint.kept.values) if remarks is not None else ()
 
 
 def _warnings_of(found: LayerFound) -> list[str]:

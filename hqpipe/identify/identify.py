@@ -71,8 +71,8 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
 
 
 def _with_visible(search: Search, found: JointFound) -> JointFound:
-    known = search.known[frozenset(found.kept.effects)]
-    return replace(found, visible=least_visible(search, known))
+    kept, base = (search.known[frozenset(part.effects)] for part in (found.kept, found.base))
+    return replace(found, visible=least_visible(search, kept, base))
 
 
 def _half(progress: Progress | None, start: float) -> Progress | None:

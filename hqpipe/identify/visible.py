@@ -10,14 +10,17 @@ from hqpipe.identify.sampling import correlation_time
 from hqpipe.identify.search import Known, Search
 
 
-def least_visible(search: Search, known: Known) -> dict[str, float]:
+def least_visible(search: Search, known: Known, base: Known) -> dict[str, float]:
     """Named effect that a set lacks → how far its first number has to be from neutral to be named beside the set.
 
     Each rule of the criterion asks for a share of the squared error. What an effect takes off it grows with the square of its
     size, as far as the free numbers cannot do the same. Effects that the free numbers can imitate are left out.
+
+    Args:
+        known: the set that was kept. base: without causes.
     """
     left, unexplained = search.left_out(known), max(search.left_out(known) - floor_of(search), 0.0)
-    gap = max(search.left_out(search.base) - floor_of(search), 0.0)
+    gap = max(search.left_out(base) - floor_of(search), 0.0)
     rules = max(LEAST_GAIN * left, LEAST_SHARE * gap, LEAST_OF_UNKNOWN * unexplained)
     time = correlation_time(known.solution.error, search.model.fit)
     independent = max(len(known.solution.error) / time, 1.0)

@@ -50,7 +50,8 @@ def mark_end_stops(log_set: LogSet, travel: Travel | None = None) -> tuple[LogSe
         if share > 0.0:
             for mark, here in zip(marks, touched, strict=True):
                 mark[:, j] = here
-            told.append(_text(joint, ends, touched, share))
+            hit = [end for end in ends if any(end.touched(t.position[:, j]).any() for t in trials)]
+            told.append(_text(joint, hit, touched, share))
     if not told:
         return log_set, ()
     trials = [
@@ -138,6 +139,6 @@ def _text(joint: str, ends: Sequence[TravelEnd], touched: Sequence[np.ndarray], 
     places = " and ".join(f"{end.position:.4g}" for end in ends)
     samples = sum(int(here.sum()) for here in touched)
     return (
-        f"{joint} rests on or hits an end stop at {places}: {samples} samples ({share:.1%}) in {sum(h.any() for h in touched)} "
+        f"{joint} rests on or hits an end stop near {places}: {samples} samples ({share:.1%}) in {sum(h.any() for h in touched)} "
         "trials are left out, with the windows that hold them, for no law from command to torque holds there"
     )

@@ -30,7 +30,7 @@ def test_the_stops_hide_no_cause(inside):
     assert ratio["ci95"][0] <= PASSES <= ratio["ci95"][1]
     assert content["gap"]["after"] < 1.15 * content["gap"]["noise_floor"]
     (text,) = told(content)
-    assert text.startswith("ram rests on or hits an end stop at ") and " samples (" in text
+    assert text.startswith("ram rests on or hits an end stop near ") and " samples (" in text
 
 
 def test_the_stops_are_no_cause():

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hqpipe.layers.joint_motion.coupling import ridge_of
 from hqpipe.layers.joint_motion.first_fit import least_squares, robust_fit
 from hqpipe.layers.joint_motion.prepared import BASE, FRICTION, Prepared
 from hqpipe.layers.joint_motion.records import Part, Record, cut
@@ -31,8 +32,8 @@ def with_fitted_columns(data: Prepared) -> Prepared:
     """
     own = data
     for _ in range(TURNS):
-        coefficients = [_load_coefficients(data, part) for part in data.parts]
-        loads = [_load(record, data, coefficients[record.heldout]) for record in data.records]
+        coefficients = _load_coefficients(data)
+        loads = [_load(record, data, coefficients) for record in data.records]
         rows = [(load * r.view.own.direction)[None] for load, r in zip(loads, data.records, strict=True)]
         data = _appended(own, "load", rows)
     data = _appended(data, "halves", [_halves(record) for record in data.records])
@@ -48,18 +49,34 @@ def with_columns_of(part: Part, other: Part, count: int) -> Part:
     return replace(part, columns=np.hstack([part.columns, other.columns[:, -count:]])) if count else part
 
 
-def _load_coefficients(data: Prepared, part: Part) -> np.ndarray:
-    """Of the columns of base, friction and other joints and, last, of the friction that grows with load."""
-    picked = data.group(*BASE, *FRICTION, "coupling")
-    rows, torque = part.columns[part.keep][:, picked], part.output[part.keep]
-    if not len(torque):
-        return np.zeros(len(picked) + 1)
+def _load_coefficients(data: Prepared) -> np.ndarray:
+    """Of the columns of base, friction and other joints and, last, of the friction that grows with load; of the fit samples."""
+    fit = data.parts[0]
+    columns, torque = fit.columns[fit.keep], fit.output[fit.keep]
+    own, terms = columns[:, data.group(*BASE, *FRICTION)], columns[:, data.group("coupling")]
     if data.columns["load"]:
-        grown = part.columns[part.keep, data.columns.one("load")]
+        grown = columns[:, data.columns.one("load")]
     else:
-        direction = part.columns[part.keep, data.columns.one("coulomb")]
-        grown = np.abs(rows @ robust_fit(rows, torque)) * direction
-    return robust_fit(np.column_stack([rows, grown]), torque)
+        found = _beside_others(own, terms, torque)
+        grown = np.abs(np.column_stack([own, terms]) @ found) * columns[:, data.columns.one("coulomb")]
+    found = _beside_others(np.column_stack([own, grown]), terms, torque)
+    count = own.shape[1]
+    return np.concatenate([found[:count], found[count + 1 :], found[count : count + 1]])
+
+
+def _beside_others(own: np.ndarray, terms: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """Coefficients of the joint's own columns, then of the terms of other joints, which have a prior: see `ridge_of`.
+
+    Without it a hundred terms would say of other motions what no fit can know.
+    """
+    size = np.sqrt(np.mean(terms**2, axis=0))
+    if not np.any(size > 0.0):
+        return np.concatenate([robust_fit(own, torque), np.zeros(terms.shape[1])])
+    shown = size > 0.0
+    ridge = ridge_of(terms[:, shown] / size[shown], own, torque)
+    held = np.hstack([np.zeros((terms.shape[1], own.shape[1])), np.diag(np.sqrt(ridge) * np.where(shown, size, 1.0))])
+    both = np.vstack([np.hstack([own, terms]), held])
+    return least_squares(both, np.concatenate([torque, np.zeros(terms.shape[1])]))
 
 
 def _load(record: Record, data: Prepared, coefficients: np.ndarray) -> np.ndarray:

@@ -39,7 +39,8 @@ def prepare(log_set: LogSet, joint: str, stops: list[EndStop]) -> Prepared | str
     duty = all(duty_of(trial.trajectory, joint) is not None for trial in trials)
     if not duty and any(trial.trajectory.position_command is None for trial in trials):
         return f"neither {joint_column(joint, 'position_command')} nor {joint_column(joint, 'duty')} in every trial"
-    q = np.concatenate([t.trajectory.position[:, t.trajectory.joint(joint)] for t in trials])
+    fit = [trial.trajectory for trial in trials if trial.split == "fit"]
+    q = np.concatenate([t.position[:, t.joint(joint)] for t in fit])
     travel = float(np.ptp(q))
     sensor = _sensor_noise(trials, joint)
     if travel <= _MOVES * max(sensor, 1e-12 * float(np.abs(q).max())):

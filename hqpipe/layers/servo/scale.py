@@ -97,9 +97,10 @@ def by_duty(trials: Sequence[Trial], joint: str) -> bool:
         return True
     if _all([of_joint(trial.drive, joint) for trial in trials], "torque_constant") is not None:
         return True  # which fixes the scale of torques behind a duty only
-    drives = [of_joint(trial.drive, joint) for trial in trials]
-    stated = next((g for g in (_all(drives, "kp"), _all(drives, "firmware_kp")) if g is not None), np.ones(len(trials)))
-    explained, gains = np.array([_loop(trial, joint) for trial in trials]).T
+    fit = [trial for trial in trials if trial.split == "fit"]
+    drives = [of_joint(trial.drive, joint) for trial in fit]
+    stated = next((g for g in (_all(drives, "kp"), _all(drives, "firmware_kp")) if g is not None), np.ones(len(fit)))
+    explained, gains = np.array([_loop(trial, joint) for trial in fit]).T
     gains = np.abs(gains) / stated
     return bool(np.median(explained) < _FOLLOWS or gains.max() > _SAME_LAW * gains.min())
 

@@ -177,23 +177,36 @@ def _grouped(
     points = np.log(np.column_stack([gain, load]))
     groups: list[list[int]] = []
     for k in np.argsort(points[:, 0] + points[:, 1]):
-        for group in groups:
-            if np.max(np.abs(points[group].mean(axis=0) - points[k])) < _NOTABLE:
-                group.append(int(k))
-                break
+        if parts[k].fit:
+            _joined(groups, points, int(k))
+    groups.sort(key=lambda group: -sum(parts[k].samples for k in group))
+    centre = [points[group].mean(axis=0) for group in groups]
+    fitted = tuple(range(1, len(groups)))
+    for k in (k for k, part in enumerate(parts) if not part.fit):  # these take part in no setting of the fit
+        away = [float(np.max(np.abs(c - points[k]))) for c in centre]
+        near = int(np.argmin(away))
+        if away[near] < _NOTABLE:
+            groups[near].append(k)
         else:
-            groups.append([int(k)])
-    groups.sort(key=lambda group: -sum(parts[k].samples for k in group if parts[k].fit))
+            groups.append([k])
+            centre.append(points[k])
     number = np.zeros(trials, dtype=np.int64)
     for g, group in enumerate(groups):
         for k in group:
             number[parts[k].trial] = g
-    centre = np.exp([points[group].mean(axis=0) for group in groups])
-    centre /= centre[0]
-    fitted = tuple(g for g, group in enumerate(groups) if g and any(parts[k].fit for k in group))
+    ratio = np.exp(np.array(centre) - centre[0])
     if len(groups) == 1:
         return one_setting(trials)
-    return TrialSettings(number, centre[:, 0], centre[:, 1], fitted, gains, loads)
+    return TrialSettings(number, ratio[:, 0], ratio[:, 1], fitted, gains, loads)
+
+
+def _joined(groups: list[list[int]], points: np.ndarray, k: int) -> None:
+    """Put a trial into the first group that it is near to, or into one of its own."""
+    for group in groups:
+        if np.max(np.abs(points[group].mean(axis=0) - points[k])) < _NOTABLE:
+            group.append(k)
+            return
+    groups.append([k])
 
 
 def moved(settings: TrialSettings, group: int, gain: float, load: float) -> TrialSettings:

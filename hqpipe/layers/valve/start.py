@@ -64,6 +64,8 @@ def first_look(record: Record, scales: Scales) -> Look:
 def _line(record: Record, speed: np.ndarray, shift: int, most: int) -> tuple[float, float, float]:
     """Squared error, gain and zero of the straight line from the command `shift` samples before to the speed."""
     here = np.flatnonzero(np.arange(len(speed)) - record.first[record.stretch] >= most)
+    if not len(here):
+        return np.inf, 0.0, 0.0
     command, answer = record.command[here - shift], speed[here]
     spread = command - command.mean()
     gain = float(spread @ answer) / max(float(spread @ spread), 1e-300)
@@ -123,7 +125,7 @@ def _slower(record: Record, speed: np.ndarray, shift: int, gain: float, neutral:
         for share in (0.5, 0.9):
             here = np.abs(side * beyond - share * min(far)) < 0.1 * min(far)
             levels.append(float(np.median(np.abs(speed[here]))) if here.sum() >= FEWEST else np.nan)
-        rise[side] = levels[1] / max(levels[0], 1e-300)
+        rise[side] = levels[1] / levels[0] if levels[0] > 0.0 else np.nan  # it has not begun to move
     if not np.isfinite(list(rise.values())).all():
         return 0
     side = min(rise, key=lambda side: rise[side])

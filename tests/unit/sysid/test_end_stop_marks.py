@@ -27,7 +27,7 @@ def test_a_joint_that_is_pushed_against_its_stop_is_marked_there(marked):
     reached = np.abs(t.position[:, 0])
     assert marks[reached > STOP - 1e-3, 0].all() and not marks[reached < STOP - 5e-3, 0].any()
     (text,) = mark_end_stops(log_set())[1]
-    assert text.startswith("ram rests on or hits an end stop at ")
+    assert text.startswith("ram rests on or hits an end stop near ")
     assert f"{sum(int(at_end_stop(x.trajectory).sum()) for x in marked.trials)} samples" in text
 
 

@@ -74,7 +74,7 @@ def test_the_command_is_the_input_where_one_law_leads_to_the_duty():
         t = trial.trajectory
         duty = gain * (t.position_command - t.position) - 0.05 * differentiate(t.position, t.dt)
         duty = duty + noise * np.random.default_rng(0).normal(size=duty.shape)
-        return replace(trial, trajectory=replace(t, duty=duty))
+        return replace(trial, split="fit", trajectory=replace(t, duty=duty))
 
     assert not by_duty([with_duty(trial, 1.0, 0.0) for trial in logs.trials], "j")
     assert by_duty([with_duty(t, gain, 0.0) for t, gain in zip(logs.trials, (1.0, 2.0), strict=True)], "j")
