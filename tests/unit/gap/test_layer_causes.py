@@ -145,3 +145,16 @@ def test_a_lost_sign_is_told_of_the_joints_that_lost_it(models):
     joints = layer_joints([lost, models[1]])
     assert unsigned_joints(joints) == ("hip",)
     assert unsigned_joints(joints, joints) == (), "it is no change"
+
+
+def test_a_number_that_is_known_exactly_or_not_at_all_is_pooled_within_its_bounds(models):
+    for halves, low in (((0.0, 0.1), 0.5), ((0.3, 0.5), 0.0)):
+        parts = [
+            replace(n, ci95=(max(n.ci95[0], 0.0), n.ci95[1])) for n in (number("friction_nm", 0.5, h) for h in halves)
+        ]
+        found, errors = errors_of(
+            *(made_up(m, 1.0, 0.5, causes=[cause("coulomb_friction", p)]) for m, p in zip(models, parts, strict=False))
+        )
+        (one,) = merge_causes(errors, found.joints)
+        assert one.numbers[0].value == pytest.approx(0.5)
+        assert one.numbers[0].ci95[0] >= low - 1e-9
