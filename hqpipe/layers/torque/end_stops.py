@@ -29,7 +29,9 @@ def at_end_stops(records: Sequence[Record], trials: Sequence[Sequence[Trial]], j
     every = [trial.trajectory for split in trials for trial in split]
     if any(column in t.extra for t in every):
         return [
-            np.concatenate([np.asarray(t.trajectory.extra.get(column, np.zeros(t.trajectory.samples))) > 0.5 for t in split])
+            np.concatenate(
+                [np.asarray(t.trajectory.extra.get(column, np.zeros(t.trajectory.samples))) > 0.5 for t in split]
+            )
             if split
             else np.zeros(0, dtype=bool)
             for split in trials
@@ -58,4 +60,7 @@ def at_end_stops(records: Sequence[Record], trials: Sequence[Sequence[Trial]], j
     sensor = noise(records[0].position, step) or (step or 0.0)
     ends = held_ends(stretches, records[0].dt, usual, sensor)
     nothing = [np.zeros(len(r.position), dtype=bool) for r in records]
-    return [np.any([none, *(end.touched(r.position) for end in ends)], axis=0) for r, none in zip(records, nothing, strict=True)]
+    return [
+        np.any([none, *(end.touched(r.position) for end in ends)], axis=0)
+        for r, none in zip(records, nothing, strict=True)
+    ]

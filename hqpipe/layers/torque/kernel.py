@@ -15,21 +15,26 @@ import hqpipe.system.checked_cache  # noqa: F401 (before any function is compile
 
 LAYOUT = (
     "gain", "speed_share", "offset", "compensation", "row_offset_s", "delay_s", "difference_s", "time_constant_s", "play",
-    "limit", "half_width", "ratio", "inverse_effort_max", "droop", "recovery_s", "others", "rate_per_s", "ki", "curve",
+    "limit", "half_width", "ratio", "inverse_effort_max", "droop", "recovery_s", "drawn_ratio", "evened_out", "others",
+    "rate_per_s", "ki", "curve",
     "geometry_1", "geometry_2", "offset_1", "offset_2", "speed_1", "speed_2", "turbulent", "drag", "leak", "leak_curve",
-    "gain_step", "moment_s", "drift", "speed_lead_s", "dt", "error_scale", "speed_scale", "effort_scale", "longest_s",
+    "gain_step", "moment_s", "drift", "speed_lead_s", "dt", "error_scale", "speed_scale", "effort_scale", "most_effort",
+    "longest_s",
 )  # fmt: skip
 (
     GAIN, SPEED, OFFSET, COMPENSATION, ROW_OFFSET, DELAY, DIFFERENCE, LAG, PLAY,
-    LIMIT, BAND, RATIO, INVERSE_EFFORT, DROOP, RECOVERY, OTHERS, RATE, KI, CURVE,
+    LIMIT, BAND, RATIO, INVERSE_EFFORT, DROOP, RECOVERY, DRAWN, EVENED, OTHERS,
+    RATE, KI, CURVE,
     GEOMETRY_1, GEOMETRY_2, OFFSET_1, OFFSET_2, SPEED_1, SPEED_2, TURBULENT, DRAG, LEAK, LEAK_CURVE,
-    STEP, MOMENT, DRIFT, LEAD, DT, ERROR_SCALE, SPEED_SCALE, EFFORT_SCALE, LONGEST,
+    STEP, MOMENT, DRIFT, LEAD, DT, ERROR_SCALE, SPEED_SCALE, EFFORT_SCALE, MOST_EFFORT,
+    LONGEST,
 ) = range(len(LAYOUT))  # fmt: skip
 
 CLEARANCE = 0.035
 """Share of the half width over which the edge of a deadband is rounded: oil passes the clearance of the lands before the
 spool opens (Merritt 1967, ch. 5: leakage at null)."""
 CHANGE = 0.05  # of the longest trial, in which a sudden change of the gain happens; assumption: as in valve mode
+SHUT = 0.05  # share of the pressure below which no drive evens it out; assumption
 TURNING = 0.02  # of the usual speed, over which a drag changes its sign; assumption: seals creep before they slide
 TIME, Z, VELOCITY, OTHER_SPEED, LOSS = range(5)
 """Rows of the logged signals: s since the trial began; position over its travel, −1 … 1; velocity; summed speed of the other
@@ -76,8 +81,10 @@ def flow_of(p: np.ndarray, opening: float, torque: float, z: float, time: float,
     flow = opening + p[RATIO] * abs(opening)
     flow *= 1.0 + p[CURVE] * abs(opening) / p[ERROR_SCALE]
     flow *= 1.0 + p[GEOMETRY_1] * z + p[GEOMETRY_2] * z * z
-    load = p[INVERSE_EFFORT] * torque
-    pressure = 1.0 - sag - (load if opening > 0.0 else -load)
+    against = torque if opening > 0.0 else -torque
+    # A drive that evens out the load's share of the pressure counts on the full supply: what is lost weighs more under load.
+    lost = sag / max(1.0 - p[EVENED] * against / p[MOST_EFFORT], SHUT)
+    pressure = 1.0 - lost - p[INVERSE_EFFORT] * against
     flow *= np.sqrt(max(pressure, 0.0)) * max(1.0 + p[RATE] * time, 0.0)
     if p[STEP] != 0.0:
         passed = (time - p[MOMENT]) / (CHANGE * p[LONGEST]) + 0.5
@@ -161,7 +168,7 @@ def run_blocks(
                 spool += share * (wanted - spool)
                 flow = flow_of(p, opened(p, seen), middle, z, time, measured if measured != 0.0 else sag)
                 if p[DROOP] != 0.0:
-                    demand = abs(v) / p[SPEED_SCALE] + p[OTHERS] * signals[OTHER_SPEED, k]
+                    demand = (v if v > 0.0 else -v * p[DRAWN]) / p[SPEED_SCALE] + p[OTHERS] * signals[OTHER_SPEED, k]
                     sag += recovering * (p[DROOP] * demand - sag)
                 slope = p[GAIN] * (flow + beside_of(p, v, middle, z, time) - (p[COMPENSATION] + p[SPEED]) * v)
                 x += h * slope

@@ -9,22 +9,26 @@ import numpy as np
 
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.model import LayerJoints
-from hqpipe.layers.torque.compensation import likely_compensation
 from hqpipe.layers.torque.end_stops import at_end_stops
 from hqpipe.layers.torque.joint import TorqueJoint, samples_of
-from hqpipe.layers.torque.parameters import FASTER, Sizes, base_parameters, effects
+from hqpipe.layers.torque.likely import likely_start
+from hqpipe.layers.torque.parameters import Sizes, base_parameters, effects
 from hqpipe.layers.torque.record import Record, Scales, record_of, scales_of
 from hqpipe.layers.torque.start import Look, first_look
-from hqpipe.layers.torque.windows import windows_of
+from hqpipe.layers.torque.windows import Windows, windows_of
 from hqpipe.logs.survey.signal import noise, resolution
 from hqpipe.logs.trajectory import LogSet
 
 NEEDED = ("effort_command", "effort", "position", "velocity")
 LEAST_ROWS, LEAST_S = 20, 0.1  # of a window; assumption: as in the other layers
-RESPONSES, LEAD, LONGEST_S = 15.0, 3.0, 2.0
-"""Response times of the loop in a window and before its first judged sample, where the noise of its start has faded to 5 %; s of a
-window chosen by these rules. assumption"""
-STEP = 0.2  # of a response time, longest substep: the midpoint rule then errs by a thousandth
+RESPONSES, LEAD, LONGEST_S = 15.0, 3.0, 0.5
+"""Response times of the loop in a window, and before its first judged sample, where the noise of its start has faded to 5 %; s of
+a window chosen by these rules. assumption"""
+STEP, LONGEST_STEP_S = 0.25, 1e-3
+"""Longest substep: of a response time, where the midpoint rule errs by less than a hundredth; s, for the lag of a servo
+valve."""
+FIRST_STEPS = 8_000  # substeps of each try before anything is fitted
+STABLE = 0.8  # of a response time, a substep beyond which the midpoint rule grows
 FEWEST_WINDOWS = 10  # of the fit trials; assumption: fewer do not tell an effect from chance
 
 
@@ -119,7 +123,8 @@ def _joint(log_set: LogSet, name: str, seen: Seen, window_s: float, without: Col
     dt, look, scales = _dt(log_set), seen.look, seen.scales
     steps = max(round(window_s / dt), 2)
     lead = min(int(np.ceil(LEAD / look.gain / dt)), steps // 3)
-    substeps = int(np.clip(np.ceil(dt * look.gain / STEP - 1e-6), 1, 40))
+    substeps = int(np.clip(np.ceil(max(dt * look.gain / STEP, dt / LONGEST_STEP_S) - 1e-6), 1, 40))
+    fastest = STABLE * substeps / dt
     cuts = [windows_of(r, m, steps, lead, substeps) for r, m in zip(seen.records, seen.masked, strict=True)]
     if cuts[0].windows < FEWEST_WINDOWS:
         return f"only {cuts[0].windows} windows of {window_s:.3g} s away from its end stops"
@@ -128,14 +133,12 @@ def _joint(log_set: LogSet, name: str, seen: Seen, window_s: float, without: Col
     size = _sizes(seen, dt, len(log_set.joints) == 1, unit, speed_unit)
     sensor = [_noise(r) for r in seen.records]
 
-    def built(size: Sizes, leave: Collection[str]) -> TorqueJoint:
-        most_gain = FASTER * look.gain
-        assert most_gain * dt / substeps <= FASTER * STEP + 1e-6
+    def built(size: Sizes, leave: Collection[str], cuts: tuple[Windows, Windows]) -> TorqueJoint:
         return TorqueJoint(
             joint=name,
             unit=unit,
             dt=dt,
-            base=base_parameters(size),
+            base=base_parameters(size, fastest),
             effects=effects(size, leave),
             fit=samples_of(seen.records[0], cuts[0]),
             heldout=samples_of(seen.records[1], cuts[1]),
@@ -146,6 +149,7 @@ def _joint(log_set: LogSet, name: str, seen: Seen, window_s: float, without: Col
                 "error_scale": size.opening,
                 "speed_scale": scales.speed,
                 "effort_scale": scales.effort,
+                "most_effort": scales.most_effort,
                 "longest_s": scales.longest_s,
             },
             records=seen.records,
@@ -155,9 +159,11 @@ def _joint(log_set: LogSet, name: str, seen: Seen, window_s: float, without: Col
     def opening_of(compensation: float) -> tuple[float, float]:
         return _opening(seen.records[0], compensation)
 
-    found = likely_compensation(built(size, ()), scales.effort / scales.speed, opening_of)
+    few = windows_of(seen.records[0], seen.masked[0], steps, lead, substeps, FIRST_STEPS)
+    tried = built(size, (), (few, cuts[1]))
+    gain, found = likely_start(tried, scales.effort / scales.speed, fastest, opening_of)
     usual, full = opening_of(found)
-    return built(replace(size, compensation=found, opening=usual, full=full), without)
+    return built(replace(size, gain=gain, compensation=found, opening=usual, full=full), without, (cuts[0], cuts[1]))
 
 
 def _sizes(seen: Seen, dt: float, alone: bool, unit: str, speed_unit: str) -> Sizes:
@@ -169,6 +175,7 @@ def _sizes(seen: Seen, dt: float, alone: bool, unit: str, speed_unit: str) -> Si
         delay_s=look.delay_s,
         speed_share=look.speed_share,
         offset=look.offset,
+        leak=look.leak,
         compensation=0.0,
         opening=usual,
         full=full,
@@ -199,7 +206,9 @@ def _noise(record: Record) -> float:
     known = [value for value in white if value is not None]
     if known:
         return max(float(np.median(known)), rounding)
-    third = np.concatenate([np.diff(record.effort[a : b + 1], 3) for a, b in zip(record.first, record.last, strict=True)])
+    third = np.concatenate(
+        [np.diff(record.effort[a : b + 1], 3) for a, b in zip(record.first, record.last, strict=True)]
+    )
     # Third differences of white noise have 20 times its variance; the quietest quarter is taken for free of motion.
     pieces = np.mean(third[: len(third) // 20 * 20].reshape(-1, 20) ** 2, axis=1) / 20.0
     return max(float(np.sqrt(np.quantile(pieces, 0.25))) if len(pieces) else 0.0, rounding)

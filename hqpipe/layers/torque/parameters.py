@@ -11,10 +11,14 @@ from hqpipe.identify.model import Effect, Parameter
 
 NEVER = 1.2  # of the largest opening: a valve that is fully open only there never is
 MOST_DELAY_S, MOST_LAG_S = 0.2, 0.1  # assumption: a force loop with more would not be stable at any useful gain
-BEYOND = 0.25  # of a sample, by which the offset of a row may lie beyond either convention; assumption: as in valve mode
+BEYOND = (
+    0.25  # of a sample, by which the offset of a row may lie beyond either convention; assumption: as in valve mode
+)
 LOADED = 20.0  # of the largest effort: an effort at which the flow would stop, so large that nobody notices
-FASTER = 4.0  # of the gain of the first look, up to which the gain may rise: the substeps are made for that
-COMPENSATED = 100.0  # of usual effort per usual speed; assumption: an oil spring is stiff, so that its speed takes much opening
+WITHIN = 3.0  # factor by which the gain may differ from the likely one; assumption: a valve's edge moves it by no more
+COMPENSATED = (
+    100.0  # of usual effort per usual speed; assumption: an oil spring is stiff, so that its speed takes much opening
+)
 
 
 @dataclass(frozen=True)
@@ -22,7 +26,7 @@ class Sizes:
     """Sizes in the fit trials that bounds and priors are multiples of.
 
     Attributes:
-        dt: s. gain: 1/s, delay_s: s, speed_share, offset: of a first-order loop fitted to the logs.
+        dt: s. gain: 1/s, delay_s: s, speed_share, offset, leak: of a first-order loop fitted to the logs.
         compensation: what the drive seems to add to the torque error per speed. opening: usual, full: largest opening of the
             valve, in the unit of the torque error.
         effort: usual about its mean; most_effort: largest. speed: usual where the joint moves. longest_s: of the trials.
@@ -34,6 +38,7 @@ class Sizes:
     delay_s: float
     speed_share: float
     offset: float
+    leak: float
     compensation: float
     opening: float
     full: float
@@ -47,19 +52,24 @@ class Sizes:
     speed_unit: str
 
 
-def base_parameters(size: Sizes) -> tuple[Parameter, ...]:
+def base_parameters(size: Sizes, fastest: float) -> tuple[Parameter, ...]:
     """Gain of the loop, what the speed takes, the offset, what the drive adds for the speed, and the row of the command.
 
     What the drive adds passes the valve, and what the motion takes does not. While the valve is linear and prompt only their
     difference `speed_share` shows, and `compensation` does nothing. A valve with a null shift and a torque sensor with a bias
-    give the same `offset`. `row_offset_s` is the log's, as in valve mode.
+    give the same `offset`. A loop without an integrator lacks in the steady state what leaks past the piston, `leak` times
+    the torque. `row_offset_s` is the log's, as in valve mode.
+
+    Args:
+        fastest: 1/s, gain that the simulation bears.
     """
     per_speed = f"{size.unit}/({size.speed_unit})"
     most = COMPENSATED * size.effort / size.speed
     return (
-        Parameter("gain", "1/s", size.gain, np.inf, 0.05 * size.gain, FASTER * size.gain),
+        Parameter("gain", "1/s", size.gain, np.inf, size.gain / WITHIN, min(WITHIN * size.gain, fastest)),
         Parameter("speed_share", per_speed, size.speed_share, np.inf),
         Parameter("offset", size.unit, size.offset, np.inf),
+        Parameter("leak", "1", size.leak, np.inf, -0.5, 4.0),
         # The speed may take many times the usual error, or nothing; assumption: the logs decide.
         Parameter("compensation", per_speed, size.compensation, 0.2 * most, 0.0, most),
         Parameter("row_offset_s", "s", 0.5 * size.dt, 0.5 * size.dt, -BEYOND * size.dt, (1.0 + BEYOND) * size.dt),
@@ -80,8 +90,10 @@ def _command_side(size: Sizes) -> tuple[Effect, ...]:
     apart = Parameter("difference_s", "s", 0.0, 0.01, -MOST_DELAY_S, MOST_DELAY_S, (-0.005, 0.005))
     # Servo valves 2 to 10 ms (Jelali & Kroll 2003).
     lag = Parameter("time_constant_s", "s", 0.0, 0.005, 0.0, MOST_LAG_S, (0.002, 0.006))
-    # Overlap of servo valves is 0 to 3 % of the stroke (Jelali & Kroll 2003), of which the usual opening is a third; assumption.
-    band = Parameter("half_width", size.unit, 0.0, 0.1 * size.opening, 0.0, size.full, (0.1 * size.opening, 0.5 * size.opening))
+    # Overlap of servo valves is 0 to 3 % of the stroke (Jelali & Kroll 2003), the usual opening a third of that; assumption.
+    band = Parameter(
+        "half_width", size.unit, 0.0, 0.1 * size.opening, 0.0, size.full, (0.1 * size.opening, 0.5 * size.opening)
+    )
     limits = tuple(share * size.full for share in (0.85, 0.65, 0.45, 0.3))
     limit = Parameter("limit", size.unit, never, size.full, 0.02 * size.full, never, limits)
     # A weak integrator beside a proportional force loop, slower than the loop; assumption.
@@ -107,9 +119,13 @@ def _flow_side(size: Sizes) -> tuple[Effect, ...]:
             Parameter("droop", "1", 0.0, 0.1, 0.0, 3.0, (0.1, 0.4)),
             Parameter("recovery_s", "s", 0.1, 0.2, 0.003, 5.0, (0.05, 0.3)),
         )
+        # The side of the rod takes less oil for the same speed: piston areas are 1.3 to 2 times as large on one side.
+        droop = (*droop, Parameter("drawn_ratio", "1", 1.0, 0.3, 0.5, 2.0))
         if not size.alone:
             # What other joints draw at their usual speeds, over this one's: cylinders differ by a factor of two; assumption.
             droop = (*droop, Parameter("others", "1", 1.0, 0.5, 0.0, 5.0))
+    # Share of the pressure that the largest load takes, if the drive evens that out: two thirds at most (Merritt 1967, ch. 6).
+    droop = (*droop, Parameter("evened_out", "1", 0.0, 0.3, 0.0, 0.9))
     return (
         # Piston areas of differential cylinders are 1.3 to 2 times as large on one side: a ratio of 0.13 to 0.33.
         Effect("direction_asymmetry", (Parameter("ratio", "1", 0.0, 0.15, -0.95, 0.95),)),
@@ -146,5 +162,5 @@ def _generic(size: Sizes) -> tuple[Effect, ...]:
         shape("speed_law", "velocity", addition("turbulent")),
         shape("speed_lead", "velocity", lead),
         shape("drag", "direction", addition("drag")),
-        shape("leak", "effort", share("leak", 0.05), share("leak_curve", 0.05)),
+        shape("leak_curve", "effort", share("leak_curve", 0.05)),
     )

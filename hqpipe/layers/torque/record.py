@@ -12,7 +12,10 @@ from hqpipe.logs.trajectory import Trial, recording_of
 
 SUPPLY = "supply/pressure"
 FULL_SUPPLY = 0.95  # quantile of the logged supply pressure that counts as full; above it are its peaks; assumption
-MOVING, FASTEST = 0.1, 0.999  # share of the fastest speed, a quantile, from which a joint moves; assumption: as in valve mode
+MOVING, FASTEST = (
+    0.1,
+    0.999,
+)  # share of the fastest speed, a quantile, from which a joint moves; assumption: as in valve mode
 
 
 @dataclass(frozen=True)

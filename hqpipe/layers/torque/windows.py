@@ -11,7 +11,7 @@ from hqpipe.logs.travel_ends import runs
 
 WARM_S = 0.5  # simulated before a block, in which spool, integral and supply settle; assumption: a few times their usual lags
 BLOCK_S = 2.0  # least length of a block, of which the warm-up is to be a small part
-MOST_STEPS = 80_000  # substeps of one simulation: a few milliseconds
+MOST_STEPS = 40_000  # substeps of one simulation: a few milliseconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +20,8 @@ class Windows:
 
     Attributes:
         first, last, start, stop: (B,) of the blocks, see `kernel.run_blocks`. substeps: per sample.
-        restart: (T,) whether the torque is set to the logged one. sample: (N,) samples judged. held: (N,) where their window starts.
+        restart: (T,) whether the torque is set to the logged one. sample: (N,) samples judged. held: (N,) where their
+            window starts.
         windows: how many there are.
     """
 
@@ -35,14 +36,16 @@ class Windows:
     windows: int
 
 
-def windows_of(record: Record, masked: np.ndarray, steps: int, lead: int, substeps: int) -> Windows:
+def windows_of(
+    record: Record, masked: np.ndarray, steps: int, lead: int, substeps: int, most: int = MOST_STEPS
+) -> Windows:
     """Windows of `steps` samples after their start, of which the first `lead` are not judged.
 
     A window starts from the logged torque, whose noise has faded by the time of the first sample that is judged. Spool,
     integral and supply go on from window to window.
 
     Args:
-        masked: (N,) samples that the drive does not decide. substeps: of the simulation, per sample.
+        masked: (N,) samples that the drive does not decide. substeps: of the simulation, per sample. most: of these in all.
     """
     found = []
     for stretch, (first, last) in enumerate(zip(record.first, record.last, strict=True)):
@@ -52,8 +55,8 @@ def windows_of(record: Record, masked: np.ndarray, steps: int, lead: int, subste
     warm, longest = round(WARM_S / record.dt), max(round(BLOCK_S / record.dt), steps)
     blocks = _blocks(found, steps, warm, longest)
     cost = substeps * sum(block[-1][0] + steps + warm - block[0][0] for block in blocks)
-    if cost > MOST_STEPS:
-        count = max(int(len(blocks) * MOST_STEPS / cost), 1)
+    if cost > most:
+        count = max(int(len(blocks) * most / cost), 1)
         blocks = [blocks[i] for i in np.unique(np.linspace(0, len(blocks) - 1, count).round().astype(int))]
     restart, sample, held = np.zeros(len(masked), dtype=bool), [], []
     for begin, _ in (window for block in blocks for window in block):
