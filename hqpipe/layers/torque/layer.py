@@ -22,8 +22,8 @@ from hqpipe.logs.trajectory import LogSet
 NEEDED = ("effort_command", "effort", "position", "velocity")
 LEAST_ROWS, LEAST_S = 20, 0.1  # of a window; assumption: as in the other layers
 RESPONSES, LEAD, LONGEST_S = 15.0, 3.0, 0.5
-"""Response times of the loop in a window, and before its first judged sample, where the noise of its start has faded to 5 %; s of
-a window chosen by these rules. assumption"""
+"""Response times of the loop in a window, and before its first judged sample, where the noise of its start has faded to 5 %; s
+of a window chosen by these rules. assumption"""
 STEP, LONGEST_STEP_S = 0.25, 1e-3
 """Longest substep: of a response time, where the midpoint rule errs by less than a hundredth; s, for the lag of a servo
 valve."""

@@ -29,9 +29,9 @@ def likely_start(
 ) -> tuple[float, float]:
     """The gain and the compensation that, with at most one effect of the valve, leave the smallest error.
 
-    Behind a wide deadband a first-order loop through the logs is slow, and a prompt linear valve does not show the compensation:
-    a fit that starts there does not find the edges of the valve. Each compensation is tried with every gain and effect, offset,
-    leak and speed share as they fit best, and the best of these are fitted.
+    Behind a wide deadband a first-order loop through the logs is slow, and a prompt linear valve does not show the
+    compensation: a fit that starts there does not find the edges of the valve. Each compensation is tried with every gain and
+    effect, offset, leak and speed share as they fit best, and the best of these are fitted.
 
     Args:
         per_speed: usual effort per usual speed. fastest: 1/s, gain that the simulation bears.

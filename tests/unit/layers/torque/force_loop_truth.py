@@ -41,7 +41,7 @@ def torque(command, velocity, dt, compensated=0.9, band=0.0, delay=0.0, lag=0.0,
     return found
 
 
-def log_set(dt=2e-3, seconds=16.0, noise=0.3, trials=3, stop=None, **machine):
+def log_set(dt=2e-3, seconds=10.0, noise=0.3, trials=3, stop=None, **machine):
     """A log set of one joint; the last trial is held out. `stop`: position of an end stop, where the torque is noise."""
     found = []
     for i in range(trials):
