@@ -139,6 +139,6 @@ def _text(joint: str, ends: Sequence[TravelEnd], touched: Sequence[np.ndarray], 
     places = " and ".join(f"{end.position:.4g}" for end in ends)
     samples = sum(int(here.sum()) for here in touched)
     return (
-        f"{joint} rests on or hits an end stop near {places}: {samples} samples ({share:.1%}) in {sum(h.any() for h in touched)} "
-        "trials are left out, with the windows that hold them, for no law from command to torque holds there"
+        f"{joint} rests on or hits an end stop near {places}: {samples} samples ({share:.1%}) in "
+        f"{sum(h.any() for h in touched)} trials are left out, with the windows that hold them, for no law from command to torque holds there"
     )
