@@ -138,7 +138,8 @@ def _range(trials: Sequence[Trajectory], j: int) -> tuple[float, float]:
 def _text(joint: str, ends: Sequence[TravelEnd], touched: Sequence[np.ndarray], share: float) -> str:
     places = " and ".join(f"{end.position:.4g}" for end in ends)
     samples = sum(int(here.sum()) for here in touched)
+    trials = sum(here.any() for here in touched)
     return (
-        f"{joint} rests on or hits an end stop near {places}: {samples} samples ({share:.1%}) in "
-        f"{sum(h.any() for h in touched)} trials are left out, with the windows that hold them, for no law from command to torque holds there"
+        f"{joint} rests on or hits an end stop near {places}: {samples} samples ({share:.1%}) in {trials} trials are left out, "
+        "with the windows that hold them, for no law from command to torque holds there"
     )
