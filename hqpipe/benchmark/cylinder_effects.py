@@ -10,7 +10,7 @@ import numpy as np
 
 from hqpipe.benchmark.cylinder import STEP, CylinderMachine
 from hqpipe.benchmark.cylinder_record import references
-from hqpipe.benchmark.planted import Built, Planted, plant_recipe
+from hqpipe.benchmark.planted import Built, Planted, one_setting, plant_recipe
 
 Build = Callable[[CylinderMachine, int, float, np.random.Generator], Built]
 LAYER = "valve"
@@ -79,18 +79,10 @@ def _delay(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"delay_s": delay}, {"delay_s": delay}
 
 
-def _lag(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
-    return {"lag": size}, {"time_constant_s": size}
-
-
 def _saturation(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     needed = [np.quantile(np.abs(references(machine, trial)[1][:, j]), 0.95) for trial in machine.trials]
     limit = size * float(max(needed)) / float(machine.top_speed[j])
     return {"limit": limit}, {"limit": limit}
-
-
-def _asymmetry(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
-    return {"asymmetry": size}, {"ratio": size}
 
 
 def _droop(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
@@ -110,22 +102,6 @@ def _orifice(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"load_share": size}, {"effort_max_nm": force * radius}
 
 
-def _load_only(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
-    return {"load_share": size}, {}
-
-
-def _sticking(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
-    return {"stiction": size}, {}
-
-
-def _play(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
-    return {"play": size}, {}
-
-
-def _lost_frames(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
-    return {"lost_frames": size}, {}
-
-
 def _temperature(machine: CylinderMachine, j: int, size: float, rng: Any) -> Built:
     return {"jump_from": rng.uniform(0.35, 0.65), "jump_gain": 1.0 - size}, {}
 
@@ -140,19 +116,19 @@ RECIPES: dict[str, CylinderRecipe] = {
         CylinderRecipe("valve_deadband", (0.02, 0.06, 0.15), _deadband),
         CylinderRecipe("valve_deadband_with_jump", (0.02, 0.06, 0.15), _deadband_with_jump),
         CylinderRecipe("command_delay", (0.01, 0.03, 0.08), _delay),
-        CylinderRecipe("valve_lag", (0.035, 0.08, 0.2), _lag),
+        CylinderRecipe("valve_lag", (0.035, 0.08, 0.2), one_setting("lag", "time_constant_s")),
         CylinderRecipe("flow_saturation", (0.9, 0.75, 0.5), _saturation),
-        CylinderRecipe("direction_asymmetry", (0.04, 0.12, 0.25), _asymmetry, signed=True),
+        CylinderRecipe("direction_asymmetry", (0.04, 0.12, 0.25), one_setting("asymmetry", "ratio"), signed=True),
         CylinderRecipe("supply_droop", (0.15, 0.4, 0.65), _droop, pressures=False, machine=True),
         CylinderRecipe("gain_drift", (0.05, 0.15, 0.3), _drift, signed=True),
         CylinderRecipe("orifice_flow", (0.15, 0.3, 0.5), _orifice, pressures=True),
         CylinderRecipe("dead_time_asymmetry", (0.015, 0.04, 0.1), _dead_time_asymmetry, signed=True),
         CylinderRecipe("leakage", (0.05, 0.13, 0.3), _leakage, pressures=True, loaded=(0.3, 0.45)),
         CylinderRecipe("counterbalance", (0.5, 1.5, 4.0), _counterbalance, pressures=True, loaded=(0.25, 0.35)),
-        CylinderRecipe("load_dependence", (0.4,), _load_only, outside=True, pressures=False),
-        CylinderRecipe("sticking_valve", (0.08,), _sticking, outside=True),
-        CylinderRecipe("hysteresis", (0.06,), _play, outside=True),
-        CylinderRecipe("dropped_frames", (0.15,), _lost_frames, outside=True),
+        CylinderRecipe("load_dependence", (0.4,), one_setting("load_share"), outside=True, pressures=False),
+        CylinderRecipe("sticking_valve", (0.08,), one_setting("stiction"), outside=True),
+        CylinderRecipe("hysteresis", (0.06,), one_setting("play"), outside=True),
+        CylinderRecipe("dropped_frames", (0.15,), one_setting("lost_frames"), outside=True),
         CylinderRecipe("temperature_jump", (0.25,), _temperature, outside=True),
         CylinderRecipe("gain_hunting", (0.25,), _hunting, outside=True),
     )

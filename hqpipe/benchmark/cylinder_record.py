@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from hqpipe.benchmark.cylinder import STEP, CylinderMachine
@@ -80,33 +82,46 @@ def _lost(steps: int, share: float, rng: np.random.Generator) -> np.ndarray:
     return lost
 
 
-def _logged(machine: CylinderMachine, trial: Motion, kept: np.ndarray) -> dict[str, np.ndarray]:
+def logged_motion(
+    machine: Any, j: int, kept: np.ndarray, time: np.ndarray, speed_noise: float, rng: np.random.Generator
+) -> dict[str, np.ndarray]:
+    """Position, and speed where it is logged, of a cylinder or of the joint that it turns.
+
+    Args:
+        kept: (T, J, ≥ 2) position and speed, a row each `KEPT_S`. time: (N,) s. speed_noise: share of the full speed.
+    """
     from scipy.signal import lfilter
 
+    log, name, radius = machine.logger, machine.names[j], machine.radius_of(j)
+    fine = np.arange(len(kept)) * KEPT_S
+    place = np.interp(time, fine, kept[:, j, 0]) + rng.normal(0.0, log.noise, len(time))
+    place = np.round(place / log.resolution) * log.resolution
+    if machine.kinds[j] == "revolute":
+        place = place - 0.5 * machine.axes["stroke"][j]
+    found = {f"joint/{name}/position": place / radius}
+    if log.speed:
+        share = 1.0 - np.exp(-KEPT_S / SPEED_LAG)
+        speed = lfilter([share], [1.0, share - 1.0], kept[:, j, 1])
+        noise = rng.normal(0.0, speed_noise * machine.top_speed[j], len(time))
+        found[f"joint/{name}/velocity"] = (np.interp(time, fine, speed) + noise) / radius
+    return found
+
+
+def _logged(machine: CylinderMachine, trial: Motion, kept: np.ndarray) -> dict[str, np.ndarray]:
     log, rng = machine.logger, np.random.default_rng([trial.seed, 99])
     time = sample_times(trial.seconds, log.rate_hz, log.jitter, rng)
     fine = np.arange(len(kept)) * KEPT_S
     row = np.clip(np.floor(time / KEPT_S + 1e-6).astype(np.int64), 0, len(kept) - 1)
     found: dict[str, np.ndarray] = {"time": time}
-    share = 1.0 - np.exp(-KEPT_S / SPEED_LAG)
     for j, name in enumerate(machine.names):
-        radius = machine.radius_of(j)
-        place = np.interp(time, fine, kept[:, j, 0]) + rng.normal(0.0, log.noise, len(time))
-        place = np.round(place / log.resolution) * log.resolution
-        if machine.kinds[j] == "revolute":
-            place = place - 0.5 * machine.axes["stroke"][j]
-        found[f"joint/{name}/position"] = place / radius
-        if log.speed:
-            speed = lfilter([share], [1.0, share - 1.0], kept[:, j, 1])
-            noise = rng.normal(0.0, 0.005 * machine.top_speed[j], len(time))
-            found[f"joint/{name}/velocity"] = (np.interp(time, fine, speed) + noise) / radius
+        found |= logged_motion(machine, j, kept, time, 0.005, rng)
         found[f"joint/{name}/valve_command"] = kept[row, j, 4]
         if log.pressures:
             a = np.interp(time, fine, kept[:, j, 2]) + rng.normal(0.0, log.pressure_noise, len(time))
             b = np.interp(time, fine, kept[:, j, 3]) + rng.normal(0.0, log.pressure_noise, len(time))
             found[f"joint/{name}/pressure_a"], found[f"joint/{name}/pressure_b"] = np.abs(a), np.abs(b)
             force = a * machine.axes["area_a"][j] - b * machine.axes["area_b"][j]
-            found[f"joint/{name}/effort"] = force * (radius if machine.kinds[j] == "revolute" else 1.0)
+            found[f"joint/{name}/effort"] = force * (machine.radius_of(j) if machine.kinds[j] == "revolute" else 1.0)
     if log.supply:
         found["supply/pressure"] = np.interp(time, fine, kept[:, 0, 5]) + rng.normal(0.0, log.pressure_noise, len(time))
     return found

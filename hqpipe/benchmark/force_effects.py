@@ -16,7 +16,7 @@ from hqpipe.benchmark.cylinder import STEP
 from hqpipe.benchmark.cylinder_effects import with_lags
 from hqpipe.benchmark.force_cylinder import ForceMachine, motion
 from hqpipe.benchmark.force_record import run
-from hqpipe.benchmark.planted import Built, Planted, plant_recipe
+from hqpipe.benchmark.planted import Built, Planted, one_setting, plant_recipe
 
 LAYER = "torque"
 Build = Callable[[ForceMachine, int, float, np.random.Generator], Built]
@@ -69,22 +69,6 @@ def _droop(machine: ForceMachine, j: int, size: float, rng: Any) -> Built:
     return {"pump_slope": slope, "pump_capacity": slope * recovery}, {"droop": None, "recovery_s": recovery}
 
 
-def _lag(machine: ForceMachine, j: int, size: float, rng: Any) -> Built:
-    return {"lag": size}, {"time_constant_s": size}
-
-
-def _sticking(machine: ForceMachine, j: int, size: float, rng: Any) -> Built:
-    return {"stiction": size}, {}
-
-
-def _play(machine: ForceMachine, j: int, size: float, rng: Any) -> Built:
-    return {"play": size}, {}
-
-
-def _lost_frames(machine: ForceMachine, j: int, size: float, rng: Any) -> Built:
-    return {"lost_frames": size}, {}
-
-
 RECIPES: dict[str, ForceRecipe] = {
     recipe.name: recipe
     for recipe in (
@@ -93,10 +77,10 @@ RECIPES: dict[str, ForceRecipe] = {
         ForceRecipe("valve_deadband", (0.002, 0.007, 0.02), _deadband),
         ForceRecipe("flow_saturation", (0.8, 0.6, 0.4), _saturation),
         ForceRecipe("supply_droop", (0.15, 0.35, 0.6), _droop, pressures=False, machine=True),
-        ForceRecipe("valve_lag", (0.004, 0.009, 0.02), _lag),
-        ForceRecipe("sticking_valve", (0.03,), _sticking, outside=True),
-        ForceRecipe("hysteresis", (0.01,), _play, outside=True),
-        ForceRecipe("dropped_frames", (0.15,), _lost_frames, outside=True),
+        ForceRecipe("valve_lag", (0.004, 0.009, 0.02), one_setting("lag", "time_constant_s")),
+        ForceRecipe("sticking_valve", (0.03,), one_setting("stiction"), outside=True),
+        ForceRecipe("hysteresis", (0.01,), one_setting("play"), outside=True),
+        ForceRecipe("dropped_frames", (0.15,), one_setting("lost_frames"), outside=True),
     )
 }
 

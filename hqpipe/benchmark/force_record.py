@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hqpipe.benchmark.cylinder import STEP
-from hqpipe.benchmark.cylinder_record import KEEP, SPEED_LAG, dead_times, lost_frames
+from hqpipe.benchmark.cylinder_record import KEEP, dead_times, logged_motion, lost_frames
 from hqpipe.benchmark.electric_record import sample_times
 from hqpipe.benchmark.force_cylinder import KEPT_S, ForceMachine, motion
 from hqpipe.benchmark.force_loop import run_force_cylinders
@@ -45,25 +45,14 @@ def _finer(signal: np.ndarray, times: int) -> np.ndarray:
 
 def record(machine: ForceMachine, trial: Motion) -> dict[str, np.ndarray]:
     """The columns of a trial as the machine's logger writes them; a joint that turns in rad and N·m."""
-    from scipy.signal import lfilter
-
     kept, log, rng = run(machine, trial), machine.logger, np.random.default_rng([trial.seed, 99])
     time = sample_times(trial.seconds, log.rate_hz, log.jitter, rng)
     fine = np.arange(len(kept)) * KEPT_S
     row = np.clip(np.floor(time / KEPT_S + 1e-6).astype(np.int64), 0, len(kept) - 1)
     found: dict[str, np.ndarray] = {"time": time}
-    share = 1.0 - np.exp(-KEPT_S / SPEED_LAG)
     for j, name in enumerate(machine.names):
         radius = machine.radius_of(j)
-        place = np.interp(time, fine, kept[:, j, 0]) + rng.normal(0.0, log.noise, len(time))
-        place = np.round(place / log.resolution) * log.resolution
-        if machine.kinds[j] == "revolute":
-            place = place - 0.5 * machine.axes["stroke"][j]
-        found[f"joint/{name}/position"] = place / radius
-        if log.speed:
-            speed = lfilter([share], [1.0, share - 1.0], kept[:, j, 1])
-            noise = rng.normal(0.0, 0.002 * machine.top_speed[j], len(time))
-            found[f"joint/{name}/velocity"] = (np.interp(time, fine, speed) + noise) / radius
+        found |= logged_motion(machine, j, kept, time, 0.002, rng)
         found[f"joint/{name}/effort_command"] = kept[row, j, 4] * radius
         force = np.interp(time, fine, kept[:, j, 6]) + rng.normal(0.0, machine.effort_noise[j], len(time))
         found[f"joint/{name}/effort"] = force * radius

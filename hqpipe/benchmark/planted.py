@@ -81,6 +81,15 @@ class Sized(Protocol):
     def signed(self) -> bool: ...
 
 
+def one_setting(setting: str, number: str | None = None) -> Callable[[Any, int, float, np.random.Generator], Built]:
+    """How an effect is planted that is one field of the simulated machine, and one number of diagnosis.json or none."""
+
+    def build(machine: Any, j: int, size: float, rng: np.random.Generator) -> Built:
+        return {setting: size}, {} if number is None else {number: size}
+
+    return build
+
+
 def plant_recipe(
     recipe: Sized,
     effect: str,

@@ -159,7 +159,7 @@ def considered(errors: LayerErrors, layer: str, withdrawn: Mapping[str, str]) ->
             reason = f"could take the place of {rivals[effect]}: the logs do not rule it out"
         elif any(effect in joint.found.withdrawn for joint in errors.joints):
             reason = "the fit trials ask for it, but it does not show in the held-out ones"
-        elif any(effect in joint.found.outweighed for joint in errors.joints):
+        elif any(effect in joint.found.minor for joint in errors.joints):
             reason = "it closes less than half of what is left unexplained, of which it may be a part"
         elif max(joint.found.probabilities.get(effect, 0.0) for joint in errors.joints) > _BELIEVED:
             reason = "it is there, but closes too little of the gap, is too small, or stands at its bound"

@@ -74,7 +74,7 @@ class JointFound:
         visible: named effect that the joint was not given → how far from neutral its first number would have to be for these
             logs to name it; those that the joint's other numbers can imitate are left out.
         drifts: numbers that differ between trials by more than chance, as sentences.
-        withdrawn: effects that the fit trials ask for and that do not show in the held-out ones. outweighed: effects that
+        withdrawn: effects that the fit trials ask for and that do not show in the held-out ones. minor: effects that
             they ask for and that are small beside what is left unexplained.
     """
 
@@ -93,7 +93,7 @@ class JointFound:
     visible: dict[str, float] = field(default_factory=dict)
     drifts: tuple[str, ...] = ()
     withdrawn: tuple[str, ...] = ()
-    outweighed: tuple[str, ...] = ()
+    minor: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,8 @@ import numpy as np
 from hqpipe.identify.change import changes_between
 from hqpipe.identify.found import JointFound, LayerFound
 from hqpipe.identify.joint_answer import answer
+from hqpipe.identify.minor_causes import without_minor_causes
 from hqpipe.identify.model import JointModel, LayerJoints
-from hqpipe.identify.outweighed import without_outweighed
 from hqpipe.identify.search import Known, Search
 from hqpipe.identify.visible import least_visible
 
@@ -66,7 +66,7 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
                 pool.map(lambda pair: _weighed_again(*pair[0], pair[1]), zip(searched, others, strict=True))
             )
         answers = tuple(pool.map(lambda pair: answer(*pair), searched))
-    answers = without_outweighed(searched, answers)
+    answers = without_minor_causes(searched, answers)
     return tuple(_with_visible(search, found) for (search, _), found in zip(searched, answers, strict=True))
 
 

@@ -62,7 +62,7 @@ def answer(search: Search, best: Known) -> JointFound:
         unexplained=max(square - floor_of(search), 0.0) / whole,
         drifts=drifts(search, core),
         withdrawn=tuple(sorted(claimed.names - core.names)),
-        outweighed=tuple(sorted(search.barred)),
+        minor=tuple(sorted(search.barred)),
     )
 
 

@@ -70,7 +70,7 @@ def test_a_cause_that_the_held_out_trials_contradict_is_withdrawn():
 def test_a_cause_that_is_small_beside_what_is_left_unexplained_needs_other_joints():
     doubtful = ToyJoint("hip", truth={"coulomb_friction": 0.15}, unknown=0.4)
     (alone,) = _found(doubtful)
-    assert _names(alone) == [] and alone.outweighed == ("coulomb_friction",)
+    assert _names(alone) == [] and alone.minor == ("coulomb_friction",)
     others = [ToyJoint(name, truth={"coulomb_friction": 0.6}, seed=k + 1) for k, name in enumerate(("knee", "ankle"))]
     assert [_names(joint) for joint in _found(doubtful, *others)] == [["coulomb_friction"]] * 3
 

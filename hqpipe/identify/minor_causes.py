@@ -20,7 +20,7 @@ most, as the best of twelve random directions in a space of ten shapes is in hal
 than that is not named, and counts as unknown."""
 
 
-def without_outweighed(
+def without_minor_causes(
     searched: Sequence[tuple[Search, Known]], answers: Sequence[JointFound]
 ) -> tuple[JointFound, ...]:
     """The answers of a machine's joints without such causes; the least one goes first, as others may take its part.
@@ -29,7 +29,7 @@ def without_outweighed(
         searched, answers: of each joint.
     """
     answers = list(answers)
-    while weak := _outweighed(answers):
+    while weak := _minor(answers):
         _, effect, j = min(weak)
         search, best = searched[j]
         search.barred.add(effect)
@@ -37,7 +37,7 @@ def without_outweighed(
     return tuple(answers)
 
 
-def _outweighed(answers: Sequence[JointFound]) -> list[tuple[float, str, int]]:
+def _minor(answers: Sequence[JointFound]) -> list[tuple[float, str, int]]:
     """(what it closes over what is left, effect, joint) of each such cause.
 
     Joints that show an effect clearly count towards it in those that show it less, each relative to its base.
