@@ -13,8 +13,12 @@ import numpy as np
 from hqpipe.identify.model import JointModel, all_parameters
 
 _STEP = 3e-3  # of the spread: long enough that a stick-slip event which moves by a substep does not decide the slope
+_CHANGE = 3.0
+"""Size of the error's change, over its root mean square, that the step of a difference is to bring: as a few standard
+deviations of the parameter if the errors were white. Longer ones pass over the corners of a limit that the data resolve."""
 _TOLERANCE = 1e-4  # of the cost, per step: half a unit of ln B at ten thousand independent samples
 _ITERATIONS = 40  # assumption: a fit that needs more does not converge
+_LEAST_STEP = 1e-6  # of the spread; assumption: no data resolve less
 _LEAST_DAMPING, _DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
 _SEEN = 1e-7  # of the size of the error, that a difference must reach to be told from rounding
 
@@ -69,9 +73,12 @@ class Fitter:
         jacobian = np.zeros((len(error), len(free)))
         if not np.isfinite(cost):
             return Solution(free, values, error, jacobian, np.inf)
+        most = np.full(len(free), np.inf)
         for _ in range(_ITERATIONS):
-            jacobian = self.jacobian(values, error, free)
-            before = cost
+            before, steps = cost, self._steps(values, free, most)
+            jacobian = self.jacobian(values, error, free, steps)
+            most = self._resolved(jacobian, error)
+            coarse = bool(np.any(most < 0.5 * steps))
             while damping <= _MOST_DAMPING:
                 trial = self._stepped(values, error, jacobian, free, noise, damping)
                 trial_error = self.error(trial)
@@ -82,15 +89,17 @@ class Fitter:
                     break
                 damping *= 10.0
             if before - cost <= _TOLERANCE * before:
-                break
+                if not coarse:
+                    break
+                damping = _DAMPING
         return Solution(free, values, error, jacobian, float(error @ error))
 
-    def jacobian(self, values: np.ndarray, error: np.ndarray, free: np.ndarray) -> np.ndarray:
-        """(N, F) of the error by one-sided differences, away from a bound."""
+    def jacobian(self, values: np.ndarray, error: np.ndarray, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """(N, F) of the error by one-sided differences of the length `steps` (F,), away from a bound."""
         columns = np.empty((len(error), len(free)))
         size = float(np.sqrt(error @ error)) or 1.0
         for k, index in enumerate(free):
-            step = self._step(values, int(index))
+            step = self._within(values, int(index), float(steps[k]))
             for _ in range(4):
                 moved = values.copy()
                 moved[index] += step
@@ -104,9 +113,16 @@ class Fitter:
             columns[:, k] = difference / step
         return columns
 
-    def _step(self, values: np.ndarray, index: int) -> float:
-        size = self.spread[index] if np.isfinite(self.spread[index]) else max(abs(values[index]), 1e-3)
-        return self._within(values, index, _STEP * size)
+    def _steps(self, values: np.ndarray, free: np.ndarray, most: np.ndarray) -> np.ndarray:
+        """(F,) lengths of the differences: a part of what is known of the size beforehand, `most` (F,) at most."""
+        size = np.where(np.isfinite(self.spread[free]), self.spread[free], np.maximum(np.abs(values[free]), 1e-3))
+        return np.minimum(_STEP * size, np.maximum(most, _LEAST_STEP * size))
+
+    def _resolved(self, jacobian: np.ndarray, error: np.ndarray) -> np.ndarray:
+        """(F,) steps that change the error by `_CHANGE` of its root mean square; infinite where nothing changes."""
+        size = _CHANGE * np.sqrt(error @ error / len(error))
+        slope = np.sqrt(np.sum(jacobian**2, axis=0))
+        return np.divide(size, slope, out=np.full(len(slope), np.inf), where=slope > 0.0)
 
     def _within(self, values: np.ndarray, index: int, step: float) -> float:
         """The step, turned round where it would leave the bounds."""

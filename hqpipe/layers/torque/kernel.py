@@ -1,0 +1,174 @@
+"""The torque of a force loop from its command: all effects at once, each inert at its neutral value.
+
+error    delayed command less torque, plus what the drive adds for the speed, plus its integral
+spool    first-order lag of the error, with a play, within ± limit; the deadband is cut out of it
+flow     spool × direction × curve × geometry × load × supply × drift
+torque   its rate is gain × (flow + offsets) less what the motion of the joint takes away
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+import hqpipe.system.checked_cache  # noqa: F401 (before any function is compiled)
+
+LAYOUT = (
+    "gain", "speed_share", "offset", "compensation", "row_offset_s", "delay_s", "difference_s", "time_constant_s", "play",
+    "limit", "half_width", "ratio", "inverse_effort_max", "droop", "recovery_s", "drawn_ratio", "evened_out", "others",
+    "rate_per_s", "ki", "curve",
+    "geometry_1", "geometry_2", "offset_1", "offset_2", "speed_1", "speed_2", "turbulent", "drag", "leak", "leak_curve",
+    "gain_step", "moment_s", "drift", "speed_lead_s", "dt", "error_scale", "speed_scale", "effort_scale", "most_effort",
+    "longest_s",
+)  # fmt: skip
+(
+    GAIN, SPEED, OFFSET, COMPENSATION, ROW_OFFSET, DELAY, DIFFERENCE, LAG, PLAY,
+    LIMIT, BAND, RATIO, INVERSE_EFFORT, DROOP, RECOVERY, DRAWN, EVENED, OTHERS,
+    RATE, KI, CURVE,
+    GEOMETRY_1, GEOMETRY_2, OFFSET_1, OFFSET_2, SPEED_1, SPEED_2, TURBULENT, DRAG, LEAK, LEAK_CURVE,
+    STEP, MOMENT, DRIFT, LEAD, DT, ERROR_SCALE, SPEED_SCALE, EFFORT_SCALE, MOST_EFFORT,
+    LONGEST,
+) = range(len(LAYOUT))  # fmt: skip
+
+CLEARANCE = 0.035
+"""Share of the half width over which the edge of a deadband is rounded: oil passes the clearance of the lands before the
+spool opens (Merritt 1967, ch. 5: leakage at null)."""
+CHANGE = 0.05  # of the longest trial, in which a sudden change of the gain happens; assumption: as in valve mode
+SHUT = 0.05  # share of the pressure below which no drive evens it out; assumption
+TURNING = 0.02  # of the usual speed, over which a drag changes its sign; assumption: seals creep before they slide
+TIME, Z, VELOCITY, OTHER_SPEED, LOSS = range(5)
+"""Rows of the logged signals: s since the trial began; position over its travel, −1 … 1; velocity; summed speed of the other
+joints, each over its usual speed; measured loss of supply pressure, 0 … 1."""
+
+
+@njit(cache=True, nogil=True, inline="always")
+def held_mean(command: np.ndarray, first: int, last: int, start: float, length: float) -> float:
+    """Mean of a command held from sample to sample, from `start` for `length` ≤ 1 samples."""
+    whole = int(np.floor(start))
+    here = command[min(max(whole, first), last)]
+    over = start + length - (whole + 1.0)
+    if over <= 0.0:
+        return here
+    following = command[min(max(whole + 1, first), last)]
+    return here + over / length * (following - here)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def between(values: np.ndarray, first: int, last: int, at: float) -> float:
+    """A measured signal at a place between samples, on the straight line from one to the next."""
+    whole = int(np.floor(at))
+    here, following = values[min(max(whole, first), last)], values[min(max(whole + 1, first), last)]
+    return here + (at - whole) * (following - here)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def opened(p: np.ndarray, spool: float) -> float:
+    """Opening of the valve in the unit of the torque error: within the stroke, beyond the deadband."""
+    found = min(max(spool, -p[LIMIT]), p[LIMIT])
+    if p[BAND] == 0.0:
+        return found
+    corner, size = CLEARANCE * p[BAND], abs(found)
+    excess = size - p[BAND]
+    if excess <= -corner:
+        return 0.0
+    beyond = excess if excess >= corner else 0.25 * (excess + corner) ** 2 / corner
+    return beyond if found > 0.0 else -beyond
+
+
+@njit(cache=True, nogil=True, inline="always")
+def flow_of(p: np.ndarray, opening: float, torque: float, z: float, time: float, sag: float) -> float:
+    """Flow over the flow gain for an opening; `sag` is the relative loss of supply pressure."""
+    flow = opening + p[RATIO] * abs(opening)
+    flow *= 1.0 + p[CURVE] * abs(opening) / p[ERROR_SCALE]
+    flow *= 1.0 + p[GEOMETRY_1] * z + p[GEOMETRY_2] * z * z
+    against = torque if opening > 0.0 else -torque
+    # A drive that evens out the load's share of the pressure counts on the full supply: what is lost weighs more under load.
+    lost = sag / max(1.0 - p[EVENED] * against / p[MOST_EFFORT], SHUT)
+    pressure = 1.0 - lost - p[INVERSE_EFFORT] * against
+    flow *= np.sqrt(max(pressure, 0.0)) * max(1.0 + p[RATE] * time, 0.0)
+    if p[STEP] != 0.0:
+        passed = (time - p[MOMENT]) / (CHANGE * p[LONGEST]) + 0.5
+        flow *= max(1.0 + p[STEP] * min(max(passed, 0.0), 1.0), 0.0)
+    return flow
+
+
+@njit(cache=True, nogil=True, inline="always")
+def beside_of(p: np.ndarray, v: float, torque: float, z: float, time: float) -> float:
+    """What adds to the flow beside the valve, in the unit of the torque error."""
+    found = p[OFFSET] + p[OFFSET_1] * z + p[OFFSET_2] * z * z
+    share = v / p[SPEED_SCALE]
+    found -= p[TURBULENT] * share * abs(share) + share * (p[SPEED_1] * z + p[SPEED_2] * z * z)
+    found -= p[DRAG] * share / np.sqrt(share * share + TURNING * TURNING)
+    found -= p[LEAK] * torque + p[LEAK_CURVE] * torque * abs(torque) / p[EFFORT_SCALE]
+    return found + p[DRIFT] * (time / p[LONGEST] - 0.5)
+
+
+@njit(cache=True, nogil=True)
+def run_blocks(
+    p: np.ndarray,
+    command: np.ndarray,
+    effort: np.ndarray,
+    signals: np.ndarray,
+    restart: np.ndarray,
+    first: np.ndarray,
+    last: np.ndarray,
+    start: np.ndarray,
+    stop: np.ndarray,
+    substeps: int,
+    torque: np.ndarray,
+) -> None:
+    """Fill the torque at each sample, (T,), block by block.
+
+    Args:
+        p: as in `LAYOUT`. command, effort: (T,). signals: (5, T). restart: (T,) whether the torque is set to the logged one.
+        first, last: (B,) first and last sample of the stretch of each block. start, stop: (B,) its samples start … stop − 1.
+        substeps: per sample.
+    """
+    h, length = p[DT] / substeps, 1.0 / substeps
+    share, mean = 1.0, 1.0
+    if p[LAG] > 0.0:
+        share = 1.0 - np.exp(-h / p[LAG])
+        mean = 1.0 - p[LAG] / h * share
+    recovering = 1.0 - np.exp(-h / max(p[RECOVERY], 1e-9))
+    delay, late = (p[ROW_OFFSET] + p[DELAY]) / p[DT], abs(p[DIFFERENCE]) / h
+    past = np.zeros(int(late) + 2)
+    velocity = signals[VELOCITY]
+    for b in range(start.shape[0]):
+        x, slope, integral, sag, count = effort[start[b]], 0.0, 0.0, 0.0, 0
+        spool = slack = 0.0
+        for k in range(start[b], stop[b]):
+            if restart[k]:
+                x = effort[k]
+            torque[k] = x
+            measured = p[DROOP] * signals[LOSS, k]
+            for i in range(substeps):
+                at = k + i * length
+                v = between(velocity, first[b], last[b], at + 0.5 * length + p[LEAD] / p[DT])
+                z = between(signals[Z], first[b], last[b], at + 0.5 * length)
+                time = signals[TIME, k] + (i + 0.5) * h
+                middle = x + 0.5 * h * slope
+                wanted = held_mean(command, first[b], last[b], at - delay, length) - middle
+                if p[KI] != 0.0:
+                    integral += h * wanted
+                    wanted += p[KI] * integral
+                wanted += p[COMPENSATION] * v
+                if p[DIFFERENCE] != 0.0:
+                    size = past.shape[0]
+                    past[count % size] = wanted
+                    count += 1
+                    whole = int(late)
+                    newer, older = past[(count - 1 - whole) % size], past[(count - 2 - whole) % size]
+                    before = newer + (late - whole) * (older - newer)
+                    above, below = (before, wanted) if p[DIFFERENCE] > 0.0 else (wanted, before)
+                    wanted = max(above, 0.0) + min(below, 0.0)
+                if p[PLAY] > 0.0:
+                    slack = min(max(slack, wanted - p[PLAY]), wanted + p[PLAY])
+                    wanted = slack
+                seen = spool + mean * (wanted - spool) if mean < 1.0 else wanted
+                spool += share * (wanted - spool)
+                flow = flow_of(p, opened(p, seen), middle, z, time, measured if measured != 0.0 else sag)
+                if p[DROOP] != 0.0:
+                    demand = (v if v > 0.0 else -v * p[DRAWN]) / p[SPEED_SCALE] + p[OTHERS] * signals[OTHER_SPEED, k]
+                    sag += recovering * (p[DROOP] * demand - sag)
+                slope = p[GAIN] * (flow + beside_of(p, v, middle, z, time) - (p[COMPENSATION] + p[SPEED]) * v)
+                x += h * slope
