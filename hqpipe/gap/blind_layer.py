@@ -17,10 +17,8 @@ from hqpipe.layers import LAYERS
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.registry import load
 
-OF_MACHINE = {"servo": ("servo",), "arm": ("joint_motion", "servo"), "cylinder": ("valve",)}
+OF_MACHINE = {"servo": ("servo",), "arm": ("joint_motion", "servo"), "cylinder": ("valve",), "torque_cylinder": ("torque",)}
 """Machine → layers in which its effects can show: an arm without a torque or current in its logs has the layer of a servo."""
-COMMANDED_IN_TORQUE = (QUADRUPED, "torque_cylinder")
-"""Machines whose logs hold a command and the torque that it gives, which the actuator's own model is fitted to."""
 
 
 def layers_of(answer: Answer) -> tuple[str, ...]:
@@ -29,7 +27,7 @@ def layers_of(answer: Answer) -> tuple[str, ...]:
     Those that its effects name, then those of its machine. None where it is the error of the paper's four coefficients, see
     `hqpipe.gap.blind_truth.base_gap`.
     """
-    if answer.machine in COMMANDED_IN_TORQUE:
+    if answer.machine == QUADRUPED:
         return ()
     named = [effect.layer for effect in answer.effects if effect.layer in LAYERS]
     return tuple(dict.fromkeys((*named, *OF_MACHINE.get(answer.machine, LAYERS))))

@@ -15,7 +15,7 @@ from hqpipe.gap.joint_data import COMMAND_CHANNEL
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.trajectory import LogSet
 
-ACTUATOR, SERVO, JOINT_MOTION, VALVE = "actuator", "servo", "joint_motion", "valve"
+ACTUATOR, SERVO, JOINT_MOTION, VALVE, TORQUE = "actuator", "servo", "joint_motion", "valve", "torque"
 GIVEN_BY_THE_DRIVE = ("current", "estimate")
 """Sources of a torque that moves the joint against its friction, so that it can be compared with the motion."""
 FREE_BODY = ("base/", "foot/")  # columns of a machine that stands or walks: torques of its joints also carry its body
@@ -51,6 +51,8 @@ def route(log_set: LogSet) -> Route:
         if moved and fixed and source in GIVEN_BY_THE_DRIVE:
             # An electric drive, whose firmware makes the torque: there is no hydraulic law to ask for.
             return Route(False, moved)
+        if mode == "torque" and fixed:
+            return Route(False, (TORQUE,))
         return Route(True, moved if fixed and source is None and mode == "position" else ())
     layers = moved if {"effort", "current"} & set(channels) else ()
     if "effort" not in channels and ("position_command" in channels or _has_drive(log_set, channels)):
@@ -77,10 +79,11 @@ def has_law(log_set: LogSet) -> bool:
 def route_since(log_set: LogSet) -> Route:
     """The layers where the question is what changed since earlier logs.
 
-    The law from a commanded torque has no physical coefficients to compare, so that the motion is asked instead.
+    A closed force loop makes much the same of its command whatever its valve and its load have become, so that the motion is
+    asked instead.
     """
     chosen = route(log_set)
-    if chosen.actuator and log_set.control_mode == "torque" and not stands_free(log_set):
+    if has_law(log_set) and log_set.control_mode == "torque" and not stands_free(log_set):
         return Route(False, (JOINT_MOTION,))
     return chosen
 

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from hqpipe.identify.least_squares import Fitter
+from hqpipe.identify.least_squares import Fitter, lengths
 from hqpipe.identify.search import Known, Search
 
 _LEVEL = 0.975  # one-sided, of a 95 % interval
@@ -87,7 +87,7 @@ def _step(
     prior = np.where(sized, known.covariance.noise / spread**2, 0.0)
     away = np.where(sized, (values - fitter.neutral)[free], 0.0)
     normal = columns.T @ columns + np.diag(prior)
-    scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    scale = lengths(normal)
     slope = (columns.T @ error + prior * away) / scale
     return -np.linalg.lstsq(normal / np.outer(scale, scale), slope, rcond=_SINGULAR)[0] / scale
 

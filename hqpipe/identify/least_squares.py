@@ -16,9 +16,10 @@ _STEP = 3e-3  # of the spread: long enough that a stick-slip event which moves b
 _CHANGE = 3.0
 """Size of the error's change, over its root mean square, that the step of a difference is to bring: as a few standard
 deviations of the parameter if the errors were white. Longer ones pass over the corners of a limit that the data resolve."""
+_SLOW = 0.01  # of the cost, per step, from which on shorter differences are taken: a good slope brings more, or nothing
+_SHORTEST = 0.01  # of the long step; assumption: a jump of the error has no slope, however short the step
 _TOLERANCE = 1e-4  # of the cost, per step: half a unit of ln B at ten thousand independent samples
 _ITERATIONS = 40  # assumption: a fit that needs more does not converge
-_LEAST_STEP = 1e-6  # of the spread; assumption: no data resolve less
 _LEAST_DAMPING, _DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
 _SEEN = 1e-7  # of the size of the error, that a difference must reach to be told from rounding
 
@@ -73,12 +74,12 @@ class Fitter:
         jacobian = np.zeros((len(error), len(free)))
         if not np.isfinite(cost):
             return Solution(free, values, error, jacobian, np.inf)
-        most = np.full(len(free), np.inf)
+        fine = False
         for _ in range(_ITERATIONS):
-            before, steps = cost, self._steps(values, free, most)
+            before, steps = cost, self._steps(values, free)
+            if fine:
+                steps = np.clip(self._resolved(jacobian, error), _SHORTEST * steps, steps)
             jacobian = self.jacobian(values, error, free, steps)
-            most = self._resolved(jacobian, error)
-            coarse = bool(np.any(most < 0.5 * steps))
             while damping <= _MOST_DAMPING:
                 trial = self._stepped(values, error, jacobian, free, noise, damping)
                 trial_error = self.error(trial)
@@ -88,11 +89,16 @@ class Fitter:
                     damping = max(damping / 10.0, _LEAST_DAMPING)
                     break
                 damping *= 10.0
-            if before - cost <= _TOLERANCE * before:
-                if not coarse:
-                    break
-                damping = _DAMPING
+            if fine and before - cost <= _TOLERANCE * before:
+                break
+            if not fine and before - cost <= _SLOW * before:
+                fine, damping = True, _DAMPING
         return Solution(free, values, error, jacobian, float(error @ error))
+
+    def stopped(self, values: np.ndarray, free: np.ndarray, slope: np.ndarray) -> np.ndarray:
+        """(F,) whether a parameter is at a bound that it would pass on the way down; `slope`: (F,) of half the cost."""
+        now = values[free]
+        return ((now <= self.low[free]) & (slope > 0.0)) | ((now >= self.high[free]) & (slope < 0.0))
 
     def jacobian(self, values: np.ndarray, error: np.ndarray, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """(N, F) of the error by one-sided differences of the length `steps` (F,), away from a bound."""
@@ -110,13 +116,14 @@ class Fitter:
                 if difference @ difference > (_SEEN * size) ** 2:
                     break
                 step = self._within(values, int(index), 10.0 * step)
+            else:  # what changes nothing has no slope but that of rounding
+                difference = np.zeros(len(error))
             columns[:, k] = difference / step
         return columns
 
-    def _steps(self, values: np.ndarray, free: np.ndarray, most: np.ndarray) -> np.ndarray:
-        """(F,) lengths of the differences: a part of what is known of the size beforehand, `most` (F,) at most."""
-        size = np.where(np.isfinite(self.spread[free]), self.spread[free], np.maximum(np.abs(values[free]), 1e-3))
-        return np.minimum(_STEP * size, np.maximum(most, _LEAST_STEP * size))
+    def _steps(self, values: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """(F,) long steps for differences: a part of what is known of the size beforehand."""
+        return _STEP * np.where(np.isfinite(self.spread[free]), self.spread[free], np.maximum(np.abs(values[free]), 1e-3))
 
     def _resolved(self, jacobian: np.ndarray, error: np.ndarray) -> np.ndarray:
         """(F,) steps that change the error by `_CHANGE` of its root mean square; infinite where nothing changes."""
@@ -155,9 +162,7 @@ class Fitter:
         prior[known] = 2.0 * noise / self.spread[free][known] ** 2 / (1.0 + self._relative(values, free)[known] ** 2)
         normal = jacobian.T @ jacobian + np.diag(prior)
         slope = jacobian.T @ error + prior * (values - self.neutral)[free]
-        now = values[free]
-        moves = ~(((now <= self.low[free]) & (slope > 0.0)) | ((now >= self.high[free]) & (slope < 0.0)))
-        moves &= np.diag(normal) > 0.0
+        moves = ~self.stopped(values, free, slope) & (np.diag(normal) > 0.0)
         if not moves.any():
             return values
         part = normal[np.ix_(moves, moves)]
@@ -167,3 +172,9 @@ class Fitter:
         trial = values.copy()
         trial[free[moves]] += step
         return np.clip(trial, self.low, self.high)
+
+
+def lengths(normal: np.ndarray) -> np.ndarray:
+    """(F,) lengths of the columns of a normal matrix (F, F); 1 of a column that is nought, so that it can be divided by."""
+    squares = np.diag(normal)
+    return np.where(squares > 0.0, np.sqrt(np.maximum(squares, 0.0)), 1.0)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hqpipe.identify.least_squares import Fitter, Solution
+from hqpipe.identify.least_squares import Fitter, Solution, lengths
 from hqpipe.identify.model import Samples
 
 _GROUPS = 5  # as five-fold cross-validation
@@ -26,7 +26,7 @@ def left_out_square(fitter: Fitter, solution: Solution) -> float:
     noise = solution.square / max(len(error), 1)
     prior = np.where(np.isfinite(spread), noise / spread**2, 0.0)
     normal = jacobian.T @ jacobian + np.diag(prior)
-    scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    scale = lengths(normal)
     reach = np.where(np.isfinite(spread), spread, np.inf)  # what few samples ask for beyond that is noise
     total = 0.0
     group = groups(fitter.model.fit)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hqpipe.identify.least_squares import Fitter, Solution
+from hqpipe.identify.least_squares import Fitter, Solution, lengths
 from hqpipe.identify.model import Samples
 
 _BLOCK = 3.0  # autocorrelation times: neighbouring blocks then share a few per cent
@@ -92,7 +92,7 @@ def covariance(fitter: Fitter, solution: Solution) -> Covariance:
     normal = jacobian.T @ jacobian
     spread = fitter.spread[free]
     prior = np.where(np.isfinite(spread), noise / spread**2, 0.0)
-    scale = np.sqrt(np.maximum(np.diag(normal) + prior, np.finfo(float).tiny))
+    scale = lengths(normal + np.diag(prior))
     unit = np.outer(scale, scale)
     inverse = np.linalg.pinv((normal + np.diag(prior)) / unit, hermitian=True) / unit
     time = correlation_time(error, samples)

@@ -238,8 +238,13 @@ class Search:
         return self.fitter.fit(free, found.values, left) if left < _PRIOR_HOLDS * noise else found
 
     def _known(self, names: Names, solution: Solution) -> Known:
-        span, _ = np.linalg.qr(solution.jacobian)
-        return Known(names, solution, covariance(self.fitter, solution), span)
+        return Known(names, solution, covariance(self.fitter, solution), self._span(solution))
+
+    def _span(self, solution: Solution) -> np.ndarray:
+        """(N, F) orthonormal, what the free parameters can do: those that a bound stops can do nothing."""
+        columns = solution.jacobian
+        stopped = self.fitter.stopped(solution.values, solution.free, columns.T @ solution.error)
+        return np.linalg.qr(columns[:, ~stopped])[0]
 
     def _refit(self, known: Known, name: str) -> Solution:
         """The best of the fits from the starts that promise most: delays, gaps and limits have several minima."""

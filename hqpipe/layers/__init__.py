@@ -19,4 +19,5 @@ LAYERS = {
     "servo": "hqpipe.layers.servo:Servo",
     "joint_motion": "hqpipe.layers.joint_motion:JointMotion",
     "valve": "hqpipe.layers.valve:Valve",
+    "torque": "hqpipe.layers.torque:Torque",
 }

@@ -56,6 +56,7 @@ class TorqueJoint:
             record.command,
             record.effort,
             record.signals,
+            record.means[cut.stretch],
             cut.restart,
             cut.first,
             cut.last,

@@ -36,9 +36,13 @@ spool opens (Merritt 1967, ch. 5: leakage at null)."""
 CHANGE = 0.05  # of the longest trial, in which a sudden change of the gain happens; assumption: as in valve mode
 SHUT = 0.05  # share of the pressure below which no drive evens it out; assumption
 TURNING = 0.02  # of the usual speed, over which a drag changes its sign; assumption: seals creep before they slide
-TIME, Z, VELOCITY, OTHER_SPEED, LOSS = range(5)
+SIGNALS = 7
+TIME, Z, VELOCITY, OTHER_SPEED, LOSS, COMMAND_SUM, EFFORT_SUM = range(SIGNALS)
 """Rows of the logged signals: s since the trial began; position over its travel, −1 … 1; velocity; summed speed of the other
-joints, each over its usual speed; measured loss of supply pressure, 0 … 1."""
+joints, each over its usual speed; measured loss of supply pressure, 0 … 1; integrals of the command and the effort over time,
+their difference of no mean in each stretch."""
+MEAN_ERROR, MEAN_VELOCITY, MEAN_EFFORT = range(3)
+"""Columns of the means over the stretch of a block."""
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -103,12 +107,20 @@ def beside_of(p: np.ndarray, v: float, torque: float, z: float, time: float) -> 
     return found + p[DRIFT] * (time / p[LONGEST] - 0.5)
 
 
+@njit(cache=True, nogil=True, inline="always")
+def held_by_integral(p: np.ndarray, means: np.ndarray) -> float:
+    """What an integrator holds in the mean of a stretch: what balances it, as far as it comes to rest within a trial."""
+    balance = p[SPEED] * means[MEAN_VELOCITY] + p[LEAK] * means[MEAN_EFFORT] - p[OFFSET] - means[MEAN_ERROR]
+    return balance * (1.0 - np.exp(-p[KI] * p[LONGEST]))
+
+
 @njit(cache=True, nogil=True)
 def run_blocks(
     p: np.ndarray,
     command: np.ndarray,
     effort: np.ndarray,
     signals: np.ndarray,
+    means: np.ndarray,
     restart: np.ndarray,
     first: np.ndarray,
     last: np.ndarray,
@@ -120,7 +132,7 @@ def run_blocks(
     """Fill the torque at each sample, (T,), block by block.
 
     Args:
-        p: as in `LAYOUT`. command, effort: (T,). signals: (5, T). restart: (T,) whether the torque is set to the logged one.
+        p: as in `LAYOUT`. command, effort: (T,). signals: (7, T). means: (B, 3). restart: (T,) whether the torque is set to the logged one.
         first, last: (B,) first and last sample of the stretch of each block. start, stop: (B,) its samples start … stop − 1.
         substeps: per sample.
     """
@@ -134,8 +146,9 @@ def run_blocks(
     past = np.zeros(int(late) + 2)
     velocity = signals[VELOCITY]
     for b in range(start.shape[0]):
-        x, slope, integral, sag, count = effort[start[b]], 0.0, 0.0, 0.0, 0
+        x, slope, sag, count = effort[start[b]], 0.0, 0.0, 0
         spool = slack = 0.0
+        held = held_by_integral(p, means[b]) if p[KI] != 0.0 else 0.0
         for k in range(start[b], stop[b]):
             if restart[k]:
                 x = effort[k]
@@ -149,8 +162,9 @@ def run_blocks(
                 middle = x + 0.5 * h * slope
                 wanted = held_mean(command, first[b], last[b], at - delay, length) - middle
                 if p[KI] != 0.0:
-                    integral += h * wanted
-                    wanted += p[KI] * integral
+                    asked = between(signals[COMMAND_SUM], first[b], last[b], at + 0.5 * length - delay)
+                    given = between(signals[EFFORT_SUM], first[b], last[b], at + 0.5 * length)
+                    wanted += held + p[KI] * (asked - given)
                 wanted += p[COMPENSATION] * v
                 if p[DIFFERENCE] != 0.0:
                     size = past.shape[0]

@@ -12,11 +12,11 @@ from hqpipe.identify.model import LayerJoints
 from hqpipe.layers.torque.end_stops import at_end_stops
 from hqpipe.layers.torque.joint import TorqueJoint, samples_of
 from hqpipe.layers.torque.likely import likely_start
+from hqpipe.layers.torque.noise import error_noise
 from hqpipe.layers.torque.parameters import Sizes, base_parameters, effects
 from hqpipe.layers.torque.record import Record, Scales, record_of, scales_of
 from hqpipe.layers.torque.start import Look, first_look
 from hqpipe.layers.torque.windows import Windows, windows_of
-from hqpipe.logs.survey.signal import noise, resolution
 from hqpipe.logs.trajectory import LogSet
 
 NEEDED = ("effort_command", "effort", "position", "velocity")
@@ -131,7 +131,9 @@ def _joint(log_set: LogSet, name: str, seen: Seen, window_s: float, without: Col
     slides = log_set.kinds.get(name, "revolute") == "prismatic"
     unit, speed_unit = ("N", "m/s") if slides else ("N·m", "rad/s")
     size = _sizes(seen, dt, len(log_set.joints) == 1, unit, speed_unit)
-    sensor = [_noise(r) for r in seen.records]
+    sensor = [
+        error_noise(r, m, look.gain, look.speed_share) for r, m in zip(seen.records, seen.masked, strict=True)
+    ]
 
     def built(size: Sizes, leave: Collection[str], cuts: tuple[Windows, Windows]) -> TorqueJoint:
         return TorqueJoint(
@@ -194,24 +196,6 @@ def _opening(record: Record, compensation: float) -> tuple[float, float]:
     """Usual and largest opening of the valve, in the unit of the torque error, if the drive adds so much for the speed."""
     found = record.command - record.effort + compensation * record.velocity
     return float(np.sqrt(np.mean(found**2))), float(np.quantile(np.abs(found), 0.9999))
-
-
-def _noise(record: Record) -> float:
-    """Standard deviation of the noise of the effort, its quantisation included."""
-    if not len(record.effort):
-        return 0.0
-    step = resolution(record.effort)
-    rounding = (step or 0.0) / np.sqrt(12.0)
-    white = [noise(record.effort[a : b + 1], step) for a, b in zip(record.first, record.last, strict=True)]
-    known = [value for value in white if value is not None]
-    if known:
-        return max(float(np.median(known)), rounding)
-    third = np.concatenate(
-        [np.diff(record.effort[a : b + 1], 3) for a, b in zip(record.first, record.last, strict=True)]
-    )
-    # Third differences of white noise have 20 times its variance; the quietest quarter is taken for free of motion.
-    pieces = np.mean(third[: len(third) // 20 * 20].reshape(-1, 20) ** 2, axis=1) / 20.0
-    return max(float(np.sqrt(np.quantile(pieces, 0.25))) if len(pieces) else 0.0, rounding)
 
 
 def _notes(seen: Seen, dt: float) -> tuple[str, ...]:

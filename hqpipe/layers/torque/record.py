@@ -47,7 +47,7 @@ class Record:
         dt: s. files: recordings. trial: (N,) index into them. first, last: (S,) first and last sample of each stretch.
         stretch: (N,) index into these. time: (N,) s since the recording began.
         command, effort, position, velocity: (N,). observed: (N,). supply: whether its pressure was logged.
-        signals: (5, N) see `kernel`.
+        signals: (7, N) see `kernel`. means: (S, 3) of each stretch, see `kernel`.
     """
 
     dt: float
@@ -64,6 +64,7 @@ class Record:
     observed: np.ndarray
     supply: bool
     signals: np.ndarray
+    means: np.ndarray
 
 
 def scales_of(trials: Sequence[Trial], j: int) -> Scales:
@@ -110,7 +111,7 @@ def record_of(trials: Sequence[Trial], j: int, scales: Scales, dt: float) -> Rec
     position, velocity = joined(lambda t: t.position[:, j]), joined(lambda t: t.velocity[:, j])
     time = joined(lambda t: t.time - t.time[0] + t.start)
     supply = scales.supply > 0.0 and all(SUPPLY in t.extra for t in parts)
-    signals = np.zeros((5, len(position)))
+    signals = np.zeros((kernel.SIGNALS, len(position)))
     signals[kernel.TIME], signals[kernel.Z] = time, (position - scales.middle) / max(scales.half_travel, 1e-300)
     signals[kernel.VELOCITY] = velocity
     others = (np.arange(len(scales.speeds)) != j) & (np.array(scales.speeds) > 0.0)
@@ -119,6 +120,12 @@ def record_of(trials: Sequence[Trial], j: int, scales: Scales, dt: float) -> Rec
     elif others.any():
         usual = np.array(scales.speeds)[others]
         signals[kernel.OTHER_SPEED] = joined(lambda t: (np.abs(t.velocity[:, others]) / usual).sum(axis=1))
+    effort = [np.asarray(t.effort[:, j], dtype=np.float64) for t in parts]
+    error = [t.effort_command[:, j] - tau for t, tau in zip(parts, effort, strict=True)]
+    signals[kernel.COMMAND_SUM] = joined(lambda t: np.cumsum(t.effort_command[:, j]) - t.effort_command[:, j]) * dt
+    signals[kernel.EFFORT_SUM] = joined(lambda t: np.cumsum(t.effort[:, j]) - t.effort[:, j]) * dt
+    for a, b in zip(bounds[:-1], bounds[1:], strict=True):
+        signals[kernel.EFFORT_SUM, a:b] += np.mean(signals[kernel.COMMAND_SUM, a:b] - signals[kernel.EFFORT_SUM, a:b])
     return Record(
         dt=dt,
         files=files,
@@ -134,4 +141,7 @@ def record_of(trials: Sequence[Trial], j: int, scales: Scales, dt: float) -> Rec
         observed=joined(lambda t: t.recorded[:, j]).astype(bool),
         supply=supply,
         signals=signals,
+        means=np.array(
+            [[e.mean(), t.velocity[:, j].mean(), tau.mean()] for t, tau, e in zip(parts, effort, error, strict=True)]
+        ).reshape(-1, 3),
     )

@@ -19,12 +19,13 @@ class Windows:
     """What is simulated and what is judged.
 
     Attributes:
-        first, last, start, stop: (B,) of the blocks, see `kernel.run_blocks`. substeps: per sample.
+        stretch, first, last, start, stop: (B,) of the blocks, see `kernel.run_blocks`. substeps: per sample.
         restart: (T,) whether the torque is set to the logged one. sample: (N,) samples judged. held: (N,) where their
             window starts.
         windows: how many there are.
     """
 
+    stretch: np.ndarray
     first: np.ndarray
     last: np.ndarray
     start: np.ndarray
@@ -73,6 +74,7 @@ def windows_of(
         return np.concatenate(parts).astype(np.int64) if parts else np.zeros(0, dtype=np.int64)
 
     return Windows(
+        stretch=stretches,
         first=record.first[stretches],
         last=record.last[stretches],
         start=np.maximum(begins - warm, record.first[stretches]),
