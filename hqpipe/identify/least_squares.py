@@ -123,7 +123,9 @@ class Fitter:
 
     def _steps(self, values: np.ndarray, free: np.ndarray) -> np.ndarray:
         """(F,) long steps for differences: a part of what is known of the size beforehand."""
-        return _STEP * np.where(np.isfinite(self.spread[free]), self.spread[free], np.maximum(np.abs(values[free]), 1e-3))
+        return _STEP * np.where(
+            np.isfinite(self.spread[free]), self.spread[free], np.maximum(np.abs(values[free]), 1e-3)
+        )
 
     def _resolved(self, jacobian: np.ndarray, error: np.ndarray) -> np.ndarray:
         """(F,) steps that change the error by `_CHANGE` of its root mean square; infinite where nothing changes."""

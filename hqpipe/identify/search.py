@@ -243,6 +243,8 @@ class Search:
     def _span(self, solution: Solution) -> np.ndarray:
         """(N, F) orthonormal, what the free parameters can do: those that a bound stops can do nothing."""
         columns = solution.jacobian
+        if not np.isfinite(solution.square):
+            return columns[:, :0]
         stopped = self.fitter.stopped(solution.values, solution.free, columns.T @ solution.error)
         return np.linalg.qr(columns[:, ~stopped])[0]
 

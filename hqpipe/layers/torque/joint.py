@@ -11,7 +11,7 @@ from hqpipe.layers.torque.kernel import LAYOUT, run_blocks
 from hqpipe.layers.torque.record import Record
 from hqpipe.layers.torque.windows import Windows
 
-INVERSE = {"effort_max_nm": "inverse_effort_max"}
+INVERSE = {"effort_max_nm": "inverse_effort_max", "stall_nm": "inverse_stall"}
 _NEUTRAL = {"limit": np.inf, "recovery_s": 0.1, "drawn_ratio": 1.0, "others": 1.0}
 
 

@@ -2,8 +2,8 @@
 
 error    delayed command less torque, plus what the drive adds for the speed, plus its integral
 spool    first-order lag of the error, with a play, within ± limit; the deadband is cut out of it
-flow     spool × direction × curve × geometry × load × supply × drift
-torque   its rate is gain × (flow + offsets) less what the motion of the joint takes away
+flow     spool × direction × curve × load × supply × drift
+torque   its rate is gain × geometry × (flow + offsets, less what the motion of the joint takes away)
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import hqpipe.system.checked_cache  # noqa: F401 (before any function is compile
 
 LAYOUT = (
     "gain", "speed_share", "offset", "compensation", "row_offset_s", "delay_s", "difference_s", "time_constant_s", "play",
-    "limit", "half_width", "ratio", "inverse_effort_max", "droop", "recovery_s", "drawn_ratio", "evened_out", "others",
+    "limit", "inverse_stall", "half_width", "ratio", "inverse_effort_max", "droop", "recovery_s", "drawn_ratio", "evened_out", "others",
     "rate_per_s", "ki", "curve",
     "geometry_1", "geometry_2", "offset_1", "offset_2", "speed_1", "speed_2", "turbulent", "drag", "leak", "leak_curve",
     "gain_step", "moment_s", "drift", "speed_lead_s", "dt", "error_scale", "speed_scale", "effort_scale", "most_effort",
@@ -23,7 +23,7 @@ LAYOUT = (
 )  # fmt: skip
 (
     GAIN, SPEED, OFFSET, COMPENSATION, ROW_OFFSET, DELAY, DIFFERENCE, LAG, PLAY,
-    LIMIT, BAND, RATIO, INVERSE_EFFORT, DROOP, RECOVERY, DRAWN, EVENED, OTHERS,
+    LIMIT, INVERSE_STALL, BAND, RATIO, INVERSE_EFFORT, DROOP, RECOVERY, DRAWN, EVENED, OTHERS,
     RATE, KI, CURVE,
     GEOMETRY_1, GEOMETRY_2, OFFSET_1, OFFSET_2, SPEED_1, SPEED_2, TURBULENT, DRAG, LEAK, LEAK_CURVE,
     STEP, MOMENT, DRIFT, LEAD, DT, ERROR_SCALE, SPEED_SCALE, EFFORT_SCALE, MOST_EFFORT,
@@ -35,6 +35,7 @@ CLEARANCE = 0.035
 spool opens (Merritt 1967, ch. 5: leakage at null)."""
 CHANGE = 0.05  # of the longest trial, in which a sudden change of the gain happens; assumption: as in valve mode
 SHUT = 0.05  # share of the pressure below which no drive evens it out; assumption
+BURST = 20.0  # of the largest measured effort, which no prediction passes; assumption: a drive has no such reserve
 TURNING = 0.02  # of the usual speed, over which a drag changes its sign; assumption: seals creep before they slide
 SIGNALS = 7
 TIME, Z, VELOCITY, OTHER_SPEED, LOSS, COMMAND_SUM, EFFORT_SUM = range(SIGNALS)
@@ -66,9 +67,16 @@ def between(values: np.ndarray, first: int, last: int, at: float) -> float:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def opened(p: np.ndarray, spool: float) -> float:
-    """Opening of the valve in the unit of the torque error: within the stroke, beyond the deadband."""
-    found = min(max(spool, -p[LIMIT]), p[LIMIT])
+def opened(p: np.ndarray, spool: float, torque: float) -> float:
+    """Opening of the valve in the unit of the torque error: within the stroke, beyond the deadband.
+
+    A drive that evens out the load's share of the pressure opens further under load. Fully open it can do so no more.
+    """
+    found, limit = spool, p[LIMIT]
+    if p[INVERSE_STALL] != 0.0:
+        against = torque if spool > 0.0 else -torque
+        limit *= np.sqrt(max(1.0 - p[INVERSE_STALL] * against, 0.0))
+    found = min(max(spool, -limit), limit)
     if p[BAND] == 0.0:
         return found
     corner, size = CLEARANCE * p[BAND], abs(found)
@@ -80,11 +88,10 @@ def opened(p: np.ndarray, spool: float) -> float:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def flow_of(p: np.ndarray, opening: float, torque: float, z: float, time: float, sag: float) -> float:
+def flow_of(p: np.ndarray, opening: float, torque: float, time: float, sag: float) -> float:
     """Flow over the flow gain for an opening; `sag` is the relative loss of supply pressure."""
     flow = opening + p[RATIO] * abs(opening)
     flow *= 1.0 + p[CURVE] * abs(opening) / p[ERROR_SCALE]
-    flow *= 1.0 + p[GEOMETRY_1] * z + p[GEOMETRY_2] * z * z
     against = torque if opening > 0.0 else -torque
     # A drive that evens out the load's share of the pressure counts on the full supply: what is lost weighs more under load.
     lost = sag / max(1.0 - p[EVENED] * against / p[MOST_EFFORT], SHUT)
@@ -132,7 +139,8 @@ def run_blocks(
     """Fill the torque at each sample, (T,), block by block.
 
     Args:
-        p: as in `LAYOUT`. command, effort: (T,). signals: (7, T). means: (B, 3). restart: (T,) whether the torque is set to the logged one.
+        p: as in `LAYOUT`. command, effort: (T,). signals: (7, T). means: (B, 3).
+        restart: (T,) whether the torque is set to the logged one.
         first, last: (B,) first and last sample of the stretch of each block. start, stop: (B,) its samples start … stop − 1.
         substeps: per sample.
     """
@@ -141,6 +149,7 @@ def run_blocks(
     if p[LAG] > 0.0:
         share = 1.0 - np.exp(-h / p[LAG])
         mean = 1.0 - p[LAG] / h * share
+    most = BURST * p[MOST_EFFORT]
     recovering = 1.0 - np.exp(-h / max(p[RECOVERY], 1e-9))
     delay, late = (p[ROW_OFFSET] + p[DELAY]) / p[DT], abs(p[DIFFERENCE]) / h
     past = np.zeros(int(late) + 2)
@@ -180,9 +189,10 @@ def run_blocks(
                     wanted = slack
                 seen = spool + mean * (wanted - spool) if mean < 1.0 else wanted
                 spool += share * (wanted - spool)
-                flow = flow_of(p, opened(p, seen), middle, z, time, measured if measured != 0.0 else sag)
+                flow = flow_of(p, opened(p, seen, middle), middle, time, measured if measured != 0.0 else sag)
                 if p[DROOP] != 0.0:
                     demand = (v if v > 0.0 else -v * p[DRAWN]) / p[SPEED_SCALE] + p[OTHERS] * signals[OTHER_SPEED, k]
                     sag += recovering * (p[DROOP] * demand - sag)
-                slope = p[GAIN] * (flow + beside_of(p, v, middle, z, time) - (p[COMPENSATION] + p[SPEED]) * v)
-                x += h * slope
+                gain = p[GAIN] * max(1.0 + p[GEOMETRY_1] * z + p[GEOMETRY_2] * z * z, 0.0)
+                slope = gain * (flow + beside_of(p, v, middle, z, time) - (p[COMPENSATION] + p[SPEED]) * v)
+                x = min(max(x + h * slope, -most), most)

@@ -131,9 +131,7 @@ def _joint(log_set: LogSet, name: str, seen: Seen, window_s: float, without: Col
     slides = log_set.kinds.get(name, "revolute") == "prismatic"
     unit, speed_unit = ("N", "m/s") if slides else ("N·m", "rad/s")
     size = _sizes(seen, dt, len(log_set.joints) == 1, unit, speed_unit)
-    sensor = [
-        error_noise(r, m, look.gain, look.speed_share) for r, m in zip(seen.records, seen.masked, strict=True)
-    ]
+    sensor = [error_noise(r, m, look.gain, look.speed_share) for r, m in zip(seen.records, seen.masked, strict=True)]
 
     def built(size: Sizes, leave: Collection[str], cuts: tuple[Windows, Windows]) -> TorqueJoint:
         return TorqueJoint(

@@ -11,6 +11,7 @@ from hqpipe.identify.model import Effect, Parameter
 
 NEVER = 1.2  # of the largest opening: a valve that is fully open only there never is
 MOST_DELAY_S, MOST_LAG_S = 0.2, 0.1  # assumption: a force loop with more would not be stable at any useful gain
+LATE_SPEED_S = 0.02  # that the logged speed may be late or early; assumption: a slower filter is of no use to a drive
 BEYOND = (
     0.25  # of a sample, by which the offset of a row may lie beyond either convention; assumption: as in valve mode
 )
@@ -58,7 +59,7 @@ def base_parameters(size: Sizes, fastest: float) -> tuple[Parameter, ...]:
     What the drive adds passes the valve, and what the motion takes does not. While the valve is linear and prompt only their
     difference `speed_share` shows, and `compensation` does nothing. A valve with a null shift and a torque sensor with a bias
     give the same `offset`. A loop without an integrator lacks in the steady state what leaks past the piston, `leak` times
-    the torque. `row_offset_s` is the log's, as in valve mode.
+    the torque. `row_offset_s` is the log's, as in valve mode, and `speed_lead_s` is by how much the logged speed is late.
 
     Args:
         fastest: 1/s, gain that the simulation bears.
@@ -73,6 +74,8 @@ def base_parameters(size: Sizes, fastest: float) -> tuple[Parameter, ...]:
         # The speed may take many times the usual error, or nothing; assumption: the logs decide.
         Parameter("compensation", per_speed, size.compensation, 0.2 * most, 0.0, most),
         Parameter("row_offset_s", "s", 0.5 * size.dt, 0.5 * size.dt, -BEYOND * size.dt, (1.0 + BEYOND) * size.dt),
+        # Drives filter the speed that they log, at 30 to 300 Hz; assumption.
+        Parameter("speed_lead_s", "s", 0.0, 0.003, -LATE_SPEED_S, LATE_SPEED_S),
     )
 
 
@@ -94,6 +97,15 @@ def _command_side(size: Sizes) -> tuple[Effect, ...]:
     band = Parameter(
         "half_width", size.unit, 0.0, 0.1 * size.opening, 0.0, size.full, (0.1 * size.opening, 0.5 * size.opening)
     )
+    # What a fully open valve passes falls to nothing at the effort of the full supply pressure, as in `orifice_flow`.
+    stall = Parameter(
+        "stall_nm",
+        size.unit,
+        LOADED * size.most_effort,
+        0.5 * LOADED * size.most_effort,
+        1.02 * size.most_effort,
+        LOADED * size.most_effort,
+    )
     limits = tuple(share * size.full for share in (0.85, 0.65, 0.45, 0.3))
     limit = Parameter("limit", size.unit, never, size.full, 0.02 * size.full, never, limits)
     # A weak integrator beside a proportional force loop, slower than the loop; assumption.
@@ -103,7 +115,7 @@ def _command_side(size: Sizes) -> tuple[Effect, ...]:
         Effect("dead_time_asymmetry", (apart,)),
         Effect("valve_lag", (lag,)),
         Effect("valve_deadband", (band,)),
-        Effect("flow_saturation", (limit,)),
+        Effect("flow_saturation", (limit, stall)),
         Effect("integral_action", (ki,)),
     )
 
@@ -149,7 +161,6 @@ def _generic(size: Sizes) -> tuple[Effect, ...]:
     half = 0.5 * size.longest_s
     moment = Parameter("moment_s", "s", half, 0.5 * half, 0.0, 2.0 * half, (0.6 * half, half, 1.4 * half))
     play = Parameter("play", size.unit, 0.0, 0.02 * size.opening, 0.0, 0.3 * size.opening)
-    lead = Parameter("speed_lead_s", "s", 0.0, 0.005, -MOST_LAG_S, MOST_LAG_S)
     return (
         # Below −0.5 the flow would fall as the valve opens.
         shape("flow_curve", "command", Parameter("curve", "1", 0.0, 0.2, -0.3, 3.0)),
@@ -160,7 +171,6 @@ def _generic(size: Sizes) -> tuple[Effect, ...]:
         shape("position_load", "position", addition("offset_1"), addition("offset_2")),
         shape("speed_by_position", "position", addition("speed_1"), addition("speed_2")),
         shape("speed_law", "velocity", addition("turbulent")),
-        shape("speed_lead", "velocity", lead),
         shape("drag", "direction", addition("drag")),
         shape("leak_curve", "effort", share("leak_curve", 0.05)),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -9,7 +10,8 @@ import pytest
 from toy_joint import ToyJoint
 
 from hqpipe.identify.least_squares import Fitter
-from hqpipe.identify.model import positions
+from hqpipe.identify.left_out import left_out_square
+from hqpipe.identify.model import Effect, Parameter, positions
 from hqpipe.identify.search import Search, base_solution
 
 
@@ -85,3 +87,72 @@ def test_base_starts_are_tried():
 
     model = TwoMinima(truth={"offset": 1.5**3 - 1.5})
     assert base_solution(Fitter(model)).values[1] == pytest.approx(1.5, abs=0.01)
+
+
+def test_a_corner_that_the_data_resolve_is_found_however_little_was_known_of_it():
+    class Limited(ToyJoint):
+        """A drive whose gain, compensation and limit go together, the compensation a tiny part of what it might be."""
+
+        def __init__(self):
+            super().__init__()
+            spread = 3000.0
+            self.base = (
+                Parameter("gain", "1", 1.0, np.inf, 0.1, 10.0),
+                Parameter("compensation", "1", 0.5, spread, 0.0, 5.0 * spread),
+            )
+            self.effects = (Effect("flow_saturation", (Parameter("limit", "N·m", 50.0, 40.0, 0.1, 50.0, (4.0,)),)),)
+
+        def error(self, values, heldout=False):
+            part, regressors = (self.heldout, self._heldout) if heldout else (self.fit, self._fit)
+            return (
+                self.law(values, regressors)
+                - self.law(np.array([2.0, 0.2, 2.5]), regressors)
+                - self.scatter[: len(part.time)]
+            )
+
+        def law(self, values, regressors):
+            acceleration, speed = regressors[0], regressors[3]
+            opening = np.clip(acceleration + values[1] * speed, -values[2], values[2])
+            return values[0] * opening - values[0] * values[1] * speed
+
+        scatter = 0.02 * np.random.default_rng(3).standard_normal(10_000)
+
+    found = _search(Limited()).run()
+    assert found.names == {"flow_saturation"}
+    assert found.solution.values == pytest.approx([2.0, 0.2, 2.5], rel=3e-3)
+
+
+def test_a_parameter_that_its_bound_stops_does_not_hide_an_effect_that_does_the_same():
+    class Late(ToyJoint):
+        """An offset that the base may have a little of, and an effect that is more of it."""
+
+        def __init__(self, **numbers):
+            super().__init__(**numbers)
+            self.base = (ToyJoint.base[0], replace(ToyJoint.base[1], low=-0.1, high=0.1))
+            self.effects = (*ToyJoint.effects, Effect("bias", (Parameter("offset", "N·m", 0.0, 1.0),)))
+
+        def error(self, values, heldout=False):
+            joined = np.append(values[:1], values[1] + values[-1])
+            return super().error(np.concatenate([joined, values[2:-1]]), heldout)
+
+    search = _search(Late(truth={"offset": 2.0}))
+    assert [name for _, name in search.screened(search.base, search.addable(frozenset()))][0] == "bias"
+
+
+def test_what_changes_nothing_stays_where_it_is_and_predicts_as_well():
+    class Inert(ToyJoint):
+        """A base parameter that cancels, but for rounding."""
+
+        def __init__(self, **numbers):
+            super().__init__(**numbers)
+            self.base = (*ToyJoint.base, Parameter("cancels", "N·m", 30.0, np.inf))
+
+        def error(self, values, heldout=False):
+            kept = np.concatenate([values[:2], values[3:]])
+            return (super().error(kept, heldout) + values[2]) - values[2]
+
+    model = Inert(truth={"coulomb_friction": 0.3})
+    fitter = Fitter(model)
+    found = fitter.fit(positions(model, ["coulomb_friction"]), fitter.neutral, 0.01)
+    assert found.values[2] == 30.0
+    assert left_out_square(fitter, found) == pytest.approx(found.square, rel=0.05)
