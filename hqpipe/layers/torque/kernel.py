@@ -4,6 +4,7 @@ error    delayed command less torque, plus what the drive adds for the speed, pl
 spool    first-order lag of the error, with a play, within ± limit; the deadband is cut out of it
 flow     spool × direction × curve × load × supply × drift
 torque   its rate is gain × geometry × (flow + offsets, less what the motion of the joint takes away)
+effort   the torque less friction and inertia between the drive and the sensor
 """
 
 from __future__ import annotations
@@ -14,20 +15,22 @@ from numba import njit
 import hqpipe.system.checked_cache  # noqa: F401 (before any function is compiled)
 
 LAYOUT = (
-    "gain", "speed_share", "offset", "compensation", "row_offset_s", "delay_s", "difference_s", "time_constant_s", "play",
-    "limit", "inverse_stall", "half_width", "ratio", "inverse_effort_max", "droop", "recovery_s", "drawn_ratio", "evened_out", "others",
-    "rate_per_s", "ki", "curve",
-    "geometry_1", "geometry_2", "offset_1", "offset_2", "speed_1", "speed_2", "turbulent", "drag", "leak", "leak_curve",
-    "gain_step", "moment_s", "drift", "speed_lead_s", "dt", "error_scale", "speed_scale", "effort_scale", "most_effort",
-    "longest_s",
+    "rate", "speed_share", "offset", "compensation", "row_offset_s", "speed_lead_s",
+    "delay_s", "difference_s", "time_constant_s", "play", "limit", "inverse_stall", "half_width", "ki",
+    "ratio", "curve", "inverse_effort_max", "droop", "recovery_s", "drawn_ratio", "evened_out", "others", "rate_per_s",
+    "gain_step", "moment_s", "geometry_1", "geometry_2",
+    "offset_1", "offset_2", "speed_1", "speed_2", "turbulent", "drag", "leak", "leak_curve", "drift",
+    "friction_nm", "coefficient", "kg_m2",
+    "dt", "error_scale", "speed_scale", "effort_scale", "most_effort", "longest_s",
 )  # fmt: skip
 (
-    GAIN, SPEED, OFFSET, COMPENSATION, ROW_OFFSET, DELAY, DIFFERENCE, LAG, PLAY,
-    LIMIT, INVERSE_STALL, BAND, RATIO, INVERSE_EFFORT, DROOP, RECOVERY, DRAWN, EVENED, OTHERS,
-    RATE, KI, CURVE,
-    GEOMETRY_1, GEOMETRY_2, OFFSET_1, OFFSET_2, SPEED_1, SPEED_2, TURBULENT, DRAG, LEAK, LEAK_CURVE,
-    STEP, MOMENT, DRIFT, LEAD, DT, ERROR_SCALE, SPEED_SCALE, EFFORT_SCALE, MOST_EFFORT,
-    LONGEST,
+    RATE, SPEED, OFFSET, COMPENSATION, ROW_OFFSET, LEAD,
+    DELAY, DIFFERENCE, LAG, PLAY, LIMIT, INVERSE_STALL, BAND, KI,
+    RATIO, CURVE, INVERSE_EFFORT, DROOP, RECOVERY, DRAWN, EVENED, OTHERS, DRIFTING,
+    STEP, MOMENT, GEOMETRY_1, GEOMETRY_2,
+    OFFSET_1, OFFSET_2, SPEED_1, SPEED_2, TURBULENT, DRAG, LEAK, LEAK_CURVE, DRIFT,
+    FRICTION, LOADED, ARMATURE,
+    DT, ERROR_SCALE, SPEED_SCALE, EFFORT_SCALE, MOST_EFFORT, LONGEST,
 ) = range(len(LAYOUT))  # fmt: skip
 
 CLEARANCE = 0.035
@@ -37,11 +40,11 @@ CHANGE = 0.05  # of the longest trial, in which a sudden change of the gain happ
 SHUT = 0.05  # share of the pressure below which no drive evens it out; assumption
 BURST = 20.0  # of the largest measured effort, which no prediction passes; assumption: a drive has no such reserve
 TURNING = 0.02  # of the usual speed, over which a drag changes its sign; assumption: seals creep before they slide
-SIGNALS = 7
-TIME, Z, VELOCITY, OTHER_SPEED, LOSS, COMMAND_SUM, EFFORT_SUM = range(SIGNALS)
-"""Rows of the logged signals: s since the trial began; position over its travel, −1 … 1; velocity; summed speed of the other
-joints, each over its usual speed; measured loss of supply pressure, 0 … 1; integrals of the command and the effort over time,
-their difference of no mean in each stretch."""
+SIGNALS = 8
+TIME, Z, VELOCITY, ACCELERATION, OTHER_SPEED, LOSS, COMMAND_SUM, EFFORT_SUM = range(SIGNALS)
+"""Rows of the logged signals: s since the trial began; position over its travel, −1 … 1; velocity; its rate; summed speed of
+the other joints, each over its usual speed; measured loss of supply pressure, 0 … 1; integrals of the command and the effort
+over time, their difference of no mean in each stretch."""
 MEAN_ERROR, MEAN_VELOCITY, MEAN_EFFORT = range(3)
 """Columns of the means over the stretch of a block."""
 
@@ -96,7 +99,7 @@ def flow_of(p: np.ndarray, opening: float, torque: float, time: float, sag: floa
     # A drive that evens out the load's share of the pressure counts on the full supply: what is lost weighs more under load.
     lost = sag / max(1.0 - p[EVENED] * against / p[MOST_EFFORT], SHUT)
     pressure = 1.0 - lost - p[INVERSE_EFFORT] * against
-    flow *= np.sqrt(max(pressure, 0.0)) * max(1.0 + p[RATE] * time, 0.0)
+    flow *= np.sqrt(max(pressure, 0.0)) * max(1.0 + p[DRIFTING] * time, 0.0)
     if p[STEP] != 0.0:
         passed = (time - p[MOMENT]) / (CHANGE * p[LONGEST]) + 0.5
         flow *= max(1.0 + p[STEP] * min(max(passed, 0.0), 1.0), 0.0)
@@ -112,6 +115,14 @@ def beside_of(p: np.ndarray, v: float, torque: float, z: float, time: float) -> 
     found -= p[DRAG] * share / np.sqrt(share * share + TURNING * TURNING)
     found -= p[LEAK] * torque + p[LEAK_CURVE] * torque * abs(torque) / p[EFFORT_SCALE]
     return found + p[DRIFT] * (time / p[LONGEST] - 0.5)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def lost_before_sensor(p: np.ndarray, v: float, acceleration: float, torque: float) -> float:
+    """Torque that friction and inertia between the drive and the sensor take."""
+    share = v / p[SPEED_SCALE]
+    direction = share / np.sqrt(share * share + TURNING * TURNING)
+    return (p[FRICTION] + p[LOADED] * abs(torque)) * direction + p[ARMATURE] * acceleration
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -136,10 +147,10 @@ def run_blocks(
     substeps: int,
     torque: np.ndarray,
 ) -> None:
-    """Fill the torque at each sample, (T,), block by block.
+    """Fill the measured torque at each sample, (T,), block by block.
 
     Args:
-        p: as in `LAYOUT`. command, effort: (T,). signals: (7, T). means: (B, 3).
+        p: as in `LAYOUT`. command, effort: (T,). signals: (8, T). means: (B, 3).
         restart: (T,) whether the torque is set to the logged one.
         first, last: (B,) first and last sample of the stretch of each block. start, stop: (B,) its samples start … stop − 1.
         substeps: per sample.
@@ -159,9 +170,10 @@ def run_blocks(
         spool = slack = 0.0
         held = held_by_integral(p, means[b]) if p[KI] != 0.0 else 0.0
         for k in range(start[b], stop[b]):
+            lost = lost_before_sensor(p, velocity[k], signals[ACCELERATION, k], effort[k])
             if restart[k]:
-                x = effort[k]
-            torque[k] = x
+                x = effort[k] + lost
+            torque[k] = x - lost
             measured = p[DROOP] * signals[LOSS, k]
             for i in range(substeps):
                 at = k + i * length
@@ -193,6 +205,6 @@ def run_blocks(
                 if p[DROOP] != 0.0:
                     demand = (v if v > 0.0 else -v * p[DRAWN]) / p[SPEED_SCALE] + p[OTHERS] * signals[OTHER_SPEED, k]
                     sag += recovering * (p[DROOP] * demand - sag)
-                gain = p[GAIN] * max(1.0 + p[GEOMETRY_1] * z + p[GEOMETRY_2] * z * z, 0.0)
+                gain = p[RATE] / (1.0 + p[LEAK]) * max(1.0 + p[GEOMETRY_1] * z + p[GEOMETRY_2] * z * z, 0.0)
                 slope = gain * (flow + beside_of(p, v, middle, z, time) - (p[COMPENSATION] + p[SPEED]) * v)
                 x = min(max(x + h * slope, -most), most)

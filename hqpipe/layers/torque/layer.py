@@ -17,8 +17,10 @@ from hqpipe.layers.torque.parameters import Sizes, base_parameters, effects
 from hqpipe.layers.torque.record import Record, Scales, record_of, scales_of
 from hqpipe.layers.torque.start import Look, first_look
 from hqpipe.layers.torque.windows import Windows, windows_of
+from hqpipe.logs.joint_kinds import unit_of
 from hqpipe.logs.trajectory import LogSet
 
+PRESSURE = "pressure"  # source of an effort that knows nothing of friction
 NEEDED = ("effort_command", "effort", "position", "velocity")
 LEAST_ROWS, LEAST_S = 20, 0.1  # of a window; assumption: as in the other layers
 RESPONSES, LEAD, LONGEST_S = 15.0, 3.0, 0.5
@@ -113,7 +115,7 @@ def _window(log_set: LogSet, joints: dict[str, Seen], window_s: float | None) ->
     dt = _dt(log_set)
     if window_s is not None:
         return max(window_s, 10.0 * dt), "as asked for, and at least ten samples"
-    slowest = max((RESPONSES / seen.look.gain + seen.look.delay_s for seen in joints.values()), default=0.0)
+    slowest = max((RESPONSES / seen.look.rate + seen.look.delay_s for seen in joints.values()), default=0.0)
     length = max(LEAST_ROWS * dt, LEAST_S, min(slowest, LONGEST_S))
     return float(length), f"at least {LEAST_ROWS} samples and {RESPONSES:.0f} response times of the slowest loop"
 
@@ -122,21 +124,20 @@ def _joint(log_set: LogSet, name: str, seen: Seen, window_s: float, without: Col
     """The model of one joint, or why there is none."""
     dt, look, scales = _dt(log_set), seen.look, seen.scales
     steps = max(round(window_s / dt), 2)
-    lead = min(int(np.ceil(LEAD / look.gain / dt)), steps // 3)
-    substeps = int(np.clip(np.ceil(max(dt * look.gain / STEP, dt / LONGEST_STEP_S) - 1e-6), 1, 40))
+    lead = min(int(np.ceil(LEAD / look.rate / dt)), steps // 3)
+    substeps = int(np.clip(np.ceil(max(dt * look.rate / STEP, dt / LONGEST_STEP_S) - 1e-6), 1, 40))
     fastest = STABLE * substeps / dt
     cuts = [windows_of(r, m, steps, lead, substeps) for r, m in zip(seen.records, seen.masked, strict=True)]
     if cuts[0].windows < FEWEST_WINDOWS:
         return f"only {cuts[0].windows} windows of {window_s:.3g} s away from its end stops"
-    slides = log_set.kinds.get(name, "revolute") == "prismatic"
-    unit, speed_unit = ("N", "m/s") if slides else ("N·m", "rad/s")
-    size = _sizes(seen, dt, len(log_set.joints) == 1, unit, speed_unit)
-    sensor = [error_noise(r, m, look.gain, look.speed_share) for r, m in zip(seen.records, seen.masked, strict=True)]
+    kind = log_set.kinds.get(name)
+    size = _sizes(seen, dt, len(log_set.joints) == 1, log_set.effort_source != PRESSURE, kind)
+    sensor = [error_noise(r, m, look.rate, look.speed_share) for r, m in zip(seen.records, seen.masked, strict=True)]
 
     def built(size: Sizes, leave: Collection[str], cuts: tuple[Windows, Windows]) -> TorqueJoint:
         return TorqueJoint(
             joint=name,
-            unit=unit,
+            unit=size.unit,
             dt=dt,
             base=base_parameters(size, fastest),
             effects=effects(size, leave),
@@ -161,17 +162,18 @@ def _joint(log_set: LogSet, name: str, seen: Seen, window_s: float, without: Col
 
     few = windows_of(seen.records[0], seen.masked[0], steps, lead, substeps, FIRST_STEPS)
     tried = built(size, (), (few, cuts[1]))
-    gain, found = likely_start(tried, scales.effort / scales.speed, fastest, opening_of)
+    rate, found = likely_start(tried, scales.effort / scales.speed, fastest, opening_of)
     usual, full = opening_of(found)
-    return built(replace(size, gain=gain, compensation=found, opening=usual, full=full), without, (cuts[0], cuts[1]))
+    return built(replace(size, rate=rate, compensation=found, opening=usual, full=full), without, (cuts[0], cuts[1]))
 
 
-def _sizes(seen: Seen, dt: float, alone: bool, unit: str, speed_unit: str) -> Sizes:
+def _sizes(seen: Seen, dt: float, alone: bool, at_output: bool, kind: str | None) -> Sizes:
     scales, look = seen.scales, seen.look
     usual, full = _opening(seen.records[0], 0.0)
     return Sizes(
         dt=dt,
-        gain=look.gain,
+        rate=look.rate,
+        first_rate=look.rate,
         delay_s=look.delay_s,
         speed_share=look.speed_share,
         offset=look.offset,
@@ -183,10 +185,13 @@ def _sizes(seen: Seen, dt: float, alone: bool, unit: str, speed_unit: str) -> Si
         most_effort=scales.most_effort,
         speed=scales.speed,
         longest_s=scales.longest_s,
+        acceleration=scales.acceleration,
         supply=seen.records[0].supply,
+        at_output=at_output,
         alone=alone,
-        unit=unit,
-        speed_unit=speed_unit,
+        unit=unit_of("N·m", kind),
+        speed_unit=unit_of("rad/s", kind),
+        inertia_unit=unit_of("kg·m²", kind),
     )
 
 

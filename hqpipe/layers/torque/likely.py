@@ -1,4 +1,4 @@
-"""Where the fits start: the gain of the loop and what the drive adds for the speed, before anything is fitted."""
+"""Where the fits start: the rate of the loop and what the drive adds for the speed, before anything is fitted."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import all_parameters
 from hqpipe.layers.torque.joint import TorqueJoint
 
-GAINS = (40.0, 80.0, 150.0, 280.0)  # 1/s: force loops of 5 to 50 Hz; assumption
+RATES = (40.0, 80.0, 150.0, 280.0)  # 1/s: force loops of 5 to 50 Hz; assumption
 MOST_SLOW = 5.0  # 1/s; assumption: a joint that answers slower than in 0.2 s has no force loop
 SHARES = (
     0.0,
@@ -27,28 +27,28 @@ SHARES = (
 def likely_start(
     model: TorqueJoint, per_speed: float, fastest: float, opening_of: Callable[[float], tuple[float, float]]
 ) -> tuple[float, float]:
-    """The gain and the compensation that, with at most one effect of the valve, leave the smallest error.
+    """The rate and the compensation that, with at most one effect of the valve, leave the smallest error.
 
     Behind a wide deadband a first-order loop through the logs is slow, and a prompt linear valve does not show the
-    compensation: a fit that starts there does not find the edges of the valve. Each compensation is tried with every gain and
+    compensation: a fit that starts there does not find the edges of the valve. Each compensation is tried with every rate and
     effect, offset, leak and speed share as they fit best, and the best of these are fitted.
 
     Args:
-        per_speed: usual effort per usual speed. fastest: 1/s, gain that the simulation bears.
+        per_speed: usual effort per usual speed. fastest: 1/s, rate that the simulation bears.
         opening_of: compensation → (usual, largest) opening of the valve.
     """
     names = [p.name for p in all_parameters(model)]
     neutral = np.array([p.neutral for p in all_parameters(model)])
-    gain, compensation = names.index("gain"), names.index("compensation")
-    gains = [rate for rate in dict.fromkeys((float(neutral[gain]), *GAINS)) if rate <= fastest]
-    bases = [p if p.name != "gain" else replace(p, low=MOST_SLOW, high=fastest) for p in model.base]
+    rate, compensation = names.index("rate"), names.index("compensation")
+    rates = [each for each in dict.fromkeys((float(neutral[rate]), *RATES)) if each <= fastest]
+    bases = [p if p.name != "rate" else replace(p, low=MOST_SLOW, high=fastest) for p in model.base]
     fitter = Fitter(replace(model, base=tuple(bases)))
-    best, found = np.inf, (float(neutral[gain]), 0.0)
+    best, found = np.inf, (float(neutral[rate]), 0.0)
     for share in SHARES:
         start = neutral.copy()
         start[compensation] = share * per_speed
         openings = opening_of(start[compensation])
-        left, values, name = min(_tried(model, start, names, gains, openings), key=lambda tried: tried[0])
+        left, values, name = min(_tried(model, start, names, rates, openings), key=lambda tried: tried[0])
         if not np.isfinite(left):
             continue
         free = np.arange(len(model.base))
@@ -57,20 +57,20 @@ def likely_start(
         solution = fitter.fit(free, values, left / len(model.fit.trial))
         if solution.square < best:
             best = solution.square
-            found = (float(solution.values[gain]), float(solution.values[compensation]))
+            found = (float(solution.values[rate]), float(solution.values[compensation]))
     return found
 
 
 def _tried(
-    model: TorqueJoint, start: np.ndarray, names: list[str], gains: list[float], openings: tuple[float, float]
+    model: TorqueJoint, start: np.ndarray, names: list[str], rates: list[float], openings: tuple[float, float]
 ) -> Iterator[tuple[float, np.ndarray, str]]:
     """Squared error, values and effect of each try with one compensation."""
-    for rate in gains:
+    for rate in rates:
         for name, number in _tries(*openings, start[names.index("delay_s")]):
             if name and name not in names:
                 continue
             values = start.copy()
-            values[names.index("gain")] = rate
+            values[names.index("rate")] = rate
             if name:
                 values[names.index(name)] = number
             yield _left(model, values, names), values, name

@@ -18,13 +18,13 @@ SHARE = 0.66
 THIRD = 20.0  # variance of the third difference of white noise of variance 1: 1 + 9 + 9 + 1
 
 
-def error_noise(record: Record, masked: np.ndarray, gain: float, speed_share: float) -> float:
+def error_noise(record: Record, masked: np.ndarray, rate: float, speed_share: float) -> float:
     """Root mean square that noise of the effort and the velocity leaves, in the unit of the effort.
 
     The noise of the velocity passes the loop, a first-order low-pass, before it shows in the predicted effort.
 
     Args:
-        masked: (N,) samples that are not judged. gain: 1/s, of the loop. speed_share: unit of the effort per speed.
+        masked: (N,) samples that are not judged. rate: 1/s, of the loop. speed_share: unit of the effort per speed.
     """
     if not len(record.effort):
         return 0.0
@@ -32,7 +32,7 @@ def error_noise(record: Record, masked: np.ndarray, gain: float, speed_share: fl
     white = _white(record.velocity, record, masked)
     if white is None:  # as of a velocity that is derived from the position, whose errors cancel in the loop
         return effort
-    step = gain * record.dt
+    step = rate * record.dt
     passed = abs(speed_share) * step / np.sqrt(1.0 - np.exp(-2.0 * step))
     return float(np.hypot(effort, passed * white))
 

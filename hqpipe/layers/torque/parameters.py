@@ -16,7 +16,7 @@ BEYOND = (
     0.25  # of a sample, by which the offset of a row may lie beyond either convention; assumption: as in valve mode
 )
 LOADED = 20.0  # of the largest effort: an effort at which the flow would stop, so large that nobody notices
-WITHIN = 3.0  # factor by which the gain may differ from the likely one; assumption: a valve's edge moves it by no more
+SLOWEST = 5.0  # 1/s; assumption: a joint that answers slower than in 0.2 s has no force loop
 COMPENSATED = (
     100.0  # of usual effort per usual speed; assumption: an oil spring is stiff, so that its speed takes much opening
 )
@@ -27,15 +27,18 @@ class Sizes:
     """Sizes in the fit trials that bounds and priors are multiples of.
 
     Attributes:
-        dt: s. gain: 1/s, delay_s: s, speed_share, offset, leak: of a first-order loop fitted to the logs.
-        compensation: what the drive seems to add to the torque error per speed. opening: usual, full: largest opening of the
-            valve, in the unit of the torque error.
-        effort: usual about its mean; most_effort: largest. speed: usual where the joint moves. longest_s: of the trials.
-        supply: whether its pressure is logged. alone: whether no other joint is. unit: of the effort. speed_unit: of the joint.
+        dt: s. rate: 1/s, as is likely. first_rate: 1/s, delay_s: s, speed_share, offset, leak: of a first-order loop that was
+            fitted to the logs. compensation: what the drive seems to add to the torque error per speed.
+        opening: usual, full: largest opening of the valve, in the unit of the torque error.
+        effort: usual about its mean; most_effort: largest. speed: usual where the joint moves. acceleration: usual.
+        longest_s: of the trials. supply: whether its pressure is logged. at_output: whether friction and inertia may lie
+            between the drive and the sensor of the torque. alone: whether no other joint is.
+        unit: of the effort. speed_unit, inertia_unit: of the joint.
     """
 
     dt: float
-    gain: float
+    rate: float
+    first_rate: float
     delay_s: float
     speed_share: float
     offset: float
@@ -47,14 +50,17 @@ class Sizes:
     most_effort: float
     speed: float
     longest_s: float
+    acceleration: float
     supply: bool
+    at_output: bool
     alone: bool
     unit: str
     speed_unit: str
+    inertia_unit: str
 
 
 def base_parameters(size: Sizes, fastest: float) -> tuple[Parameter, ...]:
-    """Gain of the loop, what the speed takes, the offset, what the drive adds for the speed, and the row of the command.
+    """Rate of the loop, what the speed takes, the offset, what the drive adds for the speed, and the row of the command.
 
     What the drive adds passes the valve, and what the motion takes does not. While the valve is linear and prompt only their
     difference `speed_share` shows, and `compensation` does nothing. A valve with a null shift and a torque sensor with a bias
@@ -62,12 +68,13 @@ def base_parameters(size: Sizes, fastest: float) -> tuple[Parameter, ...]:
     the torque. `row_offset_s` is the log's, as in valve mode, and `speed_lead_s` is by how much the logged speed is late.
 
     Args:
-        fastest: 1/s, gain that the simulation bears.
+        fastest: 1/s, rate that the simulation bears.
     """
+    starts = tuple(dict.fromkeys((size.rate, min(size.first_rate, fastest))))
     per_speed = f"{size.unit}/({size.speed_unit})"
     most = COMPENSATED * size.effort / size.speed
     return (
-        Parameter("gain", "1/s", size.gain, np.inf, size.gain / WITHIN, min(WITHIN * size.gain, fastest)),
+        Parameter("rate", "1/s", size.rate, np.inf, min(SLOWEST, size.rate), fastest, starts),
         Parameter("speed_share", per_speed, size.speed_share, np.inf),
         Parameter("offset", size.unit, size.offset, np.inf),
         Parameter("leak", "1", size.leak, np.inf, -0.5, 4.0),
@@ -81,7 +88,7 @@ def base_parameters(size: Sizes, fastest: float) -> tuple[Parameter, ...]:
 
 def effects(size: Sizes, without: Collection[str] = ()) -> tuple[Effect, ...]:
     """Every effect that these logs can show, but those in `without`."""
-    found = (*_command_side(size), *_flow_side(size), *_generic(size))
+    found = (*_command_side(size), *_flow_side(size), *_before_sensor(size), *_generic(size))
     return tuple(effect for effect in found if effect.name not in without)
 
 
@@ -109,7 +116,7 @@ def _command_side(size: Sizes) -> tuple[Effect, ...]:
     limits = tuple(share * size.full for share in (0.85, 0.65, 0.45, 0.3))
     limit = Parameter("limit", size.unit, never, size.full, 0.02 * size.full, never, limits)
     # A weak integrator beside a proportional force loop, slower than the loop; assumption.
-    ki = Parameter("ki", "1/s", 0.0, 0.05 * size.gain, 0.0, size.gain)
+    ki = Parameter("ki", "1/s", 0.0, 0.05 * size.rate, 0.0, size.rate)
     return (
         Effect("command_delay", (delay,)),
         Effect("dead_time_asymmetry", (apart,)),
@@ -148,6 +155,20 @@ def _flow_side(size: Sizes) -> tuple[Effect, ...]:
     )
 
 
+def _before_sensor(size: Sizes) -> tuple[Effect, ...]:
+    """What is lost between the drive and a sensor at its output; pressures know nothing of it."""
+    if not size.at_output:
+        return ()
+    # Gears and seals take some percent of the usual torque, of each newton metre, and for their own inertia; assumption.
+    dry = Parameter("friction_nm", size.unit, 0.0, 0.05 * size.effort, 0.0, size.most_effort)
+    own = Parameter("kg_m2", size.inertia_unit, 0.0, 0.1 * size.effort / size.acceleration, 0.0)
+    return (
+        Effect("coulomb_friction", (dry,), common=True),
+        Effect("load_dependent_friction", (Parameter("coefficient", "1", 0.0, 0.1, 0.0, 0.95),), common=True),
+        Effect("armature", (own,)),
+    )
+
+
 def _generic(size: Sizes) -> tuple[Effect, ...]:
     def shape(name: str, signal: str, *parameters: Parameter, excludes: frozenset[str] = frozenset()) -> Effect:
         return Effect(name, parameters, named=False, signal=signal, excludes=excludes)
@@ -171,6 +192,6 @@ def _generic(size: Sizes) -> tuple[Effect, ...]:
         shape("position_load", "position", addition("offset_1"), addition("offset_2")),
         shape("speed_by_position", "position", addition("speed_1"), addition("speed_2")),
         shape("speed_law", "velocity", addition("turbulent")),
-        shape("drag", "direction", addition("drag")),
+        *(() if size.at_output else (shape("drag", "direction", addition("drag")),)),
         shape("leak_curve", "effort", share("leak_curve", 0.05)),
     )

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from hqpipe.layers.torque import kernel
 from hqpipe.logs.trajectory import Trial, recording_of
@@ -17,6 +18,11 @@ MOVING, FASTEST = (
     0.999,
 )  # share of the fastest speed, a quantile, from which a joint moves; assumption: as in valve mode
 
+SMOOTHED_S, LEAST_SMOOTHED = (
+    0.025,
+    5,
+)  # s and samples that an acceleration is taken over; assumption: torques below 20 Hz count
+
 
 @dataclass(frozen=True)
 class Scales:
@@ -24,7 +30,8 @@ class Scales:
 
     Attributes:
         middle, half_travel: of the position. effort: root mean square about its mean; most_effort: largest. error: root mean
-            square of command less effort. speed: root mean square of the velocity where it moves. speeds: (J,) of all joints.
+            square of command less effort. speed: root mean square of the velocity where it moves. acceleration: root mean
+            square. speeds: (J,) of all joints.
         longest_s: of the trials. supply: full supply pressure, or 0.
     """
 
@@ -34,6 +41,7 @@ class Scales:
     most_effort: float
     error: float
     speed: float
+    acceleration: float
     speeds: tuple[float, ...]
     longest_s: float
     supply: float
@@ -47,7 +55,7 @@ class Record:
         dt: s. files: recordings. trial: (N,) index into them. first, last: (S,) first and last sample of each stretch.
         stretch: (N,) index into these. time: (N,) s since the recording began.
         command, effort, position, velocity: (N,). observed: (N,). supply: whether its pressure was logged.
-        signals: (7, N) see `kernel`. means: (S, 3) of each stretch, see `kernel`.
+        signals: (8, N) see `kernel`. means: (S, 3) of each stretch, see `kernel`.
     """
 
     dt: float
@@ -84,10 +92,19 @@ def scales_of(trials: Sequence[Trial], j: int) -> Scales:
         most_effort=float(np.abs(effort).max()),
         error=float(np.sqrt(np.mean((command - effort) ** 2))),
         speed=speeds[j],
+        acceleration=float(np.sqrt(np.mean(np.concatenate([_rate_of(t.velocity[:, j], t.dt) for t in parts]) ** 2))),
         speeds=tuple(speeds),
         longest_s=max(t.start + t.duration for t in parts),
         supply=full,
     )
+
+
+def _rate_of(velocity: np.ndarray, dt: float) -> np.ndarray:
+    """Its derivative without delay (Savitzky and Golay 1964)."""
+    length = max(2 * round(0.5 * SMOOTHED_S / dt) + 1, LEAST_SMOOTHED)
+    if len(velocity) < length:
+        return np.gradient(velocity, dt) if len(velocity) > 1 else np.zeros(len(velocity))
+    return savgol_filter(velocity, length, 2, deriv=1, delta=dt)
 
 
 def moving_speed(velocity: np.ndarray) -> float:
@@ -114,6 +131,7 @@ def record_of(trials: Sequence[Trial], j: int, scales: Scales, dt: float) -> Rec
     signals = np.zeros((kernel.SIGNALS, len(position)))
     signals[kernel.TIME], signals[kernel.Z] = time, (position - scales.middle) / max(scales.half_travel, 1e-300)
     signals[kernel.VELOCITY] = velocity
+    signals[kernel.ACCELERATION] = joined(lambda t: _rate_of(t.velocity[:, j], dt))
     others = (np.arange(len(scales.speeds)) != j) & (np.array(scales.speeds) > 0.0)
     if supply:
         signals[kernel.LOSS] = joined(lambda t: np.clip(1.0 - t.extra[SUPPLY] / scales.supply, 0.0, 1.0))

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from hqpipe.layers.torque.record import Record
 
-GAINS = np.geomspace(5.0, 600.0, 19)  # 1/s; assumption: from a slow hydraulic load to a fast servo valve
+RATES = np.geomspace(5.0, 600.0, 19)  # 1/s; assumption: from a slow hydraulic load to a fast servo valve
 DELAYS_S = np.array(
     [0.0, 0.002, 0.004, 0.006, 0.009, 0.013, 0.02, 0.03, 0.045, 0.07, 0.1]
 )  # that are tried; assumption
@@ -22,11 +22,12 @@ class Look:
     """A first-order loop through the logs.
 
     Attributes:
-        gain: 1/s. delay_s: of the command. speed_share: unit of the effort per speed. offset: unit of the effort.
+        rate: 1/s, at which an error fades. delay_s: of the command. speed_share: unit of the effort per speed.
+        offset: unit of the effort.
         leak: how much of the command a steady torque lacks, over the torque.
     """
 
-    gain: float
+    rate: float
     delay_s: float
     speed_share: float
     offset: float
@@ -34,7 +35,7 @@ class Look:
 
 
 def first_look(record: Record, masked: np.ndarray) -> Look:
-    """The gain and dead time at which command less effort, speed and a constant predict the effort best.
+    """The rate and dead time at which command less effort, speed and a constant predict the effort best.
 
     Args:
         masked: (N,) samples that say nothing of the drive.
@@ -44,19 +45,19 @@ def first_look(record: Record, masked: np.ndarray) -> Look:
     valid = np.concatenate([np.r_[np.zeros(settle, bool), ~masked[a + settle : b]][: b - a] for a, b in spans])
     effort = np.concatenate([record.effort[a:b] for a, b in spans])[valid]
     shifts = np.unique(np.round(DELAYS_S / record.dt).astype(int))
-    best, look = np.inf, Look(float(GAINS[len(GAINS) // 2]), 0.0, 0.0, 0.0, 0.0)
-    for gain in GAINS:
-        filtered = [_lagged(record.velocity[a:b], gain * record.dt) for a, b in spans]
+    best, look = np.inf, Look(float(RATES[len(RATES) // 2]), 0.0, 0.0, 0.0, 0.0)
+    for rate in RATES:
+        filtered = [_lagged(record.velocity[a:b], rate * record.dt) for a, b in spans]
         beside = np.column_stack([np.concatenate(filtered)[valid], np.ones(valid.sum())])
         for shift in shifts:
-            command = np.concatenate([_lagged(_late(record.command[a:b], shift), gain * record.dt) for a, b in spans])
+            command = np.concatenate([_lagged(_late(record.command[a:b], shift), rate * record.dt) for a, b in spans])
             columns = np.column_stack([command[valid], beside])
             numbers = np.linalg.lstsq(columns, effort, rcond=None)[0]
             left = float(np.sum((effort - columns @ numbers) ** 2))
             if left < best and numbers[0] > LEAST_SHARE:
                 share, speed, offset = (float(number) for number in numbers)
                 late = float(shift * record.dt)
-                best, look = left, Look(float(gain) * share, late, -speed / share, offset / share, 1.0 / share - 1.0)
+                best, look = left, Look(float(rate), late, -speed / share, offset / share, 1.0 / share - 1.0)
     return look
 
 

@@ -8,7 +8,7 @@ import pytest
 from hqpipe.layers.torque import kernel
 from hqpipe.layers.torque.kernel import LAYOUT, opened, run_blocks
 
-DT, GAIN, SHARE, OFFSET = 2e-3, 90.0, 1.7, 3.0
+DT, RATE, SHARE, OFFSET = 2e-3, 90.0, 1.7, 3.0
 NEUTRAL = {"limit": np.inf, "recovery_s": 0.1, "others": 1.0, "drawn_ratio": 1.0}
 SCALES = {"error_scale": 20.0, "speed_scale": 1.0, "effort_scale": 40.0, "most_effort": 60.0, "longest_s": 2.0}
 SAMPLES, SUBSTEPS = 1000, 3
@@ -18,14 +18,16 @@ SAMPLES, SUBSTEPS = 1000, 3
 def logged():
     rng, time = np.random.default_rng(4), np.arange(SAMPLES) * DT
     command = 40.0 * np.sin(9.0 * time) + np.repeat(rng.uniform(-20.0, 20.0, SAMPLES // 50), 50)
-    signals = np.stack(
-        [time, np.sin(3.0 * time), 3.0 * np.cos(3.0 * time), 0.5 + 0.1 * rng.random(SAMPLES), np.zeros(SAMPLES)]
-    )
+    signals = np.zeros((kernel.SIGNALS, SAMPLES))
+    signals[kernel.TIME], signals[kernel.Z] = time, np.sin(3.0 * time)
+    signals[kernel.VELOCITY], signals[kernel.ACCELERATION] = 3.0 * np.cos(3.0 * time), -9.0 * np.sin(3.0 * time)
+    signals[kernel.OTHER_SPEED] = 0.5 + 0.1 * rng.random(SAMPLES)
+    signals[kernel.COMMAND_SUM] = np.cumsum(command) * DT
     return command, signals
 
 
 def row(**numbers):
-    base = NEUTRAL | SCALES | {"gain": GAIN, "speed_share": SHARE, "offset": OFFSET, "dt": DT} | numbers
+    base = NEUTRAL | SCALES | {"rate": RATE, "speed_share": SHARE, "offset": OFFSET, "dt": DT} | numbers
     return np.array([base.get(name, 0.0) for name in LAYOUT])
 
 
@@ -33,7 +35,8 @@ def simulate(logged, substeps=SUBSTEPS, **numbers):
     command, signals = logged
     torque, restart = np.zeros(SAMPLES), np.zeros(SAMPLES, dtype=bool)
     bounds = [np.array([k]) for k in (0, SAMPLES - 1, 0, SAMPLES)]
-    run_blocks(row(**numbers), command, np.full(SAMPLES, 5.0), signals, restart, *bounds, substeps, torque)
+    means = np.array([[1.0, 0.2, 5.0]])
+    run_blocks(row(**numbers), command, np.full(SAMPLES, 5.0), signals, means, restart, *bounds, substeps, torque)
     return torque
 
 
@@ -49,7 +52,7 @@ def first_order_loop(logged):
             following = velocity[min(k + 1, SAMPLES - 1)]
             v = velocity[k] + (at - k) * (following - velocity[k])
             wanted = command[k] - (x + 0.5 * h * slope)
-            slope = GAIN * (wanted + OFFSET - SHARE * v)
+            slope = RATE * (wanted + OFFSET - SHARE * v)
             x += h * slope
     return torque
 
@@ -59,7 +62,8 @@ def test_neutral_values_leave_the_first_order_loop(logged):
 
 
 NUMBERS = {
-    "limit": 10.0, "recovery_s": 0.5, "others": 2.0, "inverse_effort_max": 0.01, "time_constant_s": 3e-3, "delay_s": 5e-3,
+    "limit": 10.0, "recovery_s": 0.5, "others": 2.0, "inverse_effort_max": 0.01, "inverse_stall": 0.01,
+    "time_constant_s": 3e-3, "delay_s": 5e-3,
     "difference_s": 4e-3, "row_offset_s": 1e-3, "half_width": 2.0, "play": 1.0, "speed_lead_s": 3e-3, "moment_s": 1.2,
     "leak_curve": 0.05, "evened_out": 0.5, "drawn_ratio": 0.7,
 }  # fmt: skip
@@ -68,13 +72,14 @@ BESIDE = {
     "others": {"droop": 0.2},
     "drawn_ratio": {"droop": 0.2},
     "evened_out": {"droop": 0.2},
+    "inverse_stall": {"limit": 20.0},
     "compensation": {"half_width": 2.0},
     "moment_s": {"gain_step": 0.3},
 }  # numbers that show only beside another
 
 
 @pytest.mark.parametrize(
-    "name", sorted(set(LAYOUT) - set(SCALES) - {"dt", "gain", "speed_share", "offset", "compensation"})
+    "name", sorted(set(LAYOUT) - set(SCALES) - {"dt", "rate", "speed_share", "offset", "compensation"})
 )
 def test_every_effect_is_inert_at_neutral_bit_for_bit_and_acts_elsewhere(logged, name):
     beside = BESIDE.get(name, {})
@@ -89,11 +94,29 @@ def test_what_the_drive_adds_for_the_speed_does_nothing_while_the_valve_is_linea
 
 
 def test_a_deadband_of_a_wide_limit_and_a_limit_of_no_deadband():
-    assert opened(row(limit=7.0), 9.0) == 7.0 and opened(row(limit=7.0), -9.0) == -7.0
-    assert opened(row(half_width=2.0), 5.0) == 3.0 and opened(row(half_width=2.0), -1.0) == 0.0
+    assert opened(row(limit=7.0), 9.0, 0.0) == 7.0 and opened(row(limit=7.0), -9.0, 0.0) == -7.0
+    assert opened(row(half_width=2.0), 5.0, 0.0) == 3.0 and opened(row(half_width=2.0), -1.0, 0.0) == 0.0
 
 
 def test_the_step_of_the_simulation_does_not_decide(logged):
     numbers = {"time_constant_s": 4e-3, "delay_s": 3e-3, "half_width": 1.0, "limit": 60.0}
     fine = simulate(logged, substeps=40, **numbers)
     assert np.sqrt(np.mean((simulate(logged, substeps=2, **numbers) - fine) ** 2)) < 0.005 * np.std(fine)
+
+
+def test_a_fully_open_valve_passes_less_against_the_load_and_more_with_it():
+    limited = row(limit=10.0, inverse_stall=0.01)
+    assert opened(limited, 50.0, 75.0) == pytest.approx(5.0)
+    assert opened(limited, -50.0, 75.0) == pytest.approx(-10.0 * np.sqrt(1.75))
+    assert opened(limited, 3.0, 75.0) == 3.0
+
+
+def test_friction_before_the_sensor_is_lost_at_once(logged):
+    command, signals = logged
+    measured = simulate(logged, friction_nm=4.0)
+    direction = np.sign(signals[kernel.VELOCITY])
+    moving = np.abs(signals[kernel.VELOCITY]) > 0.5
+    lost = simulate(logged) - measured
+    # The loop starts from the measured torque, so that the torque before the friction differs until that has faded.
+    late = np.arange(SAMPLES) * DT > 0.2
+    assert lost[moving & late] == pytest.approx(4.0 * direction[moving & late], rel=0.01)
