@@ -37,8 +37,8 @@ from hqpipe.gap.supply import without_steady
 from hqpipe.gap.unchanged import drop_unchanged, familiar_error, only_needed
 from hqpipe.gap.worth import close_gap, drop_outweighed, drop_slight, drop_trifles
 from hqpipe.logs.joint_kinds import PRISMATIC
+from hqpipe.logs.survey.signal import difference_noise
 from hqpipe.logs.trajectory import LogSet, Trajectory, recording_of
-from hqpipe.sysid.noise import difference_noise
 
 BLURRED = ("backlash",)  # a size is noise round zero torque, which looks like slack once the sign is restored
 SHARED = "supply_droop"  # the effect that reads what other joints draw, too

@@ -29,8 +29,8 @@ from hqpipe.gap.since_intake import only_known
 from hqpipe.gap.tally import ALL, Tally, tally
 from hqpipe.gap.traces import worst_windows
 from hqpipe.gap.verdict import Evidence, shortage, weigh
+from hqpipe.logs.end_stops import Travel
 from hqpipe.logs.trajectory import LogSet
-from hqpipe.sysid.end_stops import Travel
 
 
 def intake_of(

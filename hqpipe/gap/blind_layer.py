@@ -17,7 +17,12 @@ from hqpipe.layers import LAYERS
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.registry import load
 
-OF_MACHINE = {"servo": ("servo",), "arm": ("joint_motion", "servo"), "cylinder": ("valve",), "torque_cylinder": ("torque",)}
+OF_MACHINE = {
+    "servo": ("servo",),
+    "arm": ("joint_motion", "servo"),
+    "cylinder": ("valve",),
+    "torque_cylinder": ("torque",),
+}
 """Machine → layers in which its effects can show: an arm without a torque or current in its logs has the layer of a servo."""
 
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from hqpipe.gap.bootstrap import BLOCK_S, block_weights, interval
 from hqpipe.gap.sensing import skew
+from hqpipe.logs.end_stops import at_end_stop
 from hqpipe.logs.trajectory import LogSet, Trajectory
-from hqpipe.sysid.end_stops import at_end_stop
 
 MEAN_S = 0.01  # over which effort and pressures are averaged, so that a skew of a few ms does not count as error
 SIGMAS = 5.0  # from zero or from the other joints, by bootstrap and by the scatter of those joints

@@ -17,11 +17,11 @@ from hqpipe.gap.joint_state import Progress
 from hqpipe.gap.layer_diagnosis import apply_layer, diagnose_layer
 from hqpipe.gap.layer_intake import position_checks
 from hqpipe.gap.levels import BLIND
-from hqpipe.gap.routing import ACTUATOR, JOINT_MOTION, Route, has_law, route, route_since
+from hqpipe.gap.routing import ACTUATOR, JOINT_MOTION, TORQUE, Route, has_law, route, route_since
 from hqpipe.gap.since import Earlier, EarlierLogs
 from hqpipe.gap.since_logs import earlier_logs
+from hqpipe.logs.end_stops import Travel, mark_end_stops
 from hqpipe.logs.trajectory import LogSet
-from hqpipe.sysid.end_stops import Travel
 
 __all__ = ["FILE", "LARGEST", "TABLE", "TRACES", "Diagnosis", "Row", "diagnose", "errors_left", "write_diagnosis"]
 
@@ -138,6 +138,9 @@ def _layer_alone(
             )
         return _of_layer(name, intake, asked, progress, earlier)
     logs, left_out, told = position_checks(log_set)
+    if name == TORQUE:
+        logs, stops = mark_end_stops(logs, asked.travel)
+        told = [*told, *stops]
     rest = {"left_out": left_out, "warnings": told}
     return diagnose_layer(name, logs, asked.window_s, asked.without, asked.workers, progress, earlier, **rest)
 

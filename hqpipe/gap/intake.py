@@ -24,9 +24,9 @@ from hqpipe.gap.sanity_order import order_defects
 from hqpipe.gap.sensing import channel_warnings
 from hqpipe.gap.signs import SignedLogs, restore_efforts
 from hqpipe.logs.columns import joint_column
+from hqpipe.logs.end_stops import Travel, judged_windows, mark_end_stops
 from hqpipe.logs.findings import in_trials
 from hqpipe.logs.trajectory import LogSet
-from hqpipe.sysid.end_stops import Travel, judged_windows, mark_end_stops
 from hqpipe.sysid.free_run import window_samples
 from hqpipe.sysid.window_choice import MIN_WINDOWS, WindowChoice, window_for
 

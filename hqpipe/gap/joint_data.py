@@ -12,8 +12,8 @@ from hqpipe.effects.layout import neutral_row, slot
 from hqpipe.gap.joint_scale import joint_scale
 from hqpipe.kernels.augmented_columns import MODES
 from hqpipe.kernels.augmented_signals import Signals
+from hqpipe.logs.end_stops import away_from_stops, judged_windows
 from hqpipe.logs.trajectory import Trajectory
-from hqpipe.sysid.end_stops import away_from_stops, judged_windows
 
 MAX_WINDOWS = 400  # per joint and split; 40 s of windows of 0.1 s say what an hour says, in bounded time
 PRESLIDING_SHARE = 0.0003  # of the position's standard deviation: where friction turns round, until it is fitted

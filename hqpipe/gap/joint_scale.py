@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hqpipe.sysid.noise import difference_noise
+from hqpipe.logs.survey.signal import difference_noise
 
 MIN_EXCITATION = 3.0  # standard deviation of an output over that of its noise; assumption: below it nothing can be told
 _NOTHING = (

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from hqpipe.logs.end_stops import judged_windows
 from hqpipe.logs.trajectory import Trajectory, Trial
-from hqpipe.sysid.end_stops import judged_windows
 from hqpipe.sysid.free_run import Model, predict, window_samples
 
 

@@ -51,7 +51,7 @@ def route(log_set: LogSet) -> Route:
         if moved and fixed and source in GIVEN_BY_THE_DRIVE:
             # An electric drive, whose firmware makes the torque: there is no hydraulic law to ask for.
             return Route(False, moved)
-        if mode == "torque" and fixed:
+        if mode == "torque" and moved:
             return Route(False, (TORQUE,))
         return Route(True, moved if fixed and source is None and mode == "position" else ())
     layers = moved if {"effort", "current"} & set(channels) else ()

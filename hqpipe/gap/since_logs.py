@@ -18,8 +18,8 @@ from hqpipe.gap.second_channel import measured
 from hqpipe.gap.since import LOGS, Earlier, sample_time
 from hqpipe.gap.two_fits import two_fits
 from hqpipe.gap.verdict import shortage
+from hqpipe.logs.end_stops import Travel
 from hqpipe.logs.trajectory import LogSet
-from hqpipe.sysid.end_stops import Travel
 
 
 def earlier_logs(

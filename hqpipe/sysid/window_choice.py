@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hqpipe.logs.end_stops import at_end_stop
+from hqpipe.logs.survey.signal import difference_noise
 from hqpipe.logs.trajectory import LogSet, Trajectory
-from hqpipe.sysid.end_stops import at_end_stop
 from hqpipe.sysid.free_run import WINDOW_S
-from hqpipe.sysid.noise import difference_noise
 
 LEAST_SAMPLES = 10  # in a window; assumption: fewer are hardly more than one step ahead
 FEWEST_SAMPLES = 4  # where ten would leave too few windows; assumption

@@ -22,7 +22,7 @@ def only_cause(content, effect):
 def test_a_force_loop_has_no_gap_with_or_without_leak(leak):
     content = diagnose(log_set("torque", leak=leak)).content
     assert content["verdict"] == "no_gap" and content["causes"] == []
-    assert content["gap"]["before"] == pytest.approx(content["gap"]["noise_floor"], rel=0.05)
+    assert content["gap"]["before"] == pytest.approx(content["gap"]["noise_floor"], rel=0.08)
     assert content["gap"]["before"] < 1.1 * NOISE["torque"] and content["gap"]["unit"] == "N·m"
 
 
@@ -36,7 +36,9 @@ def test_a_force_loop_has_no_gap_with_or_without_leak(leak):
 )
 def test_torque_mode_names_the_effect_and_its_size(effect, planted, parameter, value):
     content = diagnose(log_set("torque", **planted)).content
-    assert only_cause(content, effect)[parameter]["value"] == pytest.approx(value, rel=0.05)
+    # A delay is told to one sample, since logs do not say which row the command belongs to.
+    within = 0.6 * SAMPLE_S if effect == "command_delay" else 0.05 * value
+    assert only_cause(content, effect)[parameter]["value"] == pytest.approx(value, abs=within)
 
 
 @pytest.mark.parametrize(

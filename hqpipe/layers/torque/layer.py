@@ -9,7 +9,6 @@ import numpy as np
 
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.model import LayerJoints
-from hqpipe.layers.torque.end_stops import at_end_stops
 from hqpipe.layers.torque.joint import TorqueJoint, samples_of
 from hqpipe.layers.torque.likely import likely_start
 from hqpipe.layers.torque.noise import error_noise
@@ -17,6 +16,7 @@ from hqpipe.layers.torque.parameters import Sizes, base_parameters, effects
 from hqpipe.layers.torque.record import Record, Scales, record_of, scales_of
 from hqpipe.layers.torque.start import Look, first_look
 from hqpipe.layers.torque.windows import Windows, windows_of
+from hqpipe.logs.end_stops import at_end_stop, mark_end_stops
 from hqpipe.logs.joint_kinds import unit_of
 from hqpipe.logs.trajectory import LogSet
 
@@ -36,11 +36,10 @@ FEWEST_WINDOWS = 10  # of the fit trials; assumption: fewer do not tell an effec
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What is known of a joint before it is modelled: sizes, records of both splits, end stops in them, and a first look."""
+    """What is known of a joint before it is modelled: sizes, records of both splits, and a first look."""
 
     scales: Scales
     records: tuple[Record, Record]
-    masked: tuple[np.ndarray, np.ndarray]
     look: Look
 
 
@@ -57,7 +56,8 @@ class Torque:
         """The joints whose torque is commanded.
 
         Args:
-            log_set: with commanded and measured efforts. window_s: length of a free run; None for one that suits the logs.
+            log_set: with commanded and measured efforts; where no end stops are marked, they are looked for.
+            window_s: length of a free run; None for one that suits the logs.
             without: names of effects to leave out.
 
         Raises:
@@ -71,6 +71,9 @@ class Torque:
                 field=lacking[0],
                 fix="record the commanded and the measured torque of the joints",
             )
+        told: tuple[str, ...] = ()
+        if all(at_end_stop(trial.trajectory) is None for trial in log_set.trials):
+            log_set, told = mark_end_stops(log_set)
         every = {name: _seen(log_set, j) for j, name in enumerate(log_set.joints)}
         left = {name: seen for name, seen in every.items() if isinstance(seen, str)}
         kept = {name: seen for name, seen in every.items() if not isinstance(seen, str)}
@@ -90,7 +93,7 @@ class Torque:
                 field="effort_command",
                 fix="record motions under changing commands",
             )
-        return LayerJoints(self.NAME, "free_run_rmse", length, reason, tuple(models), left)
+        return LayerJoints(self.NAME, "free_run_rmse", length, reason, tuple(models), left, told)
 
 
 def _dt(log_set: LogSet) -> float:
@@ -106,8 +109,7 @@ def _seen(log_set: LogSet, j: int) -> str | Seen:
     if scales.half_travel == 0.0 or scales.speed == 0.0:
         return "it never moves"
     fit, held = (record_of(trials, j, scales, _dt(log_set)) for trials in (log_set.fit, log_set.heldout))
-    masked = at_end_stops((fit, held), (log_set.fit, log_set.heldout), log_set.joints[j])
-    return Seen(scales, (fit, held), (masked[0], masked[1]), first_look(fit, masked[0]))
+    return Seen(scales, (fit, held), first_look(fit))
 
 
 def _window(log_set: LogSet, joints: dict[str, Seen], window_s: float | None) -> tuple[float, str]:
@@ -127,12 +129,12 @@ def _joint(log_set: LogSet, name: str, seen: Seen, window_s: float, without: Col
     lead = min(int(np.ceil(LEAD / look.rate / dt)), steps // 3)
     substeps = int(np.clip(np.ceil(max(dt * look.rate / STEP, dt / LONGEST_STEP_S) - 1e-6), 1, 40))
     fastest = STABLE * substeps / dt
-    cuts = [windows_of(r, m, steps, lead, substeps) for r, m in zip(seen.records, seen.masked, strict=True)]
+    cuts = [windows_of(r, steps, lead, substeps) for r in seen.records]
     if cuts[0].windows < FEWEST_WINDOWS:
         return f"only {cuts[0].windows} windows of {window_s:.3g} s away from its end stops"
     kind = log_set.kinds.get(name)
     size = _sizes(seen, dt, len(log_set.joints) == 1, log_set.effort_source != PRESSURE, kind)
-    sensor = [error_noise(r, m, look.rate, look.speed_share) for r, m in zip(seen.records, seen.masked, strict=True)]
+    sensor = [error_noise(r, look.rate, look.speed_share) for r in seen.records]
 
     def built(size: Sizes, leave: Collection[str], cuts: tuple[Windows, Windows]) -> TorqueJoint:
         return TorqueJoint(
@@ -144,7 +146,7 @@ def _joint(log_set: LogSet, name: str, seen: Seen, window_s: float, without: Col
             fit=samples_of(seen.records[0], cuts[0]),
             heldout=samples_of(seen.records[1], cuts[1]),
             noise=(sensor[0], sensor[1]),
-            notes=_notes(seen, dt),
+            notes=(),
             settings={
                 "dt": dt,
                 "error_scale": size.opening,
@@ -160,7 +162,7 @@ def _joint(log_set: LogSet, name: str, seen: Seen, window_s: float, without: Col
     def opening_of(compensation: float) -> tuple[float, float]:
         return _opening(seen.records[0], compensation)
 
-    few = windows_of(seen.records[0], seen.masked[0], steps, lead, substeps, FIRST_STEPS)
+    few = windows_of(seen.records[0], steps, lead, substeps, FIRST_STEPS)
     tried = built(size, (), (few, cuts[1]))
     rate, found = likely_start(tried, scales.effort / scales.speed, fastest, opening_of)
     usual, full = opening_of(found)
@@ -199,10 +201,3 @@ def _opening(record: Record, compensation: float) -> tuple[float, float]:
     """Usual and largest opening of the valve, in the unit of the torque error, if the drive adds so much for the speed."""
     found = record.command - record.effort + compensation * record.velocity
     return float(np.sqrt(np.mean(found**2))), float(np.quantile(np.abs(found), 0.9999))
-
-
-def _notes(seen: Seen, dt: float) -> tuple[str, ...]:
-    touched, total = sum(int(m.sum()) for m in seen.masked), sum(len(m) for m in seen.masked)
-    if not touched:
-        return ()
-    return (f"touched an end stop for {touched * dt:.3g} s ({touched / total:.1%}) in all: left out",)

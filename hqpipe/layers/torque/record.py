@@ -9,7 +9,8 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from hqpipe.layers.torque import kernel
-from hqpipe.logs.trajectory import Trial, recording_of
+from hqpipe.logs.end_stops import at_end_stop
+from hqpipe.logs.trajectory import Trajectory, Trial, recording_of
 
 SUPPLY = "supply/pressure"
 FULL_SUPPLY = 0.95  # quantile of the logged supply pressure that counts as full; above it are its peaks; assumption
@@ -54,7 +55,8 @@ class Record:
     Attributes:
         dt: s. files: recordings. trial: (N,) index into them. first, last: (S,) first and last sample of each stretch.
         stretch: (N,) index into these. time: (N,) s since the recording began.
-        command, effort, position, velocity: (N,). observed: (N,). supply: whether its pressure was logged.
+        command, effort, position, velocity: (N,). observed: (N,).
+        masked: (N,) at an end stop. supply: whether its pressure was logged.
         signals: (8, N) see `kernel`. means: (S, 3) of each stretch, see `kernel`.
     """
 
@@ -70,6 +72,7 @@ class Record:
     position: np.ndarray
     velocity: np.ndarray
     observed: np.ndarray
+    masked: np.ndarray
     supply: bool
     signals: np.ndarray
     means: np.ndarray
@@ -97,6 +100,12 @@ def scales_of(trials: Sequence[Trial], j: int) -> Scales:
         longest_s=max(t.start + t.duration for t in parts),
         supply=full,
     )
+
+
+def _touched(t: Trajectory, j: int) -> np.ndarray:
+    """(T,) whether joint `j` touches an end of its travel, where the drive does not decide the torque."""
+    marks = at_end_stop(t)
+    return np.zeros(t.samples, dtype=bool) if marks is None else marks[:, j]
 
 
 def _rate_of(velocity: np.ndarray, dt: float) -> np.ndarray:
@@ -157,6 +166,7 @@ def record_of(trials: Sequence[Trial], j: int, scales: Scales, dt: float) -> Rec
         position=position,
         velocity=velocity,
         observed=joined(lambda t: t.recorded[:, j]).astype(bool),
+        masked=joined(lambda t: _touched(t, j)).astype(bool),
         supply=supply,
         signals=signals,
         means=np.array(

@@ -34,15 +34,11 @@ class Look:
     leak: float
 
 
-def first_look(record: Record, masked: np.ndarray) -> Look:
-    """The rate and dead time at which command less effort, speed and a constant predict the effort best.
-
-    Args:
-        masked: (N,) samples that say nothing of the drive.
-    """
+def first_look(record: Record) -> Look:
+    """The rate and dead time at which command less effort, speed and a constant predict the effort best."""
     spans = _spans(record)
     settle = round(0.1 / record.dt)
-    valid = np.concatenate([np.r_[np.zeros(settle, bool), ~masked[a + settle : b]][: b - a] for a, b in spans])
+    valid = np.concatenate([np.r_[np.zeros(settle, bool), ~record.masked[a + settle : b]][: b - a] for a, b in spans])
     effort = np.concatenate([record.effort[a:b] for a, b in spans])[valid]
     shifts = np.unique(np.round(DELAYS_S / record.dt).astype(int))
     best, look = np.inf, Look(float(RATES[len(RATES) // 2]), 0.0, 0.0, 0.0, 0.0)

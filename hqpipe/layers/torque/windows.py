@@ -37,20 +37,18 @@ class Windows:
     windows: int
 
 
-def windows_of(
-    record: Record, masked: np.ndarray, steps: int, lead: int, substeps: int, most: int = MOST_STEPS
-) -> Windows:
+def windows_of(record: Record, steps: int, lead: int, substeps: int, most: int = MOST_STEPS) -> Windows:
     """Windows of `steps` samples after their start, of which the first `lead` are not judged.
 
     A window starts from the logged torque, whose noise has faded by the time of the first sample that is judged. Spool,
     integral and supply go on from window to window.
 
     Args:
-        masked: (N,) samples that the drive does not decide. substeps: of the simulation, per sample. most: of these in all.
+        substeps: of the simulation, per sample. most: of these in all.
     """
     found = []
     for stretch, (first, last) in enumerate(zip(record.first, record.last, strict=True)):
-        for start, stop in runs(~masked[first : last + 1]):
+        for start, stop in runs(~record.masked[first : last + 1]):
             begins = np.arange(first + start, first + stop - steps, steps)
             found += [(int(begin), stretch) for begin in begins if record.observed[begin]]
     warm, longest = round(WARM_S / record.dt), max(round(BLOCK_S / record.dt), steps)
@@ -59,7 +57,7 @@ def windows_of(
     if cost > most:
         count = max(int(len(blocks) * most / cost), 1)
         blocks = [blocks[i] for i in np.unique(np.linspace(0, len(blocks) - 1, count).round().astype(int))]
-    restart, sample, held = np.zeros(len(masked), dtype=bool), [], []
+    restart, sample, held = np.zeros(len(record.masked), dtype=bool), [], []
     for begin, _ in (window for block in blocks for window in block):
         here = np.arange(begin + 1 + lead, begin + steps + 1)
         here = here[record.observed[here]]

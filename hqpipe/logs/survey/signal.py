@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 
 _SINGLE = float(np.finfo(np.float32).eps)  # logs are often stored in single precision
@@ -16,6 +18,9 @@ _THIRD = 20.0  # variance of the third difference of white noise of variance 1: 
 _REST = 50  # samples; a longer run of one value is a rest
 _SINGLE_SHARE = 0.3  # of the runs; with more runs of one sample the value is not held; assumption
 _JUMP = 3.0  # steps of the sensor; smaller changes are those of a slow signal
+
+_BLOCK = 100  # samples; the median over blocks sets impacts apart from noise
+_ORDERS = range(1, 9)  # of differences
 
 
 def resolution(values: np.ndarray) -> float | None:
@@ -72,3 +77,18 @@ def held(values: np.ndarray, step: float | None) -> int | None:
     jump = float(np.median(np.abs(np.diff(values)[at])))
     length = int(np.median(runs))
     return length if length > 1 and (step is None or jump >= _JUMP * step) else None
+
+
+def difference_noise(signal: np.ndarray) -> float:
+    """Noise of a (T,) signal; the difference of order n of white noise has the variance σ² · C(2n, n)."""
+    orders = [n for n in _ORDERS if len(signal) > 2 * n]
+    return min(block_rms(np.diff(signal, n)) / comb(2 * n, n) ** 0.5 for n in orders)
+
+
+def block_rms(values: np.ndarray) -> float:
+    """Of the median block; one in which a coarse sensor shows no change at all says nothing of its noise."""
+    size = min(_BLOCK, len(values))
+    blocks = values[: len(values) // size * size].reshape(-1, size)
+    squares = np.mean(blocks**2, axis=1)
+    changing = squares[squares > 0.0]
+    return float(np.sqrt(np.median(changing))) if len(changing) else 0.0

@@ -46,7 +46,9 @@ SHAPE = np.zeros((2000, 1))
         ({"mode": None, "position_command": None}, Route(False, ("joint_motion",))),
         ({"mode": None, "position_command": None, "base": "floating"}, Route(True)),
         ({"mode": "torque", "effort_command": SHAPE, "source": "current"}, Route(False, ("joint_motion",))),
-        ({"mode": "torque", "effort_command": SHAPE, "source": "current", "base": None}, Route(True)),
+        ({"mode": "torque", "effort_command": SHAPE, "source": "current", "base": None}, Route(False, ("torque",))),
+        ({"mode": "torque", "effort_command": SHAPE, "source": "load_cell"}, Route(False, ("torque",))),
+        ({"mode": "torque", "effort_command": SHAPE, "source": "load_cell", "base": "floating"}, Route(True)),
         ({"mode": "valve", "valve_command": SHAPE, "effort": None}, Route(False, ("valve",))),
     ],
 )
@@ -63,7 +65,7 @@ def test_duty_and_supply_stand_for_the_command(logs):
 
 def test_what_changed_is_asked_of_the_motion_where_the_command_is_a_torque(logs):
     torque = changed(logs, "torque", "load_cell", effort_command=SHAPE)
-    assert route(torque) == Route(True) and route_since(torque) == Route(False, ("joint_motion",))
+    assert route(torque) == Route(False, ("torque",)) and route_since(torque) == Route(False, ("joint_motion",))
 
 
 def law(after, persistence=1.0):

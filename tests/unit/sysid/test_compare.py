@@ -10,9 +10,10 @@ import pytest
 from small_logs import log_set, trajectory
 
 from hqpipe.errors import IdentificationError, UsageError
+from hqpipe.logs.survey.signal import difference_noise
 from hqpipe.sysid.compare import compare_models
 from hqpipe.sysid.metrics import error_stats, loaded_threshold
-from hqpipe.sysid.noise import difference_noise, innovation_noise
+from hqpipe.sysid.noise import innovation_noise
 from hqpipe.sysid.score_files import long_rows, score_tree
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hqpipe.sysid.noise import difference_noise
+from hqpipe.logs.survey.signal import difference_noise
 
 
 def test_rests_of_a_coarse_sensor_do_not_hide_its_noise():

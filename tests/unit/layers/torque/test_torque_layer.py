@@ -50,11 +50,12 @@ def test_what_was_built_in_is_named_with_its_number(machine, cause, name, value)
 
 def test_samples_at_an_end_stop_carry_no_weight():
     logs = log_set(stop=0.2)
-    model = Torque().joints(logs).models[0]
+    joints = Torque().joints(logs)
+    model = joints.models[0]
     record = model.records[0]
     touched = record.position >= 0.2
     assert touched.mean() > 0.05 and not touched[model.windows[0].sample].any()
-    assert any("end stop" in note for note in model.notes)
+    assert any("end stop" in text for text in joints.warnings)
 
     def disturbed(trial):
         t = trial.trajectory
@@ -83,3 +84,26 @@ def test_logs_without_a_command_are_refused_with_the_column():
     bare = tuple(replace(t, trajectory=replace(t.trajectory, effort_command=None)) for t in logs.trials)
     with pytest.raises(IdentificationError, match="effort_command"):
         Torque().joints(replace(logs, trials=bare))
+
+
+def test_logs_with_few_windows_are_refused():
+    with pytest.raises(IdentificationError, match="windows of .* away from its end stops"):
+        Torque().joints(log_set(trials=2, seconds=1.5))
+
+
+@pytest.mark.parametrize(("source", "asked"), [("load_cell", True), (None, True), ("pressure", False)])
+def test_friction_is_asked_for_where_the_sensor_could_feel_it(source, asked):
+    logs = replace(log_set(trials=2, seconds=8.0), effort_source=source)
+    names = {effect.name for effect in Torque().joints(logs).models[0].effects}
+    assert ("coulomb_friction" in names) == ("armature" in names) == asked
+
+
+def test_what_the_drive_keeps_of_its_command_is_told():
+    model = Torque().joints(log_set(trials=2, seconds=8.0)).models[0]
+    values = neutral(model)
+    names = [p.name for p in all_parameters(model)]
+    values[names.index("leak")], values[names.index("speed_share")] = 0.25, 20.0
+    (text,) = model.remarks((), values)
+    assert "holds 80% of a steady command and loses 16 N·m/(rad/s) of speed" in text
+    values[names.index("leak")] = values[names.index("speed_share")] = 0.0
+    assert model.remarks((), values) == ()

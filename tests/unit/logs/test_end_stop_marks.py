@@ -10,7 +10,7 @@ from torque_strokes import STOP, log_set, rest_log_set
 
 from hqpipe.gap.joint_data import cut, joint_data
 from hqpipe.gap.replay import Replay, persistence_error
-from hqpipe.sysid.end_stops import at_end_stop, judged_windows, mark_end_stops
+from hqpipe.logs.end_stops import at_end_stop, judged_windows, mark_end_stops
 
 STEPS = 50
 

@@ -15,9 +15,9 @@ import numpy as np
 
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.survey.end_stop import end_stops
+from hqpipe.logs.survey.signal import difference_noise
 from hqpipe.logs.trajectory import LogSet, Trajectory
 from hqpipe.logs.travel_ends import CONTACT, NEAR, Stretch, TravelEnd, held_ends
-from hqpipe.sysid.noise import difference_noise
 
 MARK = "at_end_stop"
 FASTEST, MOVING = 0.999, 0.1
