@@ -134,8 +134,10 @@ def _pooled(numbers: list[Number]) -> Number:
         return numbers[0]
     parts = [_estimate(number) for number in numbers]
     values = np.array([part.value for part in parts])
-    least = np.finfo(float).eps * max(float(np.max(np.abs(values))), np.finfo(float).tiny)
-    own = np.clip([part.deviation for part in parts], least, least / np.finfo(float).eps ** 2) ** 2
+    deviations = np.array([part.deviation for part in parts])
+    known = np.abs(np.concatenate([values, deviations[np.isfinite(deviations)]]))
+    least = np.finfo(float).eps * (float(np.max(known)) or 1.0)  # what rounding leaves, and what is not known at all
+    own = np.clip(deviations, least, least / np.finfo(float).eps ** 2) ** 2
     weight = 1.0 / own
     excess = float(weight @ (values - weight @ values / weight.sum()) ** 2) - (len(parts) - 1)
     spare = float(weight.sum() - weight @ weight / weight.sum())

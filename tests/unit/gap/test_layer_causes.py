@@ -158,3 +158,11 @@ def test_a_number_that_is_known_exactly_or_not_at_all_is_pooled_within_its_bound
         (one,) = merge_causes(errors, found.joints)
         assert one.numbers[0].value == pytest.approx(0.5)
         assert one.numbers[0].ci95[0] >= low - 1e-9
+
+
+def test_numbers_that_are_all_nought_keep_the_intervals_that_they_have(models):
+    shapes = [number("time_constant_s", 0.01, 0.001), number("behind_edges", 0.0, 0.5)]
+    found, errors = errors_of(*(made_up(m, 1.0, 0.5, causes=[cause("valve_lag", *shapes)]) for m in models))
+    (merged,) = merge_causes(errors, found.joints)
+    share = merged.numbers[1]
+    assert share.value == 0.0 and 0.2 < share.ci95[1] < 0.5
