@@ -4,7 +4,7 @@ error    delayed command less torque, plus what the drive adds for the speed, pl
 spool    first-order lag of the error, with a play, within ± limit; the deadband is cut out of it
 flow     spool × direction × curve × load × supply × drift
 torque   its rate is gain × geometry × (flow + offsets, less what the motion of the joint takes away)
-effort   the torque less friction and inertia between the drive and the sensor
+effort   the torque less the friction between the drive and the sensor
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ LAYOUT = (
     "ratio", "curve", "inverse_effort_max", "droop", "recovery_s", "drawn_ratio", "evened_out", "others", "rate_per_s",
     "gain_step", "moment_s", "geometry_1", "geometry_2",
     "offset_1", "offset_2", "speed_1", "speed_2", "turbulent", "drag", "leak", "leak_curve", "drift",
-    "friction_nm", "coefficient", "kg_m2",
+    "friction_nm", "coefficient",
     "dt", "error_scale", "speed_scale", "effort_scale", "most_effort", "longest_s",
 )  # fmt: skip
 (
@@ -29,7 +29,7 @@ LAYOUT = (
     RATIO, CURVE, INVERSE_EFFORT, DROOP, RECOVERY, DRAWN, EVENED, OTHERS, DRIFTING,
     STEP, MOMENT, GEOMETRY_1, GEOMETRY_2,
     OFFSET_1, OFFSET_2, SPEED_1, SPEED_2, TURBULENT, DRAG, LEAK, LEAK_CURVE, DRIFT,
-    FRICTION, LOADED, ARMATURE,
+    FRICTION, LOADED,
     DT, ERROR_SCALE, SPEED_SCALE, EFFORT_SCALE, MOST_EFFORT, LONGEST,
 ) = range(len(LAYOUT))  # fmt: skip
 
@@ -40,10 +40,10 @@ CHANGE = 0.05  # of the longest trial, in which a sudden change of the gain happ
 SHUT = 0.05  # share of the pressure below which no drive evens it out; assumption
 BURST = 20.0  # of the largest measured effort, which no prediction passes; assumption: a drive has no such reserve
 TURNING = 0.02  # of the usual speed, over which a drag changes its sign; assumption: seals creep before they slide
-SIGNALS = 8
-TIME, Z, VELOCITY, ACCELERATION, OTHER_SPEED, LOSS, COMMAND_SUM, EFFORT_SUM = range(SIGNALS)
-"""Rows of the logged signals: s since the trial began; position over its travel, −1 … 1; velocity; its rate; summed speed of
-the other joints, each over its usual speed; measured loss of supply pressure, 0 … 1; integrals of the command and the effort
+SIGNALS = 7
+TIME, Z, VELOCITY, OTHER_SPEED, LOSS, COMMAND_SUM, EFFORT_SUM = range(SIGNALS)
+"""Rows of the logged signals: s since the trial began; position over its travel, −1 … 1; velocity; summed speed of the
+other joints, each over its usual speed; measured loss of supply pressure, 0 … 1; integrals of the command and the effort
 over time, their difference of no mean in each stretch."""
 MEAN_ERROR, MEAN_VELOCITY, MEAN_EFFORT = range(3)
 """Columns of the means over the stretch of a block."""
@@ -118,11 +118,11 @@ def beside_of(p: np.ndarray, v: float, torque: float, z: float, time: float) -> 
 
 
 @njit(cache=True, nogil=True, inline="always")
-def lost_before_sensor(p: np.ndarray, v: float, acceleration: float, torque: float) -> float:
-    """Torque that friction and inertia between the drive and the sensor take."""
+def lost_before_sensor(p: np.ndarray, v: float, torque: float) -> float:
+    """Torque that friction between the drive and the sensor takes."""
     share = v / p[SPEED_SCALE]
     direction = share / np.sqrt(share * share + TURNING * TURNING)
-    return (p[FRICTION] + p[LOADED] * abs(torque)) * direction + p[ARMATURE] * acceleration
+    return (p[FRICTION] + p[LOADED] * abs(torque)) * direction
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -150,7 +150,7 @@ def run_blocks(
     """Fill the measured torque at each sample, (T,), block by block.
 
     Args:
-        p: as in `LAYOUT`. command, effort: (T,). signals: (8, T). means: (B, 3).
+        p: as in `LAYOUT`. command, effort: (T,). signals: (7, T). means: (B, 3).
         restart: (T,) whether the torque is set to the logged one.
         first, last: (B,) first and last sample of the stretch of each block. start, stop: (B,) its samples start … stop − 1.
         substeps: per sample.
@@ -170,7 +170,7 @@ def run_blocks(
         spool = slack = 0.0
         held = held_by_integral(p, means[b]) if p[KI] != 0.0 else 0.0
         for k in range(start[b], stop[b]):
-            lost = lost_before_sensor(p, velocity[k], signals[ACCELERATION, k], effort[k])
+            lost = lost_before_sensor(p, velocity[k], effort[k])
             if restart[k]:
                 x = effort[k] + lost
             torque[k] = x - lost

@@ -187,13 +187,11 @@ def _sizes(seen: Seen, dt: float, alone: bool, at_output: bool, kind: str | None
         most_effort=scales.most_effort,
         speed=scales.speed,
         longest_s=scales.longest_s,
-        acceleration=scales.acceleration,
         supply=seen.records[0].supply,
         at_output=at_output,
         alone=alone,
         unit=unit_of("N·m", kind),
         speed_unit=unit_of("rad/s", kind),
-        inertia_unit=unit_of("kg·m²", kind),
     )
 
 

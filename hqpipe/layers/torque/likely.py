@@ -81,6 +81,7 @@ def _tries(usual: float, full: float, delay: float) -> Iterator[tuple[str, float
     yield "", 0.0
     yield from (("limit", part * full) for part in (0.8, 0.6, 0.4, 0.25))
     yield from (("half_width", part * usual) for part in (0.1, 0.3, 0.6))
+    yield from (("play", part * usual) for part in (0.03, 0.1, 0.3))
     yield from (("ratio", ratio) for ratio in (-0.15, 0.15))
     yield from (("delay_s", delay + more) for more in (0.005, 0.012, 0.025))
     yield "droop", 0.25

@@ -30,10 +30,10 @@ class Sizes:
         dt: s. rate: 1/s, as is likely. first_rate: 1/s, delay_s: s, speed_share, offset, leak: of a first-order loop that was
             fitted to the logs. compensation: what the drive seems to add to the torque error per speed.
         opening: usual, full: largest opening of the valve, in the unit of the torque error.
-        effort: usual about its mean; most_effort: largest. speed: usual where the joint moves. acceleration: usual.
-        longest_s: of the trials. supply: whether its pressure is logged. at_output: whether friction and inertia may lie
+        effort: usual about its mean; most_effort: largest. speed: usual where the joint moves.
+        longest_s: of the trials. supply: whether its pressure is logged. at_output: whether friction may lie
             between the drive and the sensor of the torque. alone: whether no other joint is.
-        unit: of the effort. speed_unit, inertia_unit: of the joint.
+        unit: of the effort. speed_unit: of the joint.
     """
 
     dt: float
@@ -50,13 +50,11 @@ class Sizes:
     most_effort: float
     speed: float
     longest_s: float
-    acceleration: float
     supply: bool
     at_output: bool
     alone: bool
     unit: str
     speed_unit: str
-    inertia_unit: str
 
 
 def base_parameters(size: Sizes, fastest: float) -> tuple[Parameter, ...]:
@@ -159,13 +157,11 @@ def _before_sensor(size: Sizes) -> tuple[Effect, ...]:
     """What is lost between the drive and a sensor at its output; pressures know nothing of it."""
     if not size.at_output:
         return ()
-    # Gears and seals take some percent of the usual torque, of each newton metre, and for their own inertia; assumption.
+    # Gears and seals take some percent of the usual torque, or of each newton metre; assumption.
     dry = Parameter("friction_nm", size.unit, 0.0, 0.05 * size.effort, 0.0, size.most_effort)
-    own = Parameter("kg_m2", size.inertia_unit, 0.0, 0.1 * size.effort / size.acceleration, 0.0)
     return (
         Effect("coulomb_friction", (dry,), common=True),
         Effect("load_dependent_friction", (Parameter("coefficient", "1", 0.0, 0.1, 0.0, 0.95),), common=True),
-        Effect("armature", (own,)),
     )
 
 
@@ -181,7 +177,8 @@ def _generic(size: Sizes) -> tuple[Effect, ...]:
 
     half = 0.5 * size.longest_s
     moment = Parameter("moment_s", "s", half, 0.5 * half, 0.0, 2.0 * half, (0.6 * half, half, 1.4 * half))
-    play = Parameter("play", size.unit, 0.0, 0.02 * size.opening, 0.0, 0.3 * size.opening)
+    plays = (0.02 * size.opening, 0.1 * size.opening, 0.3 * size.opening)
+    play = Parameter("play", size.unit, 0.0, 0.05 * size.opening, 0.0, size.opening, plays)
     return (
         # Below −0.5 the flow would fall as the valve opens.
         shape("flow_curve", "command", Parameter("curve", "1", 0.0, 0.2, -0.3, 3.0)),

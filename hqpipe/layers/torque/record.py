@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from hqpipe.layers.torque import kernel
 from hqpipe.logs.end_stops import at_end_stop
@@ -19,11 +18,6 @@ MOVING, FASTEST = (
     0.999,
 )  # share of the fastest speed, a quantile, from which a joint moves; assumption: as in valve mode
 
-SMOOTHED_S, LEAST_SMOOTHED = (
-    0.025,
-    5,
-)  # s and samples that an acceleration is taken over; assumption: torques below 20 Hz count
-
 
 @dataclass(frozen=True)
 class Scales:
@@ -31,8 +25,7 @@ class Scales:
 
     Attributes:
         middle, half_travel: of the position. effort: root mean square about its mean; most_effort: largest. error: root mean
-            square of command less effort. speed: root mean square of the velocity where it moves. acceleration: root mean
-            square. speeds: (J,) of all joints.
+            square of command less effort. speed: root mean square of the velocity where it moves. speeds: (J,) of all joints.
         longest_s: of the trials. supply: full supply pressure, or 0.
     """
 
@@ -42,7 +35,6 @@ class Scales:
     most_effort: float
     error: float
     speed: float
-    acceleration: float
     speeds: tuple[float, ...]
     longest_s: float
     supply: float
@@ -57,7 +49,7 @@ class Record:
         stretch: (N,) index into these. time: (N,) s since the recording began.
         command, effort, position, velocity: (N,). observed: (N,).
         masked: (N,) at an end stop. supply: whether its pressure was logged.
-        signals: (8, N) see `kernel`. means: (S, 3) of each stretch, see `kernel`.
+        signals: (7, N) see `kernel`. means: (S, 3) of each stretch, see `kernel`.
     """
 
     dt: float
@@ -95,7 +87,6 @@ def scales_of(trials: Sequence[Trial], j: int) -> Scales:
         most_effort=float(np.abs(effort).max()),
         error=float(np.sqrt(np.mean((command - effort) ** 2))),
         speed=speeds[j],
-        acceleration=float(np.sqrt(np.mean(np.concatenate([_rate_of(t.velocity[:, j], t.dt) for t in parts]) ** 2))),
         speeds=tuple(speeds),
         longest_s=max(t.start + t.duration for t in parts),
         supply=full,
@@ -106,14 +97,6 @@ def _touched(t: Trajectory, j: int) -> np.ndarray:
     """(T,) whether joint `j` touches an end of its travel, where the drive does not decide the torque."""
     marks = at_end_stop(t)
     return np.zeros(t.samples, dtype=bool) if marks is None else marks[:, j]
-
-
-def _rate_of(velocity: np.ndarray, dt: float) -> np.ndarray:
-    """Its derivative without delay (Savitzky and Golay 1964)."""
-    length = max(2 * round(0.5 * SMOOTHED_S / dt) + 1, LEAST_SMOOTHED)
-    if len(velocity) < length:
-        return np.gradient(velocity, dt) if len(velocity) > 1 else np.zeros(len(velocity))
-    return savgol_filter(velocity, length, 2, deriv=1, delta=dt)
 
 
 def moving_speed(velocity: np.ndarray) -> float:
@@ -140,7 +123,6 @@ def record_of(trials: Sequence[Trial], j: int, scales: Scales, dt: float) -> Rec
     signals = np.zeros((kernel.SIGNALS, len(position)))
     signals[kernel.TIME], signals[kernel.Z] = time, (position - scales.middle) / max(scales.half_travel, 1e-300)
     signals[kernel.VELOCITY] = velocity
-    signals[kernel.ACCELERATION] = joined(lambda t: _rate_of(t.velocity[:, j], dt))
     others = (np.arange(len(scales.speeds)) != j) & (np.array(scales.speeds) > 0.0)
     if supply:
         signals[kernel.LOSS] = joined(lambda t: np.clip(1.0 - t.extra[SUPPLY] / scales.supply, 0.0, 1.0))

@@ -20,7 +20,7 @@ def logged():
     command = 40.0 * np.sin(9.0 * time) + np.repeat(rng.uniform(-20.0, 20.0, SAMPLES // 50), 50)
     signals = np.zeros((kernel.SIGNALS, SAMPLES))
     signals[kernel.TIME], signals[kernel.Z] = time, np.sin(3.0 * time)
-    signals[kernel.VELOCITY], signals[kernel.ACCELERATION] = 3.0 * np.cos(3.0 * time), -9.0 * np.sin(3.0 * time)
+    signals[kernel.VELOCITY] = 3.0 * np.cos(3.0 * time)
     signals[kernel.OTHER_SPEED] = 0.5 + 0.1 * rng.random(SAMPLES)
     signals[kernel.COMMAND_SUM] = np.cumsum(command) * DT
     return command, signals

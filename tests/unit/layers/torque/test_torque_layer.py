@@ -95,7 +95,7 @@ def test_logs_with_few_windows_are_refused():
 def test_friction_is_asked_for_where_the_sensor_could_feel_it(source, asked):
     logs = replace(log_set(trials=2, seconds=8.0), effort_source=source)
     names = {effect.name for effect in Torque().joints(logs).models[0].effects}
-    assert ("coulomb_friction" in names) == ("armature" in names) == asked
+    assert ("coulomb_friction" in names) == ("load_dependent_friction" in names) == asked
 
 
 def test_what_the_drive_keeps_of_its_command_is_told():
