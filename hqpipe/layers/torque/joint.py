@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from hqpipe.identify.model import Effect, Parameter, Samples
-from hqpipe.layers.torque.kernel import LAYOUT, SPEED, run_blocks
+from hqpipe.layers.torque.kernel import LAYOUT, run_blocks
 from hqpipe.layers.torque.record import Record
 from hqpipe.layers.torque.windows import Windows
 
-NOTABLE = 0.05  # of a steady command or the usual effort, from which a loss is told; assumption
 INVERSE = {"effort_max_nm": "inverse_effort_max", "stall_nm": "inverse_stall"}
 _NEUTRAL = {"limit": np.inf, "recovery_s": 0.1, "drawn_ratio": 1.0, "others": 1.0}
 
@@ -68,25 +66,6 @@ class TorqueJoint:
             torque,
         )
         return torque[cut.sample] - record.effort[cut.sample]
-
-    def remarks(self, effects: Collection[str], values: np.ndarray) -> tuple[str, ...]:
-        """What the base model takes from the commanded torque, where it is more than a little.
-
-        Args:
-            effects: the causes. values: (P,) as in `error`.
-        """
-        number = dict(zip([name for _, name, _ in self._columns], np.asarray(values, dtype=np.float64), strict=True))
-        usual, speed = self.settings["effort_scale"], self.settings["speed_scale"]
-        share, lost = 1.0 / (1.0 + number["leak"]), number["speed_share"] / (1.0 + number["leak"])
-        found = []
-        if "integral_action" not in effects and abs(share - 1.0) >= NOTABLE:
-            found.append(f"holds {share:.0%} of a steady command")
-        if abs(lost) * speed >= NOTABLE * usual:
-            less = "loses" if lost > 0.0 else "gains"
-            found.append(f"{less} {abs(lost):.3g} {self.base[SPEED].unit} of speed")
-        if not found:
-            return ()
-        return (f"the drive {' and '.join(found)}: the base model holds this, and no cause is named for it",)
 
     def row(self, values: np.ndarray) -> np.ndarray:
         """(len(LAYOUT),) what the kernel reads."""

@@ -31,6 +31,7 @@ STEP, LONGEST_STEP_S = 0.25, 1e-3
 valve."""
 FIRST_STEPS = 8_000  # substeps of each try before anything is fitted
 STABLE = 0.8  # of a response time, a substep beyond which the midpoint rule grows
+NOTABLE = 0.05  # of a steady command or the usual effort, from which a loss is told; assumption
 FEWEST_WINDOWS = 10  # of the fit trials; assumption: fewer do not tell an effect from chance
 
 
@@ -146,7 +147,7 @@ def _joint(log_set: LogSet, name: str, seen: Seen, window_s: float, without: Col
             fit=samples_of(seen.records[0], cuts[0]),
             heldout=samples_of(seen.records[1], cuts[1]),
             noise=(sensor[0], sensor[1]),
-            notes=(),
+            notes=_notes(seen, size),
             settings={
                 "dt": dt,
                 "error_scale": size.opening,
@@ -199,3 +200,16 @@ def _opening(record: Record, compensation: float) -> tuple[float, float]:
     """Usual and largest opening of the valve, in the unit of the torque error, if the drive adds so much for the speed."""
     found = record.command - record.effort + compensation * record.velocity
     return float(np.sqrt(np.mean(found**2))), float(np.quantile(np.abs(found), 0.9999))
+
+
+def _notes(seen: Seen, size: Sizes) -> tuple[str, ...]:
+    """What the base model takes from the commanded torque, where it is more than a little."""
+    share = 1.0 / (1.0 + seen.look.leak)
+    lost, found = seen.look.speed_share * share, []
+    if abs(share - 1.0) >= NOTABLE:
+        found.append(f"holds {share:.0%} of a steady command")
+    if abs(lost) * size.speed >= NOTABLE * size.effort:
+        found.append(f"{'loses' if lost > 0.0 else 'gains'} {abs(lost):.3g} {size.unit}/({size.speed_unit}) of speed")
+    if not found:
+        return ()
+    return (f"the drive {' and '.join(found)}: the base model holds this, and no cause is named for it",)

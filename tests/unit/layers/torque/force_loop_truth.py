@@ -24,7 +24,9 @@ def motion(seconds, dt, seed):
     return position, velocity
 
 
-def torque(command, velocity, dt, compensated=0.9, band=0.0, delay=0.0, lag=0.0, limit=np.inf, ratio=0.0, offset=0.0):
+def torque(
+    command, velocity, dt, compensated=0.9, band=0.0, delay=0.0, lag=0.0, limit=np.inf, ratio=0.0, offset=0.0, leak=0.0
+):
     """(T,) N·m of a loop whose opening is the error and what the speed needs, cut by the valve."""
     h, x, spool = dt / STEPS, command[0], 0.0
     found = np.empty(len(command))
@@ -37,7 +39,7 @@ def torque(command, velocity, dt, compensated=0.9, band=0.0, delay=0.0, lag=0.0,
             spool = wanted if lag == 0.0 else spool + h / lag * (wanted - spool)
             opening = np.clip(spool, -limit, limit)
             opening = np.sign(opening) * max(abs(opening) - band, 0.0) * (1.0 + ratio * np.sign(opening))
-            x += h * (LOOP * opening - SPRING * v)
+            x += h * (LOOP * (opening - leak * x) - SPRING * v)
     return found
 
 
