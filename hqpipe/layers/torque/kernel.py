@@ -70,6 +70,36 @@ def between(values: np.ndarray, first: int, last: int, at: float) -> float:
 
 
 @njit(cache=True, nogil=True, inline="always")
+def error_of(
+    p: np.ndarray, sums: tuple, command: np.ndarray, bounds: tuple, at: float, length: float, torque: float
+) -> float:
+    """What the drive acts on: delayed command less torque, and its integral, in the substep from `at` on.
+
+    Args:
+        sums: integrals of command and effort, and what the integrator holds in the mean. bounds: first and last sample.
+    """
+    first, last = bounds
+    delay = (p[ROW_OFFSET] + p[DELAY]) / p[DT]
+    error = held_mean(command, first, last, at - delay, length) - torque
+    if p[KI] != 0.0:
+        asked, given, held = sums
+        middle = at + 0.5 * length
+        error += held + p[KI] * (between(asked, first, last, middle - delay) - between(given, first, last, middle))
+    return error
+
+
+@njit(cache=True, nogil=True, inline="always")
+def by_direction(p: np.ndarray, past: np.ndarray, count: int, late: float, wanted: float) -> float:
+    """The demand with one of its directions `late` substeps late; `past` holds the demands of the last substeps."""
+    size, whole = past.shape[0], int(late)
+    past[count % size] = wanted
+    newer, older = past[(count - whole) % size], past[(count - 1 - whole) % size]
+    before = newer + (late - whole) * (older - newer)
+    above, below = (before, wanted) if p[DIFFERENCE] > 0.0 else (wanted, before)
+    return max(above, 0.0) + min(below, 0.0)
+
+
+@njit(cache=True, nogil=True, inline="always")
 def opened(p: np.ndarray, spool: float, torque: float) -> float:
     """Opening of the valve in the unit of the torque error: within the stroke, beyond the deadband.
 
@@ -162,13 +192,14 @@ def run_blocks(
         mean = 1.0 - p[LAG] / h * share
     most = BURST * p[MOST_EFFORT]
     recovering = 1.0 - np.exp(-h / max(p[RECOVERY], 1e-9))
-    delay, late = (p[ROW_OFFSET] + p[DELAY]) / p[DT], abs(p[DIFFERENCE]) / h
+    late = abs(p[DIFFERENCE]) / h
     past = np.zeros(int(late) + 2)
     velocity = signals[VELOCITY]
     for b in range(start.shape[0]):
         x, slope, sag, count = effort[start[b]], 0.0, 0.0, 0
         spool = slack = 0.0
-        held = held_by_integral(p, means[b]) if p[KI] != 0.0 else 0.0
+        bounds = (first[b], last[b])
+        sums = (signals[COMMAND_SUM], signals[EFFORT_SUM], held_by_integral(p, means[b]) if p[KI] != 0.0 else 0.0)
         for k in range(start[b], stop[b]):
             lost = lost_before_sensor(p, velocity[k], effort[k])
             if restart[k]:
@@ -180,22 +211,11 @@ def run_blocks(
                 v = between(velocity, first[b], last[b], at + 0.5 * length + p[LEAD] / p[DT])
                 z = between(signals[Z], first[b], last[b], at + 0.5 * length)
                 time = signals[TIME, k] + (i + 0.5) * h
-                middle = x + 0.5 * h * slope
-                wanted = held_mean(command, first[b], last[b], at - delay, length) - middle
-                if p[KI] != 0.0:
-                    asked = between(signals[COMMAND_SUM], first[b], last[b], at + 0.5 * length - delay)
-                    given = between(signals[EFFORT_SUM], first[b], last[b], at + 0.5 * length)
-                    wanted += held + p[KI] * (asked - given)
-                wanted += p[COMPENSATION] * v
+                middle = min(max(x + 0.5 * h * slope, -most), most)
+                wanted = error_of(p, sums, command, bounds, at, length, middle) + p[COMPENSATION] * v
                 if p[DIFFERENCE] != 0.0:
-                    size = past.shape[0]
-                    past[count % size] = wanted
+                    wanted = by_direction(p, past, count, late, wanted)
                     count += 1
-                    whole = int(late)
-                    newer, older = past[(count - 1 - whole) % size], past[(count - 2 - whole) % size]
-                    before = newer + (late - whole) * (older - newer)
-                    above, below = (before, wanted) if p[DIFFERENCE] > 0.0 else (wanted, before)
-                    wanted = max(above, 0.0) + min(below, 0.0)
                 if p[PLAY] > 0.0:
                     slack = min(max(slack, wanted - p[PLAY]), wanted + p[PLAY])
                     wanted = slack
