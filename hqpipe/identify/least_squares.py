@@ -1,7 +1,8 @@
 """Least squares with bounds and weak priors on the free parameters of one joint.
 
 Levenberg–Marquardt (Marquardt 1963) with the sensitivities taken as differences. A fit is a function of the model, the free
-parameters and the start alone; it ends when a step no longer helps, with the same tolerance for every set of effects.
+parameters and the start alone. Long differences bring it near, short ones end it, when a step no longer helps, with the same
+tolerance for every set of effects.
 """
 
 from __future__ import annotations
