@@ -12,7 +12,7 @@ from hqpipe.layers.torque.record import Record
 from hqpipe.layers.torque.windows import Windows
 
 INVERSE = {"effort_max_nm": "inverse_effort_max", "stall_nm": "inverse_stall"}
-_NEUTRAL = {"limit": np.inf, "recovery_s": 0.1, "drawn_ratio": 1.0, "others": 1.0}
+_NEUTRAL = {"limit": np.inf, "recovery_s": 0.1, "drawn_ratio": 1.0, "area_ratio": 1.0, "others": 1.0}
 
 
 @dataclass(frozen=True, eq=False)

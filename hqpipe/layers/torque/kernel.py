@@ -17,7 +17,7 @@ import hqpipe.system.checked_cache  # noqa: F401 (before any function is compile
 LAYOUT = (
     "rate", "speed_share", "offset", "compensation", "row_offset_s", "speed_lead_s",
     "delay_s", "difference_s", "time_constant_s", "play", "limit", "inverse_stall", "half_width", "ki",
-    "ratio", "curve", "inverse_effort_max", "droop", "recovery_s", "drawn_ratio", "evened_out", "others", "rate_per_s",
+    "ratio", "curve", "inverse_effort_max", "area_ratio", "droop", "recovery_s", "drawn_ratio", "evened_out", "others", "rate_per_s",
     "gain_step", "moment_s", "geometry_1", "geometry_2",
     "offset_1", "offset_2", "speed_1", "speed_2", "turbulent", "drag", "leak", "leak_curve", "drift",
     "friction_nm", "coefficient",
@@ -26,7 +26,7 @@ LAYOUT = (
 (
     RATE, SPEED, OFFSET, COMPENSATION, ROW_OFFSET, LEAD,
     DELAY, DIFFERENCE, LAG, PLAY, LIMIT, INVERSE_STALL, BAND, KI,
-    RATIO, CURVE, INVERSE_EFFORT, DROOP, RECOVERY, DRAWN, EVENED, OTHERS, DRIFTING,
+    RATIO, CURVE, INVERSE_EFFORT, AREAS, DROOP, RECOVERY, DRAWN, EVENED, OTHERS, DRIFTING,
     STEP, MOMENT, GEOMETRY_1, GEOMETRY_2,
     OFFSET_1, OFFSET_2, SPEED_1, SPEED_2, TURBULENT, DRAG, LEAK, LEAK_CURVE, DRIFT,
     FRICTION, LOADED,
@@ -128,7 +128,8 @@ def flow_of(p: np.ndarray, opening: float, torque: float, time: float, sag: floa
     against = torque if opening > 0.0 else -torque
     # A drive that evens out the load's share of the pressure counts on the full supply: what is lost weighs more under load.
     lost = sag / max(1.0 - p[EVENED] * against / p[MOST_EFFORT], SHUT)
-    pressure = 1.0 - lost - p[INVERSE_EFFORT] * against
+    inverse = p[INVERSE_EFFORT] if opening > 0.0 else p[INVERSE_EFFORT] / p[AREAS]
+    pressure = 1.0 - lost - inverse * against
     flow *= np.sqrt(max(pressure, 0.0)) * max(1.0 + p[DRIFTING] * time, 0.0)
     if p[STEP] != 0.0:
         passed = (time - p[MOMENT]) / (CHANGE * p[LONGEST]) + 0.5

@@ -129,6 +129,8 @@ def _flow_side(size: Sizes) -> tuple[Effect, ...]:
     never = LOADED * size.most_effort
     starts = (1.2 * size.most_effort, 2.0 * size.most_effort, 4.0 * size.most_effort)
     effort = Parameter("effort_max_nm", size.unit, never, 0.5 * never, 1.02 * size.most_effort, never, starts)
+    # The side of the rod has 1/2 to 1/1.3 of the area of the other, so that the full supply pressure pushes less there.
+    areas = Parameter("area_ratio", "1", 1.0, 0.3, 0.4, 2.5)
     droop = (Parameter("droop", "1", 0.0, 0.5, 0.0, 3.0, (1.0,)),)
     if not size.supply:
         # A pump that loses a tenth of its pressure at the usual speed; `recovery_s` from a pump's to an accumulator's.
@@ -146,7 +148,7 @@ def _flow_side(size: Sizes) -> tuple[Effect, ...]:
     return (
         # Piston areas of differential cylinders are 1.3 to 2 times as large on one side: a ratio of 0.13 to 0.33.
         Effect("direction_asymmetry", (Parameter("ratio", "1", 0.0, 0.15, -0.95, 0.95),)),
-        Effect("orifice_flow", (effort,)),
+        Effect("orifice_flow", (effort, areas)),
         Effect("supply_droop", droop),
         # Viscosity halves over 15 to 20 K of oil temperature; a tenth of the flow over some minutes.
         Effect("gain_drift", (Parameter("rate_per_s", "1/s", 0.0, 0.003, -0.2, 0.2),)),

@@ -9,7 +9,7 @@ from hqpipe.layers.torque import kernel
 from hqpipe.layers.torque.kernel import LAYOUT, opened, run_blocks
 
 DT, RATE, SHARE, OFFSET = 2e-3, 90.0, 1.7, 3.0
-NEUTRAL = {"limit": np.inf, "recovery_s": 0.1, "others": 1.0, "drawn_ratio": 1.0}
+NEUTRAL = {"limit": np.inf, "recovery_s": 0.1, "others": 1.0, "drawn_ratio": 1.0, "area_ratio": 1.0}
 SCALES = {"error_scale": 20.0, "speed_scale": 1.0, "effort_scale": 40.0, "most_effort": 60.0, "longest_s": 2.0}
 SAMPLES, SUBSTEPS = 1000, 3
 
@@ -65,7 +65,7 @@ NUMBERS = {
     "limit": 10.0, "recovery_s": 0.5, "others": 2.0, "inverse_effort_max": 0.01, "inverse_stall": 0.01,
     "time_constant_s": 3e-3, "delay_s": 5e-3,
     "difference_s": 4e-3, "row_offset_s": 1e-3, "half_width": 2.0, "play": 1.0, "speed_lead_s": 3e-3, "moment_s": 1.2,
-    "leak_curve": 0.05, "evened_out": 0.5, "drawn_ratio": 0.7,
+    "leak_curve": 0.05, "evened_out": 0.5, "drawn_ratio": 0.7, "area_ratio": 0.7,
 }  # fmt: skip
 BESIDE = {
     "recovery_s": {"droop": 0.2},
@@ -73,6 +73,7 @@ BESIDE = {
     "drawn_ratio": {"droop": 0.2},
     "evened_out": {"droop": 0.2},
     "inverse_stall": {"limit": 20.0},
+    "area_ratio": {"inverse_effort_max": 0.01},
     "compensation": {"half_width": 2.0},
     "moment_s": {"gain_step": 0.3},
 }  # numbers that show only beside another
