@@ -17,8 +17,8 @@ import hqpipe.system.checked_cache  # noqa: F401 (before any function is compile
 LAYOUT = (
     "rate", "speed_share", "offset", "compensation", "row_offset_s", "speed_lead_s",
     "delay_s", "difference_s", "time_constant_s", "play", "limit", "inverse_stall", "half_width", "ki",
-    "ratio", "curve", "inverse_effort_max", "area_ratio", "droop", "recovery_s", "drawn_ratio", "evened_out", "others", "rate_per_s",
-    "gain_step", "moment_s", "geometry_1", "geometry_2",
+    "ratio", "curve", "inverse_effort_max", "area_ratio", "droop", "recovery_s", "drawn_ratio", "evened_out", "others",
+    "rate_per_s", "gain_step", "moment_s", "geometry_1", "geometry_2",
     "offset_1", "offset_2", "speed_1", "speed_2", "turbulent", "drag", "leak", "leak_curve", "drift",
     "friction_nm", "coefficient",
     "dt", "error_scale", "speed_scale", "effort_scale", "most_effort", "longest_s",

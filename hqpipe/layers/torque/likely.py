@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,16 +11,8 @@ from hqpipe.identify.model import all_parameters
 from hqpipe.layers.torque.joint import TorqueJoint
 
 RATES = (40.0, 80.0, 150.0, 280.0)  # 1/s: force loops of 5 to 50 Hz; assumption
-MOST_SLOW = 5.0  # 1/s; assumption: a joint that answers slower than in 0.2 s has no force loop
-SHARES = (
-    0.0,
-    1.0,
-    2.0,
-    4.0,
-    8.0,
-    16.0,
-    32.0,
-)  # of usual effort per usual speed, that are tried; assumption: a factor of two apart
+SHARES = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+"""Compensations that are tried, in usual effort per usual speed; assumption: a factor of two apart."""
 
 
 def likely_start(
@@ -41,8 +32,7 @@ def likely_start(
     neutral = np.array([p.neutral for p in all_parameters(model)])
     rate, compensation = names.index("rate"), names.index("compensation")
     rates = [each for each in dict.fromkeys((float(neutral[rate]), *RATES)) if each <= fastest]
-    bases = [p if p.name != "rate" else replace(p, low=MOST_SLOW, high=fastest) for p in model.base]
-    fitter = Fitter(replace(model, base=tuple(bases)))
+    fitter = Fitter(model)
     best, found = np.inf, (float(neutral[rate]), 0.0)
     for share in SHARES:
         start = neutral.copy()

@@ -9,10 +9,8 @@ from hqpipe.logs.survey.signal import noise, resolution
 from hqpipe.logs.travel_ends import runs
 
 PIECE = 400  # samples of a piece; assumption: long enough to tell white noise, short enough to lie between two impacts
-QUIET, QUIETEST = (
-    20,
-    0.25,
-)  # samples of a piece, and quantile of the pieces that is taken for free of motion; assumption
+QUIET, QUIETEST = 20, 0.25
+"""Samples of a piece, and quantile of the pieces that is taken for free of motion; assumption."""
 SHARE = 0.66
 """That quantile of the mean square of 20 third differences of white noise, over their variance; from 200,000 drawn pieces."""
 THIRD = 20.0  # variance of the third difference of white noise of variance 1: 1 + 9 + 9 + 1

@@ -12,14 +12,11 @@ from hqpipe.identify.model import Effect, Parameter
 NEVER = 1.2  # of the largest opening: a valve that is fully open only there never is
 MOST_DELAY_S, MOST_LAG_S = 0.2, 0.1  # assumption: a force loop with more would not be stable at any useful gain
 LATE_SPEED_S = 0.02  # that the logged speed may be late or early; assumption: a slower filter is of no use to a drive
-BEYOND = (
-    0.25  # of a sample, by which the offset of a row may lie beyond either convention; assumption: as in valve mode
-)
+BEYOND = 0.25  # of a sample, by which a row may lie beyond either convention; assumption: as in valve mode
 LOADED = 20.0  # of the largest effort: an effort at which the flow would stop, so large that nobody notices
 SLOWEST = 5.0  # 1/s; assumption: a joint that answers slower than in 0.2 s has no force loop
-COMPENSATED = (
-    100.0  # of usual effort per usual speed; assumption: an oil spring is stiff, so that its speed takes much opening
-)
+COMPENSATED = 100.0
+"""Of usual effort per usual speed; assumption: an oil spring is stiff, so that its speed takes much opening."""
 
 
 @dataclass(frozen=True)

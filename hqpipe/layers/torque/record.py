@@ -13,10 +13,8 @@ from hqpipe.logs.trajectory import Trajectory, Trial, recording_of
 
 SUPPLY = "supply/pressure"
 FULL_SUPPLY = 0.95  # quantile of the logged supply pressure that counts as full; above it are its peaks; assumption
-MOVING, FASTEST = (
-    0.1,
-    0.999,
-)  # share of the fastest speed, a quantile, from which a joint moves; assumption: as in valve mode
+MOVING, FASTEST = 0.1, 0.999
+"""Share of the fastest speed, a quantile, from which a joint moves; assumption: as in valve mode."""
 
 
 @dataclass(frozen=True)
@@ -129,12 +127,7 @@ def record_of(trials: Sequence[Trial], j: int, scales: Scales, dt: float) -> Rec
     elif others.any():
         usual = np.array(scales.speeds)[others]
         signals[kernel.OTHER_SPEED] = joined(lambda t: (np.abs(t.velocity[:, others]) / usual).sum(axis=1))
-    effort = [np.asarray(t.effort[:, j], dtype=np.float64) for t in parts]
-    error = [t.effort_command[:, j] - tau for t, tau in zip(parts, effort, strict=True)]
-    signals[kernel.COMMAND_SUM] = joined(lambda t: np.cumsum(t.effort_command[:, j]) - t.effort_command[:, j]) * dt
-    signals[kernel.EFFORT_SUM] = joined(lambda t: np.cumsum(t.effort[:, j]) - t.effort[:, j]) * dt
-    for a, b in zip(bounds[:-1], bounds[1:], strict=True):
-        signals[kernel.EFFORT_SUM, a:b] += np.mean(signals[kernel.COMMAND_SUM, a:b] - signals[kernel.EFFORT_SUM, a:b])
+    _integrate(signals, joined(lambda t: t.effort_command[:, j]), joined(lambda t: t.effort[:, j]), bounds, dt)
     return Record(
         dt=dt,
         files=files,
@@ -151,7 +144,19 @@ def record_of(trials: Sequence[Trial], j: int, scales: Scales, dt: float) -> Rec
         masked=joined(lambda t: _touched(t, j)).astype(bool),
         supply=supply,
         signals=signals,
-        means=np.array(
-            [[e.mean(), t.velocity[:, j].mean(), tau.mean()] for t, tau, e in zip(parts, effort, error, strict=True)]
-        ).reshape(-1, 3),
+        means=np.array([_means(t, j) for t in parts]).reshape(-1, 3),
     )
+
+
+def _integrate(signals: np.ndarray, command: np.ndarray, effort: np.ndarray, bounds: np.ndarray, dt: float) -> None:
+    """Fill in the integrals of command and effort since each stretch began, whose difference has no mean there."""
+    for a, b in zip(bounds[:-1], bounds[1:], strict=True):
+        asked, given = (np.cumsum(x[a:b]) - x[a:b] for x in (command, effort))
+        signals[kernel.COMMAND_SUM, a:b] = asked * dt
+        signals[kernel.EFFORT_SUM, a:b] = (given + np.mean(asked - given)) * dt
+
+
+def _means(t: Trajectory, j: int) -> list[float]:
+    """Means over a stretch, see `kernel`."""
+    error = t.effort_command[:, j] - t.effort[:, j]
+    return [float(np.mean(x)) for x in (error, t.velocity[:, j], t.effort[:, j])]
