@@ -41,7 +41,9 @@ def test_the_supply_of_one_joint_sags(tmp_path, mode):
     assert {"supply_droop", "orifice_flow"} <= names(content)
     assert not {"torque_bias", "viscous_friction", "flow_saturation"} & names(content)
     if mode == "position":  # in torque mode it is the share of the pressure that is lost at usual speeds
-        assert number(content, "supply_droop", "droop") == pytest.approx(DROOP, rel=0.3)  # the speed is not all of the flow
+        assert number(content, "supply_droop", "droop") == pytest.approx(
+            DROOP, rel=0.3
+        )  # the speed is not all of the flow
     assert number(content, "supply_droop", "recovery_s") == pytest.approx(0.15, rel=0.3)
 
 
