@@ -153,6 +153,7 @@ def test_layers_of_an_answer():
     assert layers_of(answer("arm", planted("sensing"))) == ("joint_motion", "servo")
     assert layers_of(answer("arm", planted("servo"))) == ("servo", "joint_motion")
     assert layers_of(answer("cylinder")) == ("valve",)
+    assert layers_of(answer("torque_cylinder", planted("torque"))) == ("torque",)
     assert layers_of(answer("crane")) == tuple(blind_layer.LAYERS)
 
 
