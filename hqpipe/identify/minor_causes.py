@@ -31,9 +31,11 @@ def without_minor_causes(
     answers = list(answers)
     while weak := _minor(answers):
         _, effect, j = min(weak)
-        search, best = searched[j]
+        search, known = searched[j]
         search.barred.add(effect)
-        answers[j] = answer(search, search.improved(search.without(best, effect)))
+        for name in sorted(known.names & search.barred):  # an effect that is barred never comes back, so that this ends
+            known = search.without(known, name)
+        answers[j] = answer(search, search.improved(known))
     return tuple(answers)
 
 
