@@ -39,7 +39,7 @@ _BY_SIGNAL = {
 _OPEN = {
     "servo": "log the motor current beside command and position",
     "joint_motion": "log a trial with a known mass at a known distance from the axis, slowly and then fast",
-    "actuator": "log the supply pressure, the pressures of both chambers and the valve's command",
+    "actuator": "log what lies between command and output: the valve's own command, the pressures, or the motor current",
 }
 
 
