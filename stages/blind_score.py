@@ -143,9 +143,7 @@ def truth_gaps(
     if layers:
         try:
             gaps = layer_gaps(places, layers)
-        except (
-            IdentificationError
-        ):  # a machine without the effects that the layer cannot judge: there is no gap to compare
+        except IdentificationError:  # the layer cannot judge one of the machines: there is no gap to compare
             gaps = {}
     else:
         scale = scales(folder / case)

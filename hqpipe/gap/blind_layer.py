@@ -83,7 +83,8 @@ def layer_gaps(folders: Mapping[str, Path], layers: Sequence[str]) -> dict[str, 
         each over its scale. Joints that one of the sets cannot judge are left out of all.
 
     Raises:
-        LogError: no joint can be judged in all sets.
+        LogError: a log set lacks what the layers need. IdentificationError: no joint can be judged in all sets, as where the
+            held-out trials run with gains that no fit trial has.
     """
     case = layer_joints(folders["with"], layers)
     own = [name for name in layers if load(LAYERS[name]).NAME == case.layer]
@@ -94,8 +95,7 @@ def layer_gaps(folders: Mapping[str, Path], layers: Sequence[str]) -> dict[str, 
         errors[name] = {model.joint: heldout_error(model) for model in joints.models if len(model.heldout.output)}
     judged = [joint for joint in scale if all(joint in found for found in errors.values())]
     if not judged:
-        fix = "make the cases again with this version"
-        raise LogError(f"{folders['with']}: no joint has held-out samples in all of its log sets", fix=fix)
+        raise IdentificationError(f"{folders['with']}: no joint has held-out samples in all of its log sets")
     weights = np.array([scale[joint] for joint in judged])
     return {
         name: {"all": pooled(np.array([found[j] for j in judged]), weights), **{j: found[j] ** 0.5 for j in judged}}

@@ -131,7 +131,7 @@ def test_joints_that_one_set_cannot_judge_are_left_out_of_all(sets):
     assert set(gaps["with"]) == set(gaps["all"]) == {"all", "elbow"}
     assert must_be_named(gaps, planted(joints=("shoulder",)))  # nothing is known of it
     sets[BARE] = (Line("elbow", 3.0, 0.1, heldout_too=False),)
-    with pytest.raises(LogError, match="no joint has held-out samples"):
+    with pytest.raises(IdentificationError, match="no joint has held-out samples"):
         layer_gaps({"with": CASE, "all": BARE}, ("toy",))
 
 
