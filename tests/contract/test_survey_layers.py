@@ -34,6 +34,8 @@ def log_set(channels, mode) -> LogSet:
     return LogSet(Path("logs"), "", "hqpipe-log/1", None, None, mode, None, 1000.0, ("hip",), trials)
 
 
+REPORTED = {"valve": "actuator", "torque": "actuator"}
+"""Layer → its name in diagnosis.json, where that is another."""
 CHANNELS = [[n for n, taken in zip(OPTIONAL, chosen, strict=True) if taken] for chosen in product([0, 1], repeat=4)]
 """Every choice of the optional channels."""
 
@@ -51,8 +53,7 @@ def test_layers_are_those_that_the_diagnosis_asks(mode, channels):
     except IdentificationError:
         assert evaluated == set()
         return
-    reported = {"valve": "actuator"}  # the layer of the same name in diagnosis.json
-    asked = [*(["actuator"] if chosen.actuator else []), *(reported.get(name, name) for name in chosen.layers[:1])]
+    asked = [*(["actuator"] if chosen.actuator else []), *(REPORTED.get(name, name) for name in chosen.layers[:1])]
     assert evaluated == set(asked)
     if chosen.actuator:
         assert not any("only the sensing layer" in reason for reason in take_in(log_set(channels, mode), 0.1).reasons)
@@ -79,8 +80,10 @@ def test_motion_is_asked_where_the_torque_is_that_of_the_drive(mode, source, bas
     expected = evaluated and (mode == "position" or base == "fixed")
     assert any(x.layer == "joint_motion" and x.evaluated for x in found) == expected
     chosen = route(replace(logs, trials=trials))
-    assert chosen.actuator != expected and chosen.layers == (("joint_motion",) if expected else ())
-    assert any(x.layer == "actuator" and x.evaluated for x in found) == chosen.actuator
+    of_loop = ("torque",) if mode == "torque" and not expected and base != "floating" and not extra else ()
+    assert chosen.layers == (("joint_motion",) if expected else of_loop)
+    assert chosen.actuator == (not expected and not of_loop)
+    assert any(x.layer == "actuator" and x.evaluated for x in found) != expected
 
 
 def test_the_missing_columns_are_named():
