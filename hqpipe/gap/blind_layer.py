@@ -92,7 +92,8 @@ def layer_gaps(folders: Mapping[str, Path], layers: Sequence[str]) -> dict[str, 
     errors = {}
     for name, folder in folders.items():
         joints = case if name == "with" else layer_joints(folder, own, case.window_s)
-        errors[name] = {model.joint: heldout_error(model) for model in joints.models if len(model.heldout.output)}
+        found = {model.joint: heldout_error(model) for model in joints.models if len(model.heldout.output)}
+        errors[name] = {joint: error for joint, error in found.items() if np.isfinite(error)}
     judged = [joint for joint in scale if all(joint in found for found in errors.values())]
     if not judged:
         raise IdentificationError(f"{folders['with']}: no joint has held-out samples in all of its log sets")
