@@ -81,21 +81,18 @@ class Fitter:
             if fine:
                 steps = np.clip(self._resolved(jacobian, error), _SHORTEST * steps, steps)
             jacobian = self.jacobian(values, error, free, steps)
-            enough = (_TOLERANCE if fine else _SLOW) * before
             while damping <= _MOST_DAMPING:
-                trial, promised = self._stepped(values, error, jacobian, free, noise, damping)
+                trial = self._stepped(values, error, jacobian, free, noise, damping)
                 trial_error = self.error(trial)
                 trial_cost = self._cost(trial, trial_error, free, noise)
                 if trial_cost < cost:
                     values, error, cost = trial, trial_error, trial_cost
                     damping = max(damping / 10.0, _LEAST_DAMPING)
                     break
-                if promised <= enough:  # by these slopes there is nothing to be had
-                    break
                 damping *= 10.0
-            if fine and before - cost <= enough:
+            if fine and before - cost <= _TOLERANCE * before:
                 break
-            if not fine and before - cost <= enough:
+            if not fine and before - cost <= _SLOW * before:
                 fine, damping = True, _DAMPING
         return Solution(free, values, error, jacobian, float(error @ error))
 
@@ -162,8 +159,7 @@ class Fitter:
         free: np.ndarray,
         noise: float,
         damping: float,
-    ) -> tuple[np.ndarray, float]:
-        """Values after a step, and what it takes off the cost if the slopes hold."""
+    ) -> np.ndarray:
         prior = np.zeros(len(free))  # curvature of the prior
         known = np.isfinite(self.spread[free])
         prior[known] = 2.0 * noise / self.spread[free][known] ** 2 / (1.0 + self._relative(values, free)[known] ** 2)
@@ -171,16 +167,14 @@ class Fitter:
         slope = jacobian.T @ error + prior * (values - self.neutral)[free]
         moves = ~self.stopped(values, free, slope) & (np.diag(normal) > 0.0)
         if not moves.any():
-            return values, 0.0
+            return values
         part = normal[np.ix_(moves, moves)]
         scale = np.sqrt(np.diag(part))
         part = part / np.outer(scale, scale) + damping * np.eye(len(scale))
         step = -np.linalg.solve(part, slope[moves] / scale) / scale
         trial = values.copy()
         trial[free[moves]] += step
-        trial = np.clip(trial, self.low, self.high)
-        step = (trial - values)[free]
-        return trial, -float(2.0 * slope @ step + step @ normal @ step)
+        return np.clip(trial, self.low, self.high)
 
 
 def lengths(normal: np.ndarray) -> np.ndarray:
