@@ -41,8 +41,10 @@ class Seen:
 def seen_in(log_set: LogSet, j: int, dt: float) -> str | Seen:
     """What is known of joint `j`, or why it cannot be judged; dt: s, from sample to sample."""
     scales = scales_of(log_set.fit, j)
-    if scales.effort == 0.0 or scales.error == 0.0:
-        return "its measured torque never changes, or is its command"
+    if scales.effort == 0.0:
+        return "its measured torque never changes"
+    if scales.error == 0.0:
+        return "its measured torque is its command in every sample: log what a sensor measures"
     if scales.half_travel == 0.0 or scales.speed == 0.0:
         return "it never moves"
     fit, held = (record_of(trials, j, scales, dt) for trials in (log_set.fit, log_set.heldout))

@@ -103,3 +103,12 @@ def test_what_the_drive_keeps_of_its_command_is_told():
     assert text.startswith("the drive holds 80% of a steady command")
     lossless = Torque().joints(log_set(trials=2, seconds=8.0, compensated=1.0)).models[0]
     assert lossless.notes == ()
+
+
+def test_a_torque_that_is_only_its_command_is_told():
+    logs = log_set(trials=2, seconds=4.0)
+    echoed = tuple(
+        replace(t, trajectory=replace(t.trajectory, effort=t.trajectory.effort_command)) for t in logs.trials
+    )
+    with pytest.raises(IdentificationError, match="is its command in every sample"):
+        Torque().joints(replace(logs, trials=echoed))
