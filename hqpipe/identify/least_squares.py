@@ -41,6 +41,15 @@ class Solution:
     square: float
 
 
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Values (P,), their error (N,) and its cost."""
+
+    values: np.ndarray
+    error: np.ndarray
+    cost: float
+
+
 class Fitter:
     """Fits one model again and again; keeps its parameters' bounds and priors as arrays.
 
@@ -69,32 +78,49 @@ class Fitter:
         Args:
             free: (F,) indices. start: (P,). noise: variance of the errors, which weighs the priors.
         """
-        values = np.clip(start, self.low, self.high)
-        error = self.error(values)
-        cost, damping = self._cost(values, error, free, noise), _DAMPING
-        jacobian = np.zeros((len(error), len(free)))
-        if not np.isfinite(cost):
-            return Solution(free, values, error, jacobian, np.inf)
-        fine = False
+        point = self._at(np.clip(start, self.low, self.high), free, noise)
+        jacobian = np.zeros((len(point.error), len(free)))
+        if np.isfinite(point.cost):
+            for fine in (False, True):
+                point, jacobian = self._descended(point, jacobian, free, noise, fine)
+        square = float(point.error @ point.error) if np.isfinite(point.cost) else np.inf
+        return Solution(free, point.values, point.error, jacobian, square)
+
+    def _descended(
+        self, point: _Point, jacobian: np.ndarray, free: np.ndarray, noise: float, fine: bool
+    ) -> tuple[_Point, np.ndarray]:
+        """The point from which no step helps, and the sensitivities there.
+
+        Between differences the sensitivities follow from the steps themselves (Broyden 1965), while such steps help.
+
+        Args:
+            jacobian: (N, F), of the last differences. fine: whether differences are short.
+        """
+        least, damping = _TOLERANCE if fine else _SLOW, _DAMPING
         for _ in range(_ITERATIONS):
-            before, steps = cost, self._steps(values, free)
+            before, steps = point.cost, self._steps(point.values, free)
             if fine:
-                steps = np.clip(self._resolved(jacobian, error), _SHORTEST * steps, steps)
-            jacobian = self.jacobian(values, error, free, steps)
+                steps = np.clip(self._resolved(jacobian, point.error), _SHORTEST * steps, steps)
+            jacobian = slopes = self.jacobian(point.values, point.error, free, steps)
             while damping <= _MOST_DAMPING:
-                trial = self._stepped(values, error, jacobian, free, noise, damping)
-                trial_error = self.error(trial)
-                trial_cost = self._cost(trial, trial_error, free, noise)
-                if trial_cost < cost:
-                    values, error, cost = trial, trial_error, trial_cost
-                    damping = max(damping / 10.0, _LEAST_DAMPING)
+                trial = self._at(self._stepped(point.values, point.error, slopes, free, noise, damping), free, noise)
+                last, helps = point, trial.cost < point.cost
+                if helps:
+                    slopes = _followed(slopes, last, trial, free, steps)
+                    point, damping = trial, max(damping / 10.0, _LEAST_DAMPING)
+                    if last.cost - point.cost <= least * last.cost:
+                        break
+                elif slopes is not jacobian:
                     break
-                damping *= 10.0
-            if fine and before - cost <= _TOLERANCE * before:
+                else:
+                    damping *= 10.0
+            if before - point.cost <= least * before:
                 break
-            if not fine and before - cost <= _SLOW * before:
-                fine, damping = True, _DAMPING
-        return Solution(free, values, error, jacobian, float(error @ error))
+        return point, jacobian
+
+    def _at(self, values: np.ndarray, free: np.ndarray, noise: float) -> _Point:
+        error = self.error(values)
+        return _Point(values, error, self._cost(values, error, free, noise))
 
     def stopped(self, values: np.ndarray, free: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """(F,) whether a parameter is at a bound that it would pass on the way down; `slope`: (F,) of half the cost."""
@@ -181,3 +207,14 @@ def lengths(normal: np.ndarray) -> np.ndarray:
     """(F,) lengths of the columns of a normal matrix (F, F); 1 of a column that is nought, so that it can be divided by."""
     squares = np.diag(normal)
     return np.where(squares > 0.0, np.sqrt(np.maximum(squares, 0.0)), 1.0)
+
+
+def _followed(slopes: np.ndarray, last: _Point, now: _Point, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Sensitivities (N, F) that a step bears out, as near to the last ones as can be (Broyden 1965).
+
+    Args:
+        steps: (F,) lengths that make the numbers comparable.
+    """
+    step = (now.values - last.values)[free] / steps
+    missed = now.error - last.error - slopes @ (step * steps)
+    return slopes + np.outer(missed, step / (step @ step) / steps)
