@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import chi2
 
+from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.model import all_parameters
-from hqpipe.identify.sampling import correlation_time
 from hqpipe.identify.search import Known, Search
 
 _CHANCE = 1e-4  # probability of such a scatter by chance; assumption: some ten numbers a joint are looked at

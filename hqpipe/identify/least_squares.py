@@ -1,16 +1,18 @@
 """Least squares with bounds and weak priors on the free parameters of one joint.
 
-Levenberg–Marquardt (Marquardt 1963) with the sensitivities taken as differences. A fit is a function of the model, the free
-parameters and the start alone. Long differences bring it near, short ones end it, when a step no longer helps, with the same
-tolerance for every set of effects.
+Levenberg–Marquardt (Marquardt 1963) with the sensitivities taken as differences, and followed along the steps between them
+(Broyden 1965). A fit is a function of the model, the free parameters and the starts alone. Long differences bring it near,
+short ones end it, when a step no longer changes what the logs say of a set of effects.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.model import JointModel, all_parameters
 
 _STEP = 3e-3  # of the spread: long enough that a stick-slip event which moves by a substep does not decide the slope
@@ -20,7 +22,9 @@ deviations of the parameter if the errors were white. Longer ones pass over the 
 _SLOW = 0.01  # of the cost, per step, from which on shorter differences are taken: a good slope brings more, or nothing
 _SHORTEST = 0.01  # of the long step; assumption: a jump of the error has no slope, however short the step
 _TOLERANCE = 1e-4  # of the cost, per step: half a unit of ln B at ten thousand independent samples
+_WORTH = 0.1  # of twice ln B, per step: below it no decision changes; assumption
 _ITERATIONS = 40  # assumption: a fit that needs more does not converge
+_PRIOR_HOLDS = 0.5  # of the variance that a prior was weighed with, below which the fit is made again; assumption
 _LEAST_DAMPING, _DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
 _SEEN = 1e-7  # of the size of the error, that a difference must reach to be told from rounding
 
@@ -64,7 +68,6 @@ class Fitter:
         self.spread = np.array([p.spread for p in parameters], dtype=np.float64)
         self.low = np.array([p.low for p in parameters], dtype=np.float64)
         self.high = np.array([p.high for p in parameters], dtype=np.float64)
-        self._effects = np.arange(len(parameters)) >= len(model.base)
 
     def error(self, values: np.ndarray) -> np.ndarray:
         """(N,) at the fit samples; infinite where the prediction overflows."""
@@ -72,19 +75,25 @@ class Fitter:
             found = self.model.error(values)
         return found if np.isfinite(found).all() else np.full(len(found), np.inf)
 
-    def fit(self, free: np.ndarray, start: np.ndarray, noise: float) -> Solution:
-        """Fit the free parameters.
+    def fit(self, free: np.ndarray, starts: Sequence[np.ndarray], noise: float) -> Solution:
+        """Fit the free parameters: near from every start, then to the end from the best.
 
         Args:
-            free: (F,) indices. start: (P,). noise: variance of the errors, which weighs the priors.
+            free: (F,) indices. starts: of (P,). noise: variance of the errors that is expected; it weighs the priors until the
+                errors that are left tell it.
         """
-        point = self._at(np.clip(start, self.low, self.high), free, noise)
-        jacobian = np.zeros((len(point.error), len(free)))
-        if np.isfinite(point.cost):
-            for fine in (False, True):
-                point, jacobian = self._descended(point, jacobian, free, noise, fine)
-        square = float(point.error @ point.error) if np.isfinite(point.cost) else np.inf
-        return Solution(free, point.values, point.error, jacobian, square)
+        none = np.zeros((len(self.model.fit.trial), len(free)))
+        begun = [self._at(np.clip(start, self.low, self.high), free, noise) for start in starts]
+        near = [self._descended(point, none, free, noise, False) for point in begun if np.isfinite(point.cost)]
+        if not near:
+            return Solution(free, begun[0].values, begun[0].error, none, np.inf)
+        point, jacobian = min(near, key=lambda found: found[0].cost)
+        for _ in range(2):
+            noise = _variance(point.error)
+            point, jacobian = self._descended(self._at(point.values, free, noise), jacobian, free, noise, True)
+            if _variance(point.error) >= _PRIOR_HOLDS * noise:
+                break
+        return Solution(free, point.values, point.error, jacobian, float(point.error @ point.error))
 
     def _descended(
         self, point: _Point, jacobian: np.ndarray, free: np.ndarray, noise: float, fine: bool
@@ -96,7 +105,7 @@ class Fitter:
         Args:
             jacobian: (N, F), of the last differences. fine: whether differences are short.
         """
-        least, damping = _TOLERANCE if fine else _SLOW, _DAMPING
+        least, damping = self._tolerance(point.error) if fine else _SLOW, _DAMPING
         for _ in range(_ITERATIONS):
             before, steps = point.cost, self._steps(point.values, free)
             if fine:
@@ -117,6 +126,11 @@ class Fitter:
             if before - point.cost <= least * before:
                 break
         return point, jacobian
+
+    def _tolerance(self, error: np.ndarray) -> float:
+        """Of the cost, per step, below which a fit ends: less changes the odds of nothing, as errors that stay alike for long
+        are worth few samples."""
+        return max(_TOLERANCE, _WORTH * correlation_time(error, self.model.fit) / max(len(error), 1))
 
     def _at(self, values: np.ndarray, free: np.ndarray, noise: float) -> _Point:
         error = self.error(values)
@@ -207,6 +221,10 @@ def lengths(normal: np.ndarray) -> np.ndarray:
     """(F,) lengths of the columns of a normal matrix (F, F); 1 of a column that is nought, so that it can be divided by."""
     squares = np.diag(normal)
     return np.where(squares > 0.0, np.sqrt(np.maximum(squares, 0.0)), 1.0)
+
+
+def _variance(error: np.ndarray) -> float:
+    return float(error @ error) / max(len(error), 1)
 
 
 def _followed(slopes: np.ndarray, last: _Point, now: _Point, free: np.ndarray, steps: np.ndarray) -> np.ndarray:

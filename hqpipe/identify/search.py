@@ -12,16 +12,16 @@ from itertools import product
 
 import numpy as np
 
+from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.evidence import independence, log_bayes_factor, occam
 from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.left_out import left_out_square
 from hqpipe.identify.model import Effect, JointModel, positions
-from hqpipe.identify.sampling import Covariance, correlation_time, covariance
+from hqpipe.identify.sampling import Covariance, covariance
 
 _REFITTED = 4  # of the screened candidates; assumption: the best one is among them, though a slope is no fit
 _REPLACED = 2  # of the screened candidates, that are tried in the place of another effect; assumption
 _POLISHED = 2  # starts of an effect from which it is fitted; assumption: one of them is near the best minimum
-_PRIOR_HOLDS = 0.5  # of the variance that a prior was weighed with, below which the fit is made again; assumption
 _MOST = 8  # effects in one joint; assumption: more cannot be told apart in one output
 _STARTS = 24  # combinations of starting values; assumption: more would be a search of its own
 _ROUNDS = 3  # of additions and exchanges; assumption: what still changes then is a draw
@@ -119,8 +119,7 @@ class Search:
                 start,
                 *(k.solution.values for k in self.known.values() if k.names < names and len(k.names) + 1 == len(names)),
             ]
-            fits = [self._fit(names, start, known.covariance.noise) for start in starts]
-            self.known[names] = self._known(names, min(fits, key=lambda s: s.square))
+            self.known[names] = self._known(names, self._fit(names, starts, known.covariance.noise))
         return self.known[names]
 
     def gain(self, large: Known, small: Known) -> float:
@@ -226,16 +225,8 @@ class Search:
         """Indices of an effect's parameters."""
         return positions(self.model, [name])[len(self.model.base) :]
 
-    def _fit(self, names: Names, start: np.ndarray, noise: float) -> Solution:
-        """A fit whose priors weigh as the errors that it leaves ask for.
-
-        Args:
-            noise: variance of the errors that are expected.
-        """
-        free = positions(self.model, list(names))
-        found = self.fitter.fit(free, start, noise)
-        left = found.square / max(len(found.error), 1)
-        return self.fitter.fit(free, found.values, left) if left < _PRIOR_HOLDS * noise else found
+    def _fit(self, names: Names, starts: Sequence[np.ndarray], noise: float) -> Solution:
+        return self.fitter.fit(positions(self.model, list(names)), starts, noise)
 
     def _known(self, names: Names, solution: Solution) -> Known:
         return Known(names, solution, covariance(self.fitter, solution), self._span(solution))
@@ -251,9 +242,7 @@ class Search:
     def _refit(self, known: Known, name: str) -> Solution:
         """The best of the fits from the starts that promise most: delays, gaps and limits have several minima."""
         promises = self._promises(known, name)[:_POLISHED] or [Promise(0.0, known.solution.values)]
-        names = known.names | {name}
-        fits = [self._fit(names, promise.start, known.covariance.noise) for promise in promises]
-        return min(fits, key=lambda solution: solution.square)
+        return self._fit(known.names | {name}, [promise.start for promise in promises], known.covariance.noise)
 
     def _promises(self, known: Known, name: str) -> list[Promise]:
         """What each start of an effect promises, the best first.
@@ -313,6 +302,4 @@ def base_solution(fitter: Fitter) -> Solution:
         start = fitter.neutral.copy()
         start[: len(model.base)] = values
         starts.append(start)
-    free = np.arange(len(model.base))
-    best = min((fitter.fit(free, start, 0.0) for start in starts), key=lambda solution: solution.square)
-    return fitter.fit(free, best.values, best.square / max(len(best.error), 1))
+    return fitter.fit(np.arange(len(model.base)), starts, 0.0)

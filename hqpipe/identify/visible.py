@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.joint_answer import LEAST_GAIN, LEAST_SHARE, LEAST_SIZE, floor_of
 from hqpipe.identify.minor_causes import LEAST_OF_UNKNOWN
-from hqpipe.identify.sampling import correlation_time
 from hqpipe.identify.search import Known, Search
 
 

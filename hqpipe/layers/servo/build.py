@@ -74,12 +74,13 @@ def _damps_error(speed: ServoJoint, of_speed: Solution, error: ServoJoint, of_er
         fitter = Fitter(model)
         free = positions(model, ["coulomb_friction", "position_bias", "torque_limit"])
         cut = positions(model, ["torque_limit"])[len(model.base) :][:1]
-        fits = [solution.square]
+        starts = []
         for share in _CUTS if len(cut) else ():
             start = solution.values.copy()
             start[cut] = share
-            fits.append(fitter.fit(free, start, solution.square / max(len(solution.error), 1)).square)
-        squares.append(min(fits))
+            starts.append(start)
+        noise = solution.square / max(len(solution.error), 1)
+        squares.append(min(solution.square, fitter.fit(free, starts, noise).square if starts else np.inf))
     return squares[1] < _CLEARLY * squares[0]
 
 
@@ -165,7 +166,7 @@ def _with_friction(model: ServoJoint) -> Solution:
     start = base.values.copy()
     own = free[len(model.base) :]
     start[own] = fitter.neutral[own] + 0.1 * fitter.spread[own]
-    return fitter.fit(free, start, base.square / max(len(base.error), 1))
+    return fitter.fit(free, [start], base.square / max(len(base.error), 1))
 
 
 def _settled(model: ServoJoint, solution: Solution) -> TrialSettings:

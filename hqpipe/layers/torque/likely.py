@@ -44,7 +44,7 @@ def likely_start(
         free = np.arange(len(model.base))
         if name:
             free = np.append(free, names.index(name))
-        solution = fitter.fit(free, values, left / len(model.fit.trial))
+        solution = fitter.fit(free, [values], left / len(model.fit.trial))
         if solution.square < best:
             best = solution.square
             found = (float(solution.values[rate]), float(solution.values[compensation]))

@@ -151,12 +151,12 @@ def _dead_time(model: ValveJoint) -> float:
         return np.inf
     offset, delay = names.index("row_offset_s"), names.index("delay_s")
     fitter, free = Fitter(model), np.append(np.arange(len(model.base)), delay)
-    fits = []
+    starts = []
     for start_s in (0.0, *all_parameters(model)[delay].starts):
         start = fitter.neutral.copy()
         start[delay] = start_s
-        fits.append(fitter.fit(free, start, 0.0))
-    best = min(fits, key=lambda fit: fit.square)
+        starts.append(start)
+    best = fitter.fit(free, starts, 0.0)
     return float(best.values[offset] + best.values[delay])
 
 

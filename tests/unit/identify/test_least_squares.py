@@ -23,7 +23,7 @@ def test_linear_fit_is_that_of_the_normal_equations():
     model = ToyJoint(truth={"coulomb_friction": 0.3, "offset": 0.2})
     fitter = Fitter(model)
     free = positions(model, ["coulomb_friction"])
-    found = fitter.fit(free, fitter.neutral, 0.0)
+    found = fitter.fit(free, [fitter.neutral], 0.0)
     expected = np.linalg.lstsq(model._fit[free].T, model.fit.output, rcond=None)[0]
     assert found.values[free] == pytest.approx(expected, rel=1e-5, abs=1e-6)
     assert np.all(found.values[3:] == 0.0)
@@ -32,17 +32,42 @@ def test_linear_fit_is_that_of_the_normal_equations():
 def test_bounds_hold():
     model = ToyJoint(truth={"coulomb_friction": -0.3})
     fitter = Fitter(model)
-    found = fitter.fit(positions(model, ["coulomb_friction"]), fitter.neutral, 0.0)
+    found = fitter.fit(positions(model, ["coulomb_friction"]), [fitter.neutral], 0.0)
     assert found.values[2] == 0.0
 
 
 def test_a_wide_prior_hardly_moves_a_number_and_a_tight_one_does():
-    model = ToyJoint(truth={"spring": 0.4})
+    found = {}
+    for spread in (0.5, 1e-4):
+        model = ToyJoint(truth={"spring": 0.01}, seconds=5.0)
+        known = Effect("spring", (Parameter("nm_per_rad", "N·m/rad", 0.0, spread),))
+        model.effects = tuple(known if effect.name == "spring" else effect for effect in model.effects)
+        fitter = Fitter(model)
+        found[spread] = fitter.fit(positions(model, ["spring"]), [fitter.neutral], 0.01).values[4]
+    assert found[0.5] == pytest.approx(0.01, abs=0.01)
+    assert abs(found[1e-4]) < 0.5 * found[0.5]
+
+
+def test_the_best_of_several_starts_is_fitted_to_the_end():
+    class Wavy(ToyJoint):
+        """A spring whose number has several minima."""
+
+        def error(self, values, heldout=False):
+            moved = values.copy()
+            moved[4] += 0.2 * np.sin(20.0 * values[4])
+            return super().error(moved, heldout)
+
+    model = Wavy(truth={"spring": 0.4})
     fitter = Fitter(model)
     free = positions(model, ["spring"])
-    loose, tight = (fitter.fit(free, fitter.neutral, noise).values[4] for noise in (0.01, 1e4))
-    assert loose == pytest.approx(0.4, abs=0.01)
-    assert abs(tight) < 0.5 * loose
+    starts = []
+    for spring in (-0.4, 0.0, 0.45):
+        start = fitter.neutral.copy()
+        start[4] = spring
+        starts.append(start)
+    each = [fitter.fit(free, [start], 0.01) for start in starts]
+    best = fitter.fit(free, starts, 0.01)
+    assert best.square == pytest.approx(min(fit.square for fit in each), rel=1e-6)
 
 
 def test_an_overflowing_prediction_is_no_solution():
@@ -52,7 +77,7 @@ def test_an_overflowing_prediction_is_no_solution():
 
     model = Overflowing(truth={"coulomb_friction": 0.3})
     fitter = Fitter(model)
-    found = fitter.fit(positions(model, ["coulomb_friction"]), fitter.neutral, 0.0)
+    found = fitter.fit(positions(model, ["coulomb_friction"]), [fitter.neutral], 0.0)
     assert np.isfinite(found.square)
     assert found.values[2] <= 0.1
 
@@ -153,6 +178,6 @@ def test_what_changes_nothing_stays_where_it_is_and_predicts_as_well():
 
     model = Inert(truth={"coulomb_friction": 0.3})
     fitter = Fitter(model)
-    found = fitter.fit(positions(model, ["coulomb_friction"]), fitter.neutral, 0.01)
+    found = fitter.fit(positions(model, ["coulomb_friction"]), [fitter.neutral], 0.01)
     assert found.values[2] == 30.0
     assert left_out_square(fitter, found) == pytest.approx(found.square, rel=0.05)

@@ -16,7 +16,7 @@ def test_it_is_what_refits_give_where_the_model_is_linear(effects):
     model = ToyJoint(truth={"coulomb_friction": 0.3}, unknown=0.2)
     fitter = Fitter(model)
     free = positions(model, list(effects))
-    solution = fitter.fit(free, fitter.neutral, 0.0)
+    solution = fitter.fit(free, [fitter.neutral], 0.0)
     total = 0.0
     number = groups(model.fit)
     for group in np.unique(number):
@@ -39,6 +39,6 @@ def test_a_useless_number_predicts_worse():
     for seed in range(20):
         model = ToyJoint(seed=seed, correlation=0.95)
         fitter = Fitter(model)
-        base, more = (fitter.fit(positions(model, names), fitter.neutral, 0.0) for names in ([], ["spring", "cubic"]))
+        base, more = (fitter.fit(positions(model, names), [fitter.neutral], 0.0) for names in ([], ["spring", "cubic"]))
         wins += left_out_square(fitter, base) < left_out_square(fitter, more)
     assert wins >= 14

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from toy_joint import ToyJoint
 
+from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import positions
-from hqpipe.identify.sampling import blocks, correlation_time, covariance
+from hqpipe.identify.sampling import blocks, covariance
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
@@ -31,7 +32,7 @@ def test_robust_covariance_is_the_scatter_over_repeats():
     for seed in range(60):
         model = ToyJoint(correlation=rho, seed=seed)
         fitter = Fitter(model)
-        solution = fitter.fit(positions(model, ["coulomb_friction"]), fitter.neutral, 0.0)
+        solution = fitter.fit(positions(model, ["coulomb_friction"]), [fitter.neutral], 0.0)
         known = covariance(fitter, solution)
         found.append(solution.values[1])
         claimed.append((known.robust[1, 1], known.naive[1, 1]))
