@@ -190,6 +190,17 @@ class Predicted:
         return self.nuisance.left(errors - self.terms @ (self.gains @ fitted))
 
 
+def term_sizes(*parts: np.ndarray) -> np.ndarray:
+    """(K,) root mean square of (M, K) terms over all samples, those that no fit sees among them; 1 where all are 0.
+
+    A coefficient is expected to be as large as the motions ask for that the machine makes. Of terms that hardly differ from 0
+    in the fit, since the other joints rest there, any other measure would make anything of the held-out motions.
+    """
+    terms = np.concatenate(parts)
+    found = np.sqrt(np.mean(terms**2, axis=0)) if len(terms) else np.zeros(terms.shape[1])
+    return np.where(found > 0.0, found, 1.0)
+
+
 def ridge_of(terms: np.ndarray, own: np.ndarray, output: np.ndarray) -> float:
     """λ of the greatest restricted likelihood (Patterson & Thompson 1971): variance of the error over that of a coefficient.
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hqpipe.layers.joint_motion.coupling import ridge_of
+from hqpipe.layers.joint_motion.coupling import ridge_of, term_sizes
 from hqpipe.layers.joint_motion.first_fit import least_squares, robust_fit
 from hqpipe.layers.joint_motion.prepared import BASE, FRICTION, Prepared
 from hqpipe.layers.joint_motion.records import Part, Record, cut
@@ -54,27 +54,26 @@ def _load_coefficients(data: Prepared) -> np.ndarray:
     fit = data.parts[0]
     columns, torque = fit.columns[fit.keep], fit.output[fit.keep]
     own, terms = columns[:, data.group(*BASE, *FRICTION)], columns[:, data.group("coupling")]
+    size = term_sizes(*(part.columns[np.ix_(part.keep, data.group("coupling"))] for part in data.parts))
     if data.columns["load"]:
         grown = columns[:, data.columns.one("load")]
     else:
-        found = _beside_others(own, terms, torque)
+        found = _beside_others(own, terms, size, torque)
         grown = np.abs(np.column_stack([own, terms]) @ found) * columns[:, data.columns.one("coulomb")]
-    found = _beside_others(np.column_stack([own, grown]), terms, torque)
+    found = _beside_others(np.column_stack([own, grown]), terms, size, torque)
     count = own.shape[1]
     return np.concatenate([found[:count], found[count + 1 :], found[count : count + 1]])
 
 
-def _beside_others(own: np.ndarray, terms: np.ndarray, torque: np.ndarray) -> np.ndarray:
+def _beside_others(own: np.ndarray, terms: np.ndarray, size: np.ndarray, torque: np.ndarray) -> np.ndarray:
     """Coefficients of the joint's own columns, then of the terms of other joints, which have a prior: see `ridge_of`.
 
     Without it a hundred terms would say of other motions what no fit can know.
     """
-    size = np.sqrt(np.mean(terms**2, axis=0))
-    if not np.any(size > 0.0):
+    if not np.any(terms):
         return np.concatenate([robust_fit(own, torque), np.zeros(terms.shape[1])])
-    shown = size > 0.0
-    ridge = ridge_of(terms[:, shown] / size[shown], own, torque)
-    held = np.hstack([np.zeros((terms.shape[1], own.shape[1])), np.diag(np.sqrt(ridge) * np.where(shown, size, 1.0))])
+    ridge = ridge_of(terms / size, own, torque)
+    held = np.hstack([np.zeros((terms.shape[1], own.shape[1])), np.diag(np.sqrt(ridge) * size)])
     both = np.vstack([np.hstack([own, terms]), held])
     return least_squares(both, np.concatenate([torque, np.zeros(terms.shape[1])]))
 

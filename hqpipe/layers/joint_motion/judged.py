@@ -10,7 +10,7 @@ import numpy as np
 
 from hqpipe.layers.joint_motion.bandwidth import noise_density, passed_noise
 from hqpipe.layers.joint_motion.candidates import Scale, base_parameters, effects_of
-from hqpipe.layers.joint_motion.coupling import Nuisance, Predicted, ridge_of
+from hqpipe.layers.joint_motion.coupling import Nuisance, Predicted, ridge_of, term_sizes
 from hqpipe.layers.joint_motion.distinct import both_ways, distinguished
 from hqpipe.layers.joint_motion.filter_sweep import note_sweep
 from hqpipe.layers.joint_motion.first_fit import least_squares
@@ -211,8 +211,8 @@ def nuisances_of(data: Prepared) -> tuple[Nuisance, Predicted]:
     base = [part.columns[np.ix_(part.keep, data.group(*BASE))] for part in data.parts]
     held = projected(terms[0], base[0]) if terms[0].size else np.zeros((base[0].shape[1], 0))
     terms = [columns - rows @ held for columns, rows in zip(terms, base, strict=True)]
-    size = np.sqrt(np.mean(terms[0] ** 2, axis=0))
-    terms = [columns[:, size > 0.0] / size[size > 0.0] for columns in terms]
+    size = term_sizes(*terms)
+    terms = [columns / size for columns in terms]
     if not terms[0].size:
         return Nuisance.of(terms[0][:, :0], 1.0), Predicted.of(terms[0][:, :0], terms[1][:, :0], 1.0)
     ridge = ridge_of(terms[0], fit.columns[np.ix_(fit.keep, own)], fit.output[fit.keep])

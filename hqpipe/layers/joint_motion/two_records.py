@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hqpipe.layers.joint_motion.coupling import Nuisance, Predicted, ridge_of
+from hqpipe.layers.joint_motion.coupling import Nuisance, Predicted, ridge_of, term_sizes
 from hqpipe.layers.joint_motion.instruments import projected
 from hqpipe.layers.joint_motion.model import MotionModel
 from hqpipe.layers.joint_motion.prepared import BASE, FRICTION
@@ -24,8 +24,8 @@ class TwoRecords:
         terms = np.concatenate([t for t, _, _, _ in rows[:2]])
         held = projected(terms, base)
         terms, later = terms - base @ held, rows[2][0] - rows[2][1] @ held
-        size = np.sqrt(np.mean(terms**2, axis=0))
-        terms, later = (x[:, size > 0.0] / size[size > 0.0] for x in (terms, later))
+        size = term_sizes(terms, later)
+        terms, later = terms / size, later / size
         (_, _, first, one), (_, _, second, two) = rows[:2]
         own = np.zeros((len(one) + len(two), first.shape[1] + second.shape[1]))  # what is its own may have changed
         own[: len(one), : first.shape[1]], own[len(one) :, first.shape[1] :] = first, second

@@ -154,10 +154,16 @@ def test_the_cutoff_of_the_log_leaves_no_bias_to_correct():
     assert fitted(model, [DRY, VISCOUS])[0]["inertia_kg_m2"] == pytest.approx(0.5, rel=0.02)
 
 
-def planar_arm(seed):
-    """A two-link arm in the vertical plane without friction: (command, position, torque), by its Lagrangian."""
+def planar_arm(seed, in_turn=False):
+    """A two-link arm in the vertical plane without friction: (command, position, torque), by its Lagrangian.
+
+    Args:
+        in_turn: each joint moves in a half of the time, and rests to the last bit in the other.
+    """
     t = np.arange(15_000) / 1000
     q = np.array([reference(15, seed, size=0.8), reference(15, 10 + seed, size=0.8)])
+    if in_turn:
+        q *= np.clip([7.0 - t, t - 8.0], 0.0, 1.0) ** 3
     v = np.gradient(q, t, axis=1)
     a = np.gradient(v, t, axis=1)
     (q1, q2), (v1, v2), (a1, a2) = q, v, a
@@ -179,6 +185,16 @@ def test_the_coupling_of_an_arm_is_taken_out_and_leaves_its_noise(joint):
     assert max(base) < 0.1  # of a torque of 10 N·m and more, with noise of 0.02
     friction = fitted(model, [DRY, VISCOUS])[0]
     assert abs(friction["friction_nm"]) < 0.01 and abs(friction["nm_s_per_rad"]) < 0.01
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_joints_that_moved_one_by_one_say_nothing_wild_of_their_common_motion(joint):
+    runs = [planar_arm(1, in_turn=True), planar_arm(2)]
+    model = model_of(log_set(runs, joints=("shoulder", "elbow")), joint)
+    found, rms, _ = fitted(model, [DRY, VISCOUS])
+    assert rms[0] < 0.1
+    assert rms[1] < 0.1 * np.std(model.heldout.output)
+    assert abs(found["friction_nm"]) < 0.02
 
 
 def test_terms_of_a_chain_hold_its_lagrangian():
