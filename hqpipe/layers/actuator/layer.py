@@ -1,0 +1,144 @@
+"""Joints whose position is commanded and whose torque is measured."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from hqpipe.effects.layout import neutral_row, slot
+from hqpipe.errors import IdentificationError
+from hqpipe.identify.least_squares import Fitter
+from hqpipe.identify.model import LayerJoints
+from hqpipe.layers.actuator.joint import ActuatorJoint
+from hqpipe.layers.actuator.parameters import base_parameters, effects_of
+from hqpipe.layers.actuator.record import Record, draws_of, record_of
+from hqpipe.layers.actuator.shapes import free_run_shapes, shapes_of
+from hqpipe.layers.actuator.sizes import Sizes, sizes_of
+from hqpipe.layers.actuator.start import first_guesses
+from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
+from hqpipe.logs.trajectory import LogSet
+from hqpipe.sysid.free_run import window_samples
+from hqpipe.sysid.window_choice import window_for
+
+NEEDED = ("position_command", "effort", "position", "velocity")
+CLEAR = 0.5  # of the usual torque: more than a chain chatters within its slack; assumption
+FEWEST_WINDOWS = 10  # of the fit trials; assumption: fewer do not tell an effect from chance
+
+
+class Actuator:
+    """The actuator layer in control mode position: commanded position → torque (paper, eqs. 1 to 9)."""
+
+    NAME = "actuator"
+
+    def __init__(
+        self, effort_limit: np.ndarray | None = None, barred: dict[str, Collection[str]] | None = None
+    ) -> None:
+        """Args:
+        effort_limit: (J,) N·m at which a joint saturates; None for no limit.
+        barred: joint → effects that its logs could only imitate.
+        """
+        self.effort_limit, self.barred = effort_limit, barred or {}
+
+    def lacking(self, log_set: LogSet) -> list[str]:
+        """Columns that the logs do not have."""
+        return [name for name in NEEDED if any(getattr(t.trajectory, name) is None for t in log_set.trials)]
+
+    def joints(self, log_set: LogSet, window_s: float | None = None, without: Collection[str] = ()) -> LayerJoints:
+        """The joints whose position is commanded.
+
+        Args:
+            log_set: with commanded positions and measured efforts, end stops marked.
+            window_s: length of a free run; None for one that suits the logs.
+            without: names of effects to leave out.
+
+        Raises:
+            IdentificationError: no joint can be judged.
+        """
+        if lacking := self.lacking(log_set):
+            raise IdentificationError(
+                f"{log_set.path}: no column {' and '.join(lacking)}, which the layer '{self.NAME}' in mode position needs",
+                file=log_set.path,
+                field=lacking[0],
+                fix="record the commanded position and the torque of the joints",
+            )
+        window = window_for(log_set, window_s)
+        dt = float(np.median([t.trajectory.dt for t in log_set.trials]))
+        steps = window_samples(dt, window.seconds, log_set.path)
+        models, left = [], {}
+        draws = draws_of(
+            [t.trajectory for t in log_set.fit], [log_set.kinds.get(n) == PRISMATIC for n in log_set.joints]
+        )
+        for j, name in enumerate(log_set.joints):
+            model = self._joint(log_set, j, steps, draws, {*without, *self.barred.get(name, ())})
+            if isinstance(model, str):
+                left[name] = model
+            else:
+                models.append(model)
+        if not models:
+            reasons = "; ".join(f"{name}: {text}" for name, text in left.items())
+            raise IdentificationError(
+                f"{log_set.path}: no joint can be judged by its commanded position ({reasons})",
+                file=log_set.path,
+                field="position_command",
+                fix="record longer motions under changing commands",
+            )
+        return LayerJoints(self.NAME, "free_run_rmse", window.seconds, window.reason, tuple(models), left)
+
+    def _joint(
+        self, log_set: LogSet, j: int, steps: int, draws: tuple[np.ndarray, np.ndarray], barred: Collection[str]
+    ) -> ActuatorJoint | str:
+        """The model of joint `j`, or why there is none."""
+        name, kind = log_set.joints[j], log_set.kinds.get(log_set.joints[j])
+        size = sizes_of([t.trajectory for t in log_set.fit], j, draws[0])
+        records = tuple(record_of(trials, j, steps, draws) for trials in (log_set.fit, log_set.heldout))
+        if records[0].windows < FEWEST_WINDOWS:
+            return f"only {records[0].windows} windows of {steps} samples away from its end stops"
+        effects, places = effects_of(size, len(log_set.joints), log_set.effort_source, barred)
+        units = (unit_of("N·m", kind), unit_of("rad", kind))
+        row = self._neutral(log_set, j, size)
+
+        def model(first: dict[str, float]) -> ActuatorJoint:
+            keep = 1.0 - first["k2"]
+            noise = size.noise * float(np.sqrt(1.0 + np.mean(keep ** (2.0 * records[0].step))))
+            return ActuatorJoint(
+                joint=name,
+                unit=units[0],
+                dt=float(row[slot("setting", "sample_time")]),
+                base=base_parameters(first, size),
+                effects=(*effects, *shapes_of(size, units[0])),
+                fit=records[0].samples(),
+                heldout=records[1].samples(),
+                noise=(noise, noise),
+                notes=(),
+                places=places,
+                records=records,
+                neutral=row,
+                shapes=free_run_shapes(records, size, keep),
+                draws=(float(draws[0][j]), float(draws[1][j])),
+                units=units,
+            )
+
+        return model(_best_guess(model, records[0]))
+
+    def _neutral(self, log_set: LogSet, j: int, size: Sizes) -> np.ndarray:
+        """(WIDTH,) a row of the loops without effects."""
+        row = neutral_row()
+        row[slot("setting", "sample_time")] = float(np.median([t.trajectory.dt for t in log_set.fit]))
+        row[slot("setting", "middle")] = size.middle
+        row[slot("setting", "clear")] = CLEAR * size.of["effort"]
+        if self.effort_limit is not None:
+            row[slot("setting", "effort_limit")] = self.effort_limit[j]
+        return row
+
+
+def _best_guess(model, record: Record) -> dict[str, float]:
+    """Of the first guesses the one that runs free best."""
+
+    def square(first: dict[str, float]) -> float:
+        fitter = Fitter(model(first))
+        error = fitter.error(fitter.neutral)
+        return float(error @ error)
+
+    guesses = first_guesses(record)
+    return min(guesses, key=square)

@@ -1,0 +1,87 @@
+"""Base parameters and effects of a position loop on a valve, from what `hqpipe.effects` says of each."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+
+import numpy as np
+
+from hqpipe.effects import EFFECTS
+from hqpipe.effects import effect as scales
+from hqpipe.effects.effect import POSITION
+from hqpipe.effects.layout import BASE, NOT_IN_THE_LOOP
+from hqpipe.identify.joint_answer import LEAST_SIZE
+from hqpipe.identify.model import Effect, Parameter
+from hqpipe.layers.actuator.sizes import Sizes
+
+LOGGED_SPEED, SPEED_LATE, PRESLIDING, BY_OPENING = "logged_speed", "speed_late", "presliding_rad", "by_opening"
+PRESLIDING_SHARE = 0.0003  # of the position's standard deviation: where friction turns round, until it is fitted
+FROM_NOTHING = 0.1  # share of the unit, or a quarter of the upper bound, of a number that starts at its neutral value
+COMMON = ("coulomb_friction", "viscous_friction")  # every seal has them
+RESTS_ON_PAUSES = "pump_velocity_rad_s"
+"""Only where little is drawn at times a flow that the pump keeps up with shows beside a loss that is always there."""
+
+
+def base_parameters(first: Mapping[str, float], size: Sizes) -> tuple[Parameter, ...]:
+    """The four coefficients, which speed the log's is, and the travel in which friction turns round.
+
+    The speed from one position to the next adds up to the travel however coarse the encoder is; the logged one is right where
+    the controller computes with it. `logged_speed` is the share of the second, and `speed_late` by how many samples the
+    speed belongs later than its row; it does nothing but beside friction, as does the presliding.
+
+    Args:
+        first: coefficient → first guess.
+    """
+    most = {"k2": 1.0, "k4": 1.0 / max(size.widest, 1e-300)}  # neither leakage nor an impact takes more than there is
+    turn = PRESLIDING_SHARE * size.of[scales.ANGLE]
+    bounds = next(p for p in EFFECTS["coulomb_friction"].parameters if p.name == PRESLIDING)
+    unit = size.of[bounds.scale]
+    return (
+        *(Parameter(name, "1", first[name], np.inf, 0.0, most.get(name, np.inf)) for name in BASE),
+        Parameter(LOGGED_SPEED, "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0)),
+        Parameter(SPEED_LATE, "1", 0.0, 0.25, -0.5, 0.5),
+        Parameter(PRESLIDING, "rad", turn, 3.0 * turn, bounds.lower * unit, bounds.upper * unit),
+    )
+
+
+def effects_of(
+    size: Sizes, joints: int, effort_source: str | None, barred: Collection[str]
+) -> tuple[tuple[Effect, ...], tuple[tuple[str, str], ...]]:
+    """The candidates that logs of this kind can show, and owner and name of each of their parameters in the loops' row.
+
+    Args:
+        joints: of the machine. barred: effects left out.
+    """
+    found, places = [], []
+    for name, effect in EFFECTS.items():
+        shown = POSITION in effect.modes and joints >= effect.least_joints and name not in NOT_IN_THE_LOOP
+        if not shown or name in barred or (effect.effort_sources and effort_source not in effect.effort_sources):
+            continue
+        parameters = []
+        for p in effect.parameters:
+            if POSITION in p.modes and p.name != PRESLIDING and (size.pauses or p.name != RESTS_ON_PAUSES):
+                parameters.append(_parameter(p, size))
+                places.append((name, p.name))
+        if name == "supply_droop":
+            parameters.append(Parameter(BY_OPENING, "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0)))
+            places.append((name, BY_OPENING))
+        found.append(Effect(name, tuple(parameters), common=name in COMMON))
+    return tuple(found), tuple(places)
+
+
+def _parameter(p: scales.Parameter, size: Sizes) -> Parameter:
+    """A number as the loops hold it: of an inverse one, one over the value."""
+    unit = 1.0 / size.of[p.scale] if p.inverse else size.of[p.scale]
+    starts = tuple(start * unit for start in p.starts)
+    usual = float(np.median(np.abs(starts))) or min(FROM_NOTHING, 0.25 * p.upper) * unit
+    if p.least:
+        usual = max(usual, p.least / (LEAST_SIZE * size.most_effort))
+    neutral = p.neutral if p.counts or not p.neutral else (starts[0] if len(starts) == 1 else p.neutral)
+    low, high = p.lower * unit, p.upper * unit
+    return Parameter(p.name, p.unit, float(np.clip(neutral, low, high)), usual, low, high, starts)
+
+
+def reported_unit(unit: str, units: Sequence[str]) -> str:
+    """The unit of a number; units: of the joint's effort and position."""
+    effort, position = units
+    return unit.replace("command", position).replace("N·m", effort).replace("rad", position)

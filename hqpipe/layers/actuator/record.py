@@ -1,0 +1,177 @@
+"""One joint in the trials of one split, cut into windows for the compiled loops."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hqpipe.identify.model import Samples
+from hqpipe.kernels.augmented_columns import POSITION
+from hqpipe.kernels.augmented_signals import Signals
+from hqpipe.logs.end_stops import judged_windows
+from hqpipe.logs.trajectory import Trajectory, Trial, recording_of
+
+MOST_WINDOWS = 400  # of a joint and split; 40 s of windows of 0.1 s say what an hour says, in bounded time
+MOST_SAMPLES = (
+    8_000  # judged of a joint and split: the torque of a free run changes little from one millisecond to the next
+)
+RECORDED = 0.5  # of a window's samples that must have been recorded; assumption
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """The windows of one joint in the fit or the held-out trials.
+
+    Attributes:
+        files: names of the trials. trial: (W,) index into them.
+        signals: for the loops, with the speed from one position to the next.
+        logged: (T,) speed as it was logged. by_speed, by_opening: (T,) flow that all joints draw, as their speeds and as the
+            errors of their positions tell it, rad/s.
+        step: (S,) samples behind the start of a window that are judged. judged: (W, S) whether each was recorded.
+    """
+
+    files: tuple[str, ...]
+    trial: np.ndarray
+    signals: Signals
+    logged: np.ndarray
+    by_speed: np.ndarray
+    by_opening: np.ndarray
+    step: np.ndarray
+    judged: np.ndarray
+
+    @property
+    def windows(self) -> int:
+        return len(self.trial)
+
+    def picked(self, rows: np.ndarray) -> np.ndarray:
+        """(N,) the judged ones of (steps, W) values of samples 1 … steps of each window, window by window."""
+        return rows[self.step - 1].T[self.judged]
+
+    def samples(self) -> Samples:
+        """The samples that the joint is judged on."""
+        s = self.signals
+        at = (s.first[:, None] + self.step[None, :])[self.judged]
+        return Samples(
+            files=self.files,
+            trial=np.broadcast_to(self.trial[:, None], self.judged.shape)[self.judged],
+            time=s.time[at],
+            position=s.position[at],
+            velocity=s.velocity[at],
+            output=self.picked(s.target[1:]),
+            held=np.broadcast_to(s.target[0][:, None], self.judged.shape)[self.judged],
+        )
+
+
+def record_of(trials: Sequence[Trial], j: int, steps: int, draws: tuple[np.ndarray, np.ndarray]) -> Record:
+    """Joint `j` in complete windows of `steps` samples, evenly thinned.
+
+    Left out are windows in which the joint touches an end stop, those that start at a sample that was not recorded, and those
+    of which half was not.
+
+    Args:
+        draws: (J,) what the speed, and what the position error of each joint count in the flow from the supply.
+    """
+    logs = [trial.trajectory for trial in trials]
+    if not logs:
+        return _empty(steps)
+    bounds = np.cumsum([0, *(t.samples for t in logs)])
+    starts = [_starts(t, j, steps) for t in logs]
+    first = np.concatenate([s + begun for s, begun in zip(starts, bounds, strict=False)]).astype(np.int64)
+    names = [recording_of(trial) for trial in trials]
+    files = tuple(dict.fromkeys(names))
+    trial = np.repeat([files.index(name) for name in names], [len(s) for s in starts])
+    if len(first) > MOST_WINDOWS:
+        kept = np.linspace(0, len(first) - 1, MOST_WINDOWS).round().astype(int)
+        first, trial = first[kept], trial[kept]
+    effort = _joined(logs, lambda t: t.effort[:, j])
+    target = np.ascontiguousarray(effort[first[None, :] + np.arange(steps + 1)[:, None]])
+    recorded = _joined(logs, lambda t: np.ones(t.samples) if t.observed is None else t.recorded[:, j]) > 0.0
+    target[1:][~recorded[first[None, :] + np.arange(1, steps + 1)[:, None]]] = np.nan
+    every = max(1, -(-len(first) * steps // MOST_SAMPLES))
+    step = np.arange(every, steps + 1, every)
+    signals = Signals(
+        mode=POSITION,
+        command=_joined(logs, lambda t: t.position_command[:, j]),
+        position=_joined(logs, lambda t: t.position[:, j]),
+        velocity=_joined(logs, lambda t: _moved(t.position[:, j], t.dt)),
+        effort=effort,
+        time=_joined(logs, lambda t: t.time - t.time[0] + t.start),
+        demand=_joined(logs, lambda t: np.abs(t.velocity) @ draws[0]),
+        bounds=bounds.astype(np.int64),
+        first=first,
+        steps=steps,
+        target=target,
+    )
+    return Record(
+        files=files,
+        trial=trial,
+        signals=signals,
+        logged=_joined(logs, lambda t: t.velocity[:, j]),
+        by_speed=signals.demand,
+        by_opening=_joined(logs, lambda t: np.abs(t.position_command - t.position) @ draws[1]),
+        step=step,
+        judged=~np.isnan(target[step].T),
+    )
+
+
+def draws_of(trials: Sequence[Trajectory], slides: Sequence[bool]) -> tuple[np.ndarray, np.ndarray]:
+    """(J,) rad/s of flow per speed, and per position error, of each joint.
+
+    Joints that slide count as much as those that turn do when both are as fast as they usually are, and all openings together
+    as much as all speeds.
+    """
+    speeds = np.concatenate([t.velocity for t in trials])
+    errors = np.concatenate([t.position_command - t.position for t in trials])
+    by_speed, by_opening = _alike(speeds, slides), _alike(errors, slides)
+    size = [float(np.sqrt(np.mean((np.abs(x) @ w) ** 2))) for x, w in ((speeds, by_speed), (errors, by_opening))]
+    return by_speed, by_opening * size[0] / max(size[1], 1e-300)
+
+
+def _alike(values: np.ndarray, slides: Sequence[bool]) -> np.ndarray:
+    slide = np.array(slides, dtype=bool)
+    if not slide.any() or slide.all():
+        return np.ones(values.shape[1])
+    size = np.sqrt(np.mean(values**2, axis=0))
+    return np.where(slide, np.median(size[~slide]) / np.maximum(size, 1e-12), 1.0)
+
+
+def _starts(t: Trajectory, j: int, steps: int) -> np.ndarray:
+    starts = np.arange(0, t.samples - steps, steps)
+    free = judged_windows(t, steps)
+    if free is not None:
+        starts = starts[free[:, j]]
+    if t.observed is None:
+        return starts
+    seen = t.recorded[:, j]
+    total = np.concatenate([[0.0], np.cumsum(seen)])
+    return starts[seen[starts] & ((total[starts + steps + 1] - total[starts]) / (steps + 1) > RECORDED)]
+
+
+def _moved(position: np.ndarray, dt: float) -> np.ndarray:
+    """Mean speed from each sample to the next, rad/s; its sum is the travel, whatever the encoder's resolution."""
+    return np.append(np.diff(position), position[-1] - position[-2]).astype(np.float64) / dt
+
+
+def _joined(logs: Sequence[Trajectory], pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:
+    return np.ascontiguousarray(np.concatenate([np.asarray(pick(t), dtype=np.float64) for t in logs]))
+
+
+def _empty(steps: int) -> Record:
+    none, windows = np.zeros(0), np.zeros(0, dtype=np.int64)
+    signals = Signals(
+        POSITION,
+        none,
+        none,
+        none,
+        none,
+        none,
+        none,
+        np.zeros(1, dtype=np.int64),
+        windows,
+        steps,
+        np.zeros((steps + 1, 0)),
+    )
+    step = np.arange(1, steps + 1)
+    return Record((), windows, signals, none, none, none, step, np.zeros((0, steps), dtype=bool))

@@ -1,0 +1,82 @@
+"""Generic shapes of what may drive the torque beside the law, for what no effect of the library describes.
+
+Each adds to the rate of the torque what one signal, or a product of two, gives, and fades with the torque's own leakage. As
+the law is nearly linear in the torque, what it adds to a free run is that signal, summed with the leakage of the base model.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hqpipe.effects import effect as scales
+from hqpipe.identify.model import Effect, Parameter
+from hqpipe.layers.actuator.record import Record
+from hqpipe.layers.actuator.sizes import Sizes
+
+SHAPES = (
+    ("position_load", "position", 2),
+    ("speed_law", "velocity", 2),
+    ("speed_by_position", "position", 2),
+    ("linkage", "position", 2),
+    ("flow_curve", "command", 2),
+    ("leak_curve", "effort", 2),
+    ("offset_drift", "time", 1),
+    ("sudden_change", "time", 1),
+    ("drag", "direction", 1),
+)
+"""Name, the signal that it depends on, and its number of columns, in the order of `_columns`."""
+USUAL = 0.1  # of the usual torque, that a shape gives; assumption: as a small effect
+TURNING = 0.02  # of the usual speed, over which a drag changes its sign; assumption: seals creep before they slide
+
+
+def shapes_of(size: Sizes, unit: str) -> tuple[Effect, ...]:
+    """The shapes as candidates without a name."""
+    usual = USUAL * size.of[scales.EFFORT]
+
+    def columns(name: str, count: int) -> tuple[Parameter, ...]:
+        return tuple(Parameter(f"{name}_{k + 1}", unit, 0.0, usual) for k in range(count))
+
+    return tuple(Effect(name, columns(name, count), named=False, signal=signal) for name, signal, count in SHAPES)
+
+
+def free_run_shapes(records: tuple[Record, Record], size: Sizes, keep: float) -> tuple[np.ndarray, np.ndarray]:
+    """(C, N) what each shape adds to the torque in a free run of the fit and the held-out samples, of mean square 1 in the fit.
+
+    Args:
+        keep: share of a torque that is left after one sample.
+    """
+    fit, heldout = (_summed(record, size, keep) for record in records)
+    scale = np.sqrt(np.mean(fit**2, axis=1, keepdims=True))
+    scale[scale == 0.0] = 1.0
+    return fit / scale, heldout / scale
+
+
+def _columns(record: Record, size: Sizes) -> list[np.ndarray]:
+    s = record.signals
+    z = (s.position - size.middle) / size.of[scales.ANGLE]
+    v, e = s.velocity / size.of[scales.VELOCITY], (s.command - s.position) / size.of[scales.COMMAND]
+    f = s.effort / size.of[scales.EFFORT]
+    passed = s.time / max(float(s.time.max(initial=0.0)), 1e-9) - 0.5
+    by_speed = [v * np.abs(v), v**3]
+    return [
+        *(z, z**2),
+        *by_speed,
+        *(z * v, z**2 * v),
+        *(z * e, z**2 * e),
+        *(e * np.abs(e), e**3),
+        *(f * np.abs(f), f**2),
+        passed,
+        passed * e,
+        v / np.sqrt(v**2 + TURNING**2),
+    ]
+
+
+def _summed(record: Record, size: Sizes, keep: float) -> np.ndarray:
+    s, found = record.signals, []
+    for column in _columns(record, size):
+        rows, total = np.empty((s.steps, record.windows)), np.zeros(record.windows)
+        for k in range(s.steps):
+            total = keep * total + column[s.first + k]
+            rows[k] = total
+        found.append(record.picked(rows))
+    return np.array(found)

@@ -1,0 +1,80 @@
+"""Sizes of a joint's signals in the fit trials, that bounds and priors are multiples of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hqpipe.effects import effect as scales
+from hqpipe.logs.end_stops import away_from_stops
+from hqpipe.logs.survey.signal import difference_noise
+from hqpipe.logs.trajectory import Trajectory
+
+LITTLE, AT_TIMES = 0.3, 0.1  # of the usual flow, and of the time; a sine is below that for 0.14 of it; assumptions
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Of one joint.
+
+    Attributes:
+        of: scale of an effect's parameter → its size, see `hqpipe.effects.effect`. most_effort: largest torque.
+        widest: largest position error. middle: of the positions. noise: of the torque's sensor, standard deviation.
+        pauses: whether little is drawn from the supply at times.
+    """
+
+    of: dict[str, float]
+    most_effort: float
+    widest: float
+    middle: float
+    noise: float
+    pauses: bool
+
+    @property
+    def natural(self) -> dict[str, float]:
+        """Coefficient of the base model → the size that these signals give it."""
+        effort = self.of[scales.EFFORT]
+        return {
+            "k1": effort / self.of[scales.COMMAND],
+            "k2": 1.0,
+            "k3": effort / self.of[scales.VELOCITY],
+            "k4": 1.0 / self.of[scales.COMMAND],
+        }
+
+
+def sizes_of(trials: Sequence[Trajectory], j: int, draws: np.ndarray) -> Sizes:
+    """Sizes of joint `j` away from its end stops; draws: (J,) what the speed of each joint counts in the flow."""
+
+    def together(pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:
+        return np.concatenate([away_from_stops(t, j, pick(t)) for t in trials])
+
+    error = together(lambda t: (t.position_command - t.position)[:, j])
+    effort, velocity = together(lambda t: t.effort[:, j]), together(lambda t: t.velocity[:, j])
+    position = together(lambda t: t.position[:, j])
+    drawn = np.concatenate([np.abs(t.velocity) @ draws for t in trials])
+    flow, angle = _rms(drawn), float(np.std(position)) + 1e-12
+    return Sizes(
+        of={
+            scales.SECOND: 1.0,
+            scales.NONE: 1.0,
+            scales.COMMAND: _rms(error),
+            scales.EFFORT: _rms(effort),
+            scales.VELOCITY: _rms(velocity),
+            scales.SLOWNESS: 1.0 / flow,
+            scales.FLOW: flow,
+            scales.ANGLE: angle,
+            scales.DAMPING: _rms(effort) / _rms(velocity),
+            scales.STIFFNESS: _rms(effort) / angle,
+        },
+        most_effort=float(np.abs(effort).max()),
+        widest=float(np.abs(error).max()),
+        middle=float(position.mean()),
+        noise=float(np.sqrt(np.mean([difference_noise(t.effort[:, j]) ** 2 for t in trials]))),
+        pauses=bool(np.mean(drawn < LITTLE * flow) >= AT_TIMES),
+    )
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2))) + 1e-12
