@@ -86,9 +86,9 @@ def answer(
         part *= whole / found.shrink.whole  # the search thins the windows of long logs, the gap is of all of them
     lost = signed.findings and not (earlier and set(signed.joints) <= set(earlier.unsigned))
     causes = [_unsigned(signed, log_set, found, evidence[0])] if lost else []
-    causes += [_cause(cause, 0.0, np.zeros(2), log_set) for cause in scales]
+    causes += [cause_entry(cause, log_set) for cause in scales]
     causes += [
-        _cause(cause, part * found.shrink.each[i], part * (found.shrink.each_ci95[i] + [0.0, room]), log_set)
+        cause_entry(cause, log_set, part * found.shrink.each[i], part * (found.shrink.each_ci95[i] + [0.0, room]))
         for i, cause in enumerate(found.causes)
     ]
     far = full > NEAR_FLOOR * pooled(found.floor, found.scale)
@@ -168,7 +168,10 @@ def _gap(
     }
 
 
-def _cause(cause: Cause, shrink: float, interval: np.ndarray, log_set: LogSet) -> dict[str, Any]:
+def cause_entry(
+    cause: Cause, log_set: LogSet, shrink: float = 0.0, interval: Sequence[float] | np.ndarray = (0.0, 0.0)
+) -> dict[str, Any]:
+    """A cause as in diagnosis.json, and how far it shrinks the gap that is stated."""
     effect = CANDIDATES[cause.effect]
     units = {p.name: p.unit.replace("command", COMMAND_UNITS[log_set.control_mode]) for p in effect.parameters}
     kind = None if effect.machine else log_set.kinds.get(cause.joints[0])

@@ -17,6 +17,7 @@ from hqpipe.gap.joint_state import Progress
 from hqpipe.gap.layer_diagnosis import apply_layer, diagnose_layer
 from hqpipe.gap.layer_intake import position_checks
 from hqpipe.gap.levels import BLIND
+from hqpipe.gap.position_layer import POSITION, diagnose_position
 from hqpipe.gap.routing import ACTUATOR, JOINT_MOTION, TORQUE, Route, has_law, route, route_since
 from hqpipe.gap.since import Earlier, EarlierLogs
 from hqpipe.gap.since_logs import earlier_logs
@@ -98,7 +99,12 @@ def _law_first(
                 raise
             return _layer_alone(name, log_set, asked, progress, earlier)
     intake = intake_of(log_set, asked.window_s, asked.without, record, asked.travel)
-    first = diagnose_actuator(intake, log_set.joints, asked.without, effort_limit, asked.workers, progress, record)
+    question = (intake, log_set.joints, asked.without, effort_limit, asked.workers, progress)
+    first = (
+        diagnose_position(*question)
+        if record is None and log_set.control_mode == POSITION
+        else diagnose_actuator(*question, record)
+    )
     if name is None or intake.reasons or not errs_as_persistence(first):
         return first
     then = earlier if isinstance(earlier, EarlierLogs) else None

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.gap.answer import MIN_SHARE, UNLIKE, head
+from hqpipe.gap.answer import MIN_SHARE, UNLIKE, cause_entry, head
+from hqpipe.gap.causes import Cause
 from hqpipe.gap.considered import significant
 from hqpipe.gap.gap_entry import gap_entry
 from hqpipe.gap.groups import scope_of
@@ -42,17 +43,20 @@ def layer_content(
     earlier: EarlierLogs | None,
     left_out: Sequence[LeftOut],
     withdrawn: Mapping[str, str],
+    scales: Sequence[Cause] = (),
 ) -> dict[str, Any]:
     """The content of diagnosis.json.
 
     Args:
         log_set: with the joints that were judged. causes, shrink: in one order. unsigned: joints whose torque lost its sign.
         places: before and after the causes were added. withdrawn: effect → why it is no cause although it was found.
+        scales: sensors with a gain of their own, which no model shows.
     """
-    verdict = evidence.verdict(bool(causes) or bool(unsigned))
+    verdict = evidence.verdict(bool(causes) or bool(unsigned) or bool(scales))
     rest = bool(evidence.rest.any())
     found = [_cause(cause, shrink, i, earlier is not None) for i, cause in enumerate(causes)]
-    found = [*_unsigned(unsigned, errors.names), *sorted(found, key=lambda c: (-c["shrink"], -c["probability"]))]
+    found = sorted(found, key=lambda c: (-c["shrink"], -c["probability"]))
+    found = [*_unsigned(unsigned, errors.names), *(cause_entry(one, log_set) for one in scales), *found]
     depends = _depends_on(errors, evidence) if rest else []
     content = head(log_set, verdict, earlier, left_out) | {
         "gap": _gap(log_set, joints, errors, evidence, shrink),

@@ -93,7 +93,7 @@ def _batches(members: dict[str, JointCause]) -> list[list[str]]:
     """Joints whose numbers agree; the largest batch first."""
     rest, batches = list(members), []
     while rest:
-        around = [[j for j in rest if _near(members[centre], members[j])] for centre in rest]
+        around = [[j for j in rest if j == centre or _near(members[centre], members[j])] for centre in rest]
         best = max(around, key=len)
         batches.append(best)
         rest = [joint for joint in rest if joint not in best]

@@ -10,6 +10,7 @@ import numpy as np
 
 from hqpipe.errors import IdentificationError, UsageError
 from hqpipe.gap.answer import not_identifiable
+from hqpipe.gap.cross_check import CrossCheck
 from hqpipe.gap.diagnosis_files import Diagnosis, Row
 from hqpipe.gap.joint_state import Progress
 from hqpipe.gap.layer_answer import layer_content
@@ -20,6 +21,7 @@ from hqpipe.gap.layer_verdict import weigh_layer
 from hqpipe.gap.layer_visible import unseen_changes
 from hqpipe.gap.left_out import LeftOut, of_joints
 from hqpipe.gap.locate import Place, locate
+from hqpipe.gap.second_channel import scale_causes, settle_offsets
 from hqpipe.gap.since import EarlierLogs
 from hqpipe.gap.tally import ALL
 from hqpipe.gap.unchanged import AS_THEN, FAMILIAR
@@ -86,11 +88,12 @@ def layer_diagnosis(
     earlier: EarlierLogs | None = None,
     left_out: Sequence[LeftOut] = (),
     warnings: Sequence[str] = (),
+    checked: Sequence[CrossCheck] = (),
 ) -> Diagnosis:
     """The answer from what was found.
 
     Args:
-        layer: that gave the joints. then: joints of the earlier logs.
+        layer: that gave the joints. then: joints of the earlier logs. checked: what a comparison with the pressures found.
     """
     joints, withdrawn = found.joints, {}
     errors = layer_errors(found, log_set)
@@ -102,7 +105,8 @@ def layer_diagnosis(
         errors = layer_errors(found, log_set)
         changed = np.array([bool(joint.causes) for joint in found.found])
         evidence = weigh_layer(errors, np.where(changed, np.minimum(familiar, evidence.after), familiar))
-    causes = merge_causes(errors, joints, layer)
+    compared = log_set.trials[0].trajectory.pressure_a is not None
+    causes = settle_offsets(merge_causes(errors, joints, layer), checked, compared)
     before, after = (
         errors.tally([getattr(joint.found, name) for joint in errors.joints]) for name in ("base", "named")
     )
@@ -121,6 +125,7 @@ def layer_diagnosis(
         earlier,
         [*left_out, *gone],
         withdrawn,
+        scale_causes(checked, errors.names),
     )
     return Diagnosis(content, tuple(rows), layer_traces(errors, logs, joints))
 

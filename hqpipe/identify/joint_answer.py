@@ -122,7 +122,8 @@ def _is_sizeable(search: Search, known: Known, name: str) -> bool:
 
 
 def _confirmed(search: Search, known: Known, base: Known) -> Known:
-    """The set without causes that do not show in the held-out trials: a claim that they do not bear out is withdrawn.
+    """The set without causes that do not show in the held-out trials: a claim that they do not bear out is withdrawn, and with
+    it what has no size without it.
 
     They choose nothing else, and what is left is never made to look better by it.
     """
@@ -133,8 +134,8 @@ def _confirmed(search: Search, known: Known, base: Known) -> Known:
     while causes := _causes(search, known):
         with_all = _heldout_square(search, known)
         closes = {name: _heldout_square(search, search.without(known, name)) - with_all for name in causes}
-        name = min(causes, key=lambda name: closes[name])
-        if closes[name] > least:
+        name = min(causes, key=lambda name: (_is_sizeable(search, known, name), closes[name]))
+        if closes[name] > least and _is_sizeable(search, known, name):
             break
         known = search.without(known, name)
     return known

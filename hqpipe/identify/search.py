@@ -109,12 +109,21 @@ class Search:
         return self.known[names]
 
     def without(self, known: Known, name: str) -> Known:
-        """The set without one of its effects; never worse than a part of it that is known."""
+        """The set without one of its effects; never worse than a part of it that is known, nor than the set where the effect
+        has no size there."""
         names = known.names - {name}
+        gone = self.places(name)
+        start = known.solution.values.copy()
+        nothing = start[gone[0]] == self.fitter.neutral[gone[0]]
+        start[gone] = self.fitter.neutral[gone]
+        if (
+            nothing
+            and names in self.known
+            and self.known[names].solution.square > (1.0 + _SAME) * known.solution.square
+        ):
+            del self.known[names]
+            self._left_out.pop(names, None)
         if names not in self.known:
-            start = known.solution.values.copy()
-            gone = self.places(name)
-            start[gone] = self.fitter.neutral[gone]
             starts = [
                 start,
                 *(k.solution.values for k in self.known.values() if k.names < names and len(k.names) + 1 == len(names)),

@@ -16,6 +16,7 @@ ONLY_IN_LAYERS = (
 """Effects that a layer may offer and `hqpipe.effects` does not hold."""
 
 LAYERS = {
+    "actuator": "hqpipe.layers.actuator:Actuator",
     "servo": "hqpipe.layers.servo:Servo",
     "joint_motion": "hqpipe.layers.joint_motion:JointMotion",
     "valve": "hqpipe.layers.valve:Valve",

@@ -25,6 +25,7 @@ class ActuatorJoint:
         places: owner and name of each parameter of the effects of the loops. records: of the fit and the held-out trials.
         neutral: (WIDTH,) a row of the loops without effects, settings filled in. shapes: (C, N) of each, see `shapes`.
         draws: rad/s of flow per speed and per position error of this joint. units: of its effort and position.
+        unsigned: whether its torque had lost its sign, which was restored.
     """
 
     joint: str
@@ -42,6 +43,7 @@ class ActuatorJoint:
     shapes: tuple[np.ndarray, np.ndarray]
     draws: tuple[float, float]
     units: tuple[str, str]
+    unsigned: bool = False
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
         """(N,) prediction less measured torque at the samples of `fit` or `heldout`, N·m or N.
@@ -81,9 +83,9 @@ class ActuatorJoint:
 
     def reported(self, effect: str, name: str, value: float) -> tuple[str, float, str]:
         """Name, value and unit of a number in the form of diagnosis.json."""
-        if effect not in EFFECTS or name == BY_OPENING:
+        parameter = next((p for p in EFFECTS[effect].parameters if p.name == name), None)
+        if parameter is None:  # a share
             return name, value, "1"
-        parameter = next(p for p in EFFECTS[effect].parameters if p.name == name)
         unit = reported_unit(parameter.unit, self.units)
         if not parameter.inverse:
             return name, value, unit

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from hqpipe.sysid.free_run import window_samples
 from hqpipe.sysid.window_choice import window_for
 
 NEEDED = ("position_command", "effort", "position", "velocity")
+BLURRED = ("backlash",)  # a size is noise round zero torque, which looks like slack once the sign is restored
 CLEAR = 0.5  # of the usual torque: more than a chain chatters within its slack; assumption
 FEWEST_WINDOWS = 10  # of the fit trials; assumption: fewer do not tell an effect from chance
 
@@ -31,14 +32,12 @@ class Actuator:
 
     NAME = "actuator"
 
-    def __init__(
-        self, effort_limit: np.ndarray | None = None, barred: dict[str, Collection[str]] | None = None
-    ) -> None:
-        """Args:
-        effort_limit: (J,) N·m at which a joint saturates; None for no limit.
-        barred: joint → effects that its logs could only imitate.
+    def __init__(self, effort_limit: Mapping[str, float] | None = None, unsigned: Collection[str] = ()) -> None:
         """
-        self.effort_limit, self.barred = effort_limit, barred or {}
+        Args:
+            effort_limit: joint → N·m at which it saturates. unsigned: joints whose torque had lost its sign.
+        """
+        self.effort_limit, self.unsigned = effort_limit or {}, frozenset(unsigned)
 
     def lacking(self, log_set: LogSet) -> list[str]:
         """Columns that the logs do not have."""
@@ -70,7 +69,7 @@ class Actuator:
             [t.trajectory for t in log_set.fit], [log_set.kinds.get(n) == PRISMATIC for n in log_set.joints]
         )
         for j, name in enumerate(log_set.joints):
-            model = self._joint(log_set, j, steps, draws, {*without, *self.barred.get(name, ())})
+            model = self._joint(log_set, j, steps, draws, {*without, *(BLURRED if name in self.unsigned else ())})
             if isinstance(model, str):
                 left[name] = model
             else:
@@ -117,6 +116,7 @@ class Actuator:
                 shapes=free_run_shapes(records, size, keep),
                 draws=(float(draws[0][j]), float(draws[1][j])),
                 units=units,
+                unsigned=name in self.unsigned,
             )
 
         return model(_best_guess(model, records[0]))
@@ -127,12 +127,11 @@ class Actuator:
         row[slot("setting", "sample_time")] = float(np.median([t.trajectory.dt for t in log_set.fit]))
         row[slot("setting", "middle")] = size.middle
         row[slot("setting", "clear")] = CLEAR * size.of["effort"]
-        if self.effort_limit is not None:
-            row[slot("setting", "effort_limit")] = self.effort_limit[j]
+        row[slot("setting", "effort_limit")] = self.effort_limit.get(log_set.joints[j], np.inf)
         return row
 
 
-def _best_guess(model, record: Record) -> dict[str, float]:
+def _best_guess(model: Callable[[dict[str, float]], ActuatorJoint], record: Record) -> dict[str, float]:
     """Of the first guesses the one that runs free best."""
 
     def square(first: dict[str, float]) -> float:

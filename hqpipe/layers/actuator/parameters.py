@@ -17,6 +17,8 @@ from hqpipe.layers.actuator.sizes import Sizes
 LOGGED_SPEED, SPEED_LATE, PRESLIDING, BY_OPENING = "logged_speed", "speed_late", "presliding_rad", "by_opening"
 PRESLIDING_SHARE = 0.0003  # of the position's standard deviation: where friction turns round, until it is fitted
 FROM_NOTHING = 0.1  # share of the unit, or a quarter of the upper bound, of a number that starts at its neutral value
+UNEQUAL = ("orifice_flow", ("direction_asymmetry", "areas"))
+"""Effect in whose set the areas of a cylinder show, and the number of the loops that holds them."""
 COMMON = ("coulomb_friction", "viscous_friction")  # every seal has them
 RESTS_ON_PAUSES = "pump_velocity_rad_s"
 """Only where little is drawn at times a flow that the pump keeps up with shows beside a loss that is always there."""
@@ -59,14 +61,23 @@ def effects_of(
             continue
         parameters = []
         for p in effect.parameters:
-            if POSITION in p.modes and p.name != PRESLIDING and (size.pauses or p.name != RESTS_ON_PAUSES):
+            own = POSITION in p.modes and p.beside is None and p.name != PRESLIDING
+            if own and (size.pauses or p.name != RESTS_ON_PAUSES):
                 parameters.append(_parameter(p, size))
                 places.append((name, p.name))
+        if name == UNEQUAL[0]:  # a larger side moves a larger load, which shows where the load slows the flow
+            parameters.append(_parameter(_areas(), size))
+            places.append(UNEQUAL[1])
         if name == "supply_droop":
             parameters.append(Parameter(BY_OPENING, "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0)))
             places.append((name, BY_OPENING))
         found.append(Effect(name, tuple(parameters), common=name in COMMON))
     return tuple(found), tuple(places)
+
+
+def _areas() -> scales.Parameter:
+    owner, name = UNEQUAL[1]
+    return next(p for p in EFFECTS[owner].parameters if p.name == name)
 
 
 def _parameter(p: scales.Parameter, size: Sizes) -> Parameter:

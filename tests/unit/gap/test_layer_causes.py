@@ -57,6 +57,19 @@ def test_precise_joints_that_differ_give_their_mean(models):
     assert high - low == pytest.approx(2.0 * np.hypot(0.001, 0.004) / 2.0, rel=0.01)
 
 
+@pytest.mark.parametrize("value", [0.0, np.nan, np.inf])
+def test_a_number_that_is_like_none_other_is_a_cause_of_its_own(models, value):
+    sizes = (0.5, value, value)
+    found, errors = errors_of(
+        *(
+            made_up(m, 1.0, 0.5, causes=[cause("coulomb_friction", number("friction_nm", s, 0.05))])
+            for m, s in zip(models, sizes, strict=True)
+        )
+    )
+    joints = [one.joints for one in merge_causes(errors, found.joints)]
+    assert ("hip",) in joints and sorted(j for each in joints for j in each) == ["foot", "hip", "knee"]
+
+
 def test_units_are_never_pooled(models):
     parts = [number("friction_nm", 0.5, 0.1, unit) for unit in ("N·m", "N")]
     found, errors = errors_of(
