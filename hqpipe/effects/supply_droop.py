@@ -15,7 +15,7 @@ EFFECT = Effect(
     layer="actuator",
     stage="core",
     parameters=(
-        Parameter("droop", "s/rad", SLOWNESS, 0.0, 1.0, (0.05, 0.15), anew=SUPPLY),
+        Parameter("droop", "s/rad", SLOWNESS, 0.0, 3.0, (0.05, 0.15), anew=SUPPLY),
         Parameter("recovery_s", "s", SECOND, 0.003, 5.0, (0.03, 0.3), counts=False, neutral=0.1, anew=SUPPLY),
         Parameter("pump_velocity_rad_s", "rad/s", FLOW, 0.0, 3.0, (0.0, 0.7), counts=False, anew=SUPPLY),
     ),

@@ -10,7 +10,7 @@ import numpy as np
 from hqpipe.gap.answer import MIN_SHARE, UNLIKE, cause_entry, head
 from hqpipe.gap.causes import Cause
 from hqpipe.gap.considered import significant
-from hqpipe.gap.gap_entry import gap_entry
+from hqpipe.gap.gap_entry import gap_entry, undeclared
 from hqpipe.gap.groups import scope_of
 from hqpipe.gap.joint_scale import pooled
 from hqpipe.gap.layer_causes import SENSING, UNSIGNED, LayerCause, layer_of
@@ -70,7 +70,7 @@ def layer_content(
             "depends_on": depends,
         },
         "next_experiment": next_experiment(joints.layer, found, rest, depends, _worst(errors, evidence)),
-        "warnings": [*warnings, *_remarks(errors, evidence)],
+        "warnings": [*warnings, *undeclared(log_set, errors.scale), *_remarks(errors, evidence)],
     }
     validate_diagnosis(content)
     return content
@@ -243,6 +243,13 @@ def _remarks(errors: LayerErrors, evidence: LayerEvidence) -> list[str]:
         remarks.append(
             f"the base model is off by {fitted:.2%} of the joints' spread in the fit trials and by {held:.2%} in the "
             "held-out ones: something acts in these that no fit trial shows; give the fit a trial of their kind"
+        )
+    if outer := [
+        name for name, open_ in zip(errors.names, evidence.rest & ~evidence.predictable, strict=True) if open_
+    ]:
+        remarks.append(
+            f"{', '.join(outer)}: no logged signal predicts the error above the noise floor: coloured noise, an outer "
+            "cause, or held-out trials unlike the fit trials"
         )
     return remarks
 

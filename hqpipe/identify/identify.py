@@ -109,4 +109,11 @@ def _weighed_again(search: Search, known: Known, others: Sequence[frozenset[str]
             larger = search.grown_by(known, name)
             if search.gain(larger, known) > 0.0:
                 known = larger
+                continue
+            # What one joint's logs ask for in its place may only look like it.
+            for other in sorted(known.names):
+                option = search.grown_by(search.without(known, other), name)
+                if search.preference(option, known) > 0.0:
+                    known = option
+                    break
     return search, search.improved(known)

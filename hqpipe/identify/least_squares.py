@@ -21,7 +21,7 @@ _CHANGE = 3.0
 deviations of the parameter if the errors were white. Longer ones pass over the corners of a limit that the data resolve."""
 _SLOW = 0.01  # of the cost, per step, from which on shorter differences are taken: a good slope brings more, or nothing
 _SHORTEST = 0.01  # of the long step; assumption: a jump of the error has no slope, however short the step
-_TOLERANCE = 1e-4  # of the cost, per step: half a unit of ln B at ten thousand independent samples
+_TOLERANCE = 1e-5  # of the cost, per step: so small a one lets a weak prior decide where the logs do not
 _WORTH = 0.1  # of twice ln B, per step: below it no decision changes; assumption
 _ITERATIONS = 40  # assumption: a fit that needs more does not converge
 _PRIOR_HOLDS = 0.5  # of the variance that a prior was weighed with, below which the fit is made again; assumption

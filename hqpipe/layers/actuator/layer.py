@@ -6,10 +6,11 @@ from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 
-from hqpipe.effects.layout import neutral_row, slot
+from hqpipe.effects.layout import BASE, neutral_row, slot
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import LayerJoints
+from hqpipe.identify.search import base_solution
 from hqpipe.layers.actuator.joint import ActuatorJoint
 from hqpipe.layers.actuator.parameters import base_parameters, effects_of
 from hqpipe.layers.actuator.record import Record, draws_of, record_of
@@ -119,7 +120,7 @@ class Actuator:
                 unsigned=name in self.unsigned,
             )
 
-        return model(_best_guess(model, records[0]))
+        return model(_fitted(model(_best_guess(model, records[0]))))
 
     def _neutral(self, log_set: LogSet, j: int, size: Sizes) -> np.ndarray:
         """(WIDTH,) a row of the loops without effects."""
@@ -129,6 +130,12 @@ class Actuator:
         row[slot("setting", "clear")] = CLEAR * size.of["effort"]
         row[slot("setting", "effort_limit")] = self.effort_limit.get(log_set.joints[j], np.inf)
         return row
+
+
+def _fitted(model: ActuatorJoint) -> dict[str, float]:
+    """The coefficients of the base model: what the noise leaves and what a shape adds fade with its leakage."""
+    values = base_solution(Fitter(model)).values
+    return {p.name: float(value) for p, value in zip(model.base, values, strict=False) if p.name in BASE}
 
 
 def _best_guess(model: Callable[[dict[str, float]], ActuatorJoint], record: Record) -> dict[str, float]:

@@ -16,6 +16,7 @@ from hqpipe.layers.actuator.sizes import Sizes
 
 LOGGED_SPEED, SPEED_LATE, PRESLIDING, BY_OPENING = "logged_speed", "speed_late", "presliding_rad", "by_opening"
 PRESLIDING_SHARE = 0.0003  # of the position's standard deviation: where friction turns round, until it is fitted
+SIZES = {"nm": 0.03}  # over the usual torque: the zero of a load cell is good to 1 % of a range of three times that
 FROM_NOTHING = 0.1  # share of the unit, or a quarter of the upper bound, of a number that starts at its neutral value
 UNEQUAL = ("orifice_flow", ("direction_asymmetry", "areas"))
 """Effect in whose set the areas of a cylinder show, and the number of the loops that holds them."""
@@ -84,7 +85,8 @@ def _parameter(p: scales.Parameter, size: Sizes) -> Parameter:
     """A number as the loops hold it: of an inverse one, one over the value."""
     unit = 1.0 / size.of[p.scale] if p.inverse else size.of[p.scale]
     starts = tuple(start * unit for start in p.starts)
-    usual = float(np.median(np.abs(starts))) or min(FROM_NOTHING, 0.25 * p.upper) * unit
+    known = [SIZES[p.name] * unit] if p.name in SIZES else [abs(start) for start in starts if start]
+    usual = min(known) if known else min(FROM_NOTHING, 0.25 * p.upper) * unit  # the least start is a usual size
     if p.least:
         usual = max(usual, p.least / (LEAST_SIZE * size.most_effort))
     neutral = p.neutral if p.counts or not p.neutral else (starts[0] if len(starts) == 1 else p.neutral)

@@ -7,7 +7,9 @@ the law is nearly linear in the torque, what it adds to a free run is that signa
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
+import hqpipe.system.checked_cache  # noqa: F401 (before any function is compiled)
 from hqpipe.effects import effect as scales
 from hqpipe.identify.model import Effect, Parameter
 from hqpipe.layers.actuator.record import Record
@@ -23,9 +25,14 @@ SHAPES = (
     ("offset_drift", "time", 1),
     ("sudden_change", "time", 1),
     ("drag", "direction", 1),
+    ("hysteresis", "command", 2),
 )
 """Name, the signal that it depends on, and its number of columns, in the order of `_columns`."""
 USUAL = 0.1  # of the usual torque, that a shape gives; assumption: as a small effect
+PLAYS = (
+    0.1,
+    0.4,
+)  # of the usual position error, half widths of a play of the valve; assumption: a small and a large one
 TURNING = 0.02  # of the usual speed, over which a drag changes its sign; assumption: seals creep before they slide
 
 
@@ -68,7 +75,20 @@ def _columns(record: Record, size: Sizes) -> list[np.ndarray]:
         passed,
         passed * e,
         v / np.sqrt(v**2 + TURNING**2),
+        *(_slack(e, s.bounds, width) for width in PLAYS),
     ]
+
+
+@njit(cache=True, nogil=True)
+def _slack(values: np.ndarray, bounds: np.ndarray, width: float) -> np.ndarray:
+    """(T,) what a play of ± `width` keeps back of a signal, each trial by itself."""
+    found = np.empty_like(values)
+    for trial in range(len(bounds) - 1):
+        held = values[bounds[trial]]
+        for k in range(bounds[trial], bounds[trial + 1]):
+            held = min(max(held, values[k] - width), values[k] + width)
+            found[k] = values[k] - held
+    return found
 
 
 def _summed(record: Record, size: Sizes, keep: float) -> np.ndarray:
