@@ -14,7 +14,7 @@ from hqpipe.layers.actuator.joint import ActuatorJoint
 from hqpipe.layers.actuator.parameters import base_parameters, effects_of
 from hqpipe.layers.actuator.record import Record, draws_of, record_of
 from hqpipe.layers.actuator.shapes import free_run_shapes, shapes_of
-from hqpipe.layers.actuator.sizes import Sizes, sizes_of
+from hqpipe.layers.actuator.sizes import Sizes, at_rest, sizes_of
 from hqpipe.layers.actuator.start import first_guesses
 from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
 from hqpipe.logs.trajectory import LogSet
@@ -90,10 +90,13 @@ class Actuator:
     ) -> ActuatorJoint | str:
         """The model of joint `j`, or why there is none."""
         name, kind = log_set.joints[j], log_set.kinds.get(log_set.joints[j])
-        size = sizes_of([t.trajectory for t in log_set.fit], j, draws[0])
+        fit = [t.trajectory for t in log_set.fit]
         records = tuple(record_of(trials, j, steps, draws) for trials in (log_set.fit, log_set.heldout))
         if records[0].windows < FEWEST_WINDOWS:
             return f"only {records[0].windows} windows of {steps} samples away from its end stops"
+        if reason := at_rest(fit, j):
+            return reason
+        size = sizes_of(fit, j, draws[0])
         effects, places = effects_of(size, len(log_set.joints), log_set.effort_source, barred)
         units = (unit_of("N·m", kind), unit_of("rad", kind))
         row = self._neutral(log_set, j, size)

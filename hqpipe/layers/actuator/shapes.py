@@ -45,18 +45,20 @@ def free_run_shapes(records: tuple[Record, Record], size: Sizes, keep: float) ->
     Args:
         keep: share of a torque that is left after one sample.
     """
-    fit, heldout = (_summed(record, size, keep) for record in records)
+    whole = max(float(records[0].signals.time.max(initial=0.0)), np.finfo(float).tiny)
+    fit, heldout = (_summed(record, size, whole, keep) for record in records)
     scale = np.sqrt(np.mean(fit**2, axis=1, keepdims=True))
     scale[scale == 0.0] = 1.0
     return fit / scale, heldout / scale
 
 
-def _columns(record: Record, size: Sizes) -> list[np.ndarray]:
+def _columns(record: Record, size: Sizes, whole: float) -> list[np.ndarray]:
+    """(T,) each; whole: s, length of the longest fit trial."""
     s = record.signals
     z = (s.position - size.middle) / size.of[scales.ANGLE]
     v, e = s.velocity / size.of[scales.VELOCITY], (s.command - s.position) / size.of[scales.COMMAND]
     f = s.effort / size.of[scales.EFFORT]
-    passed = s.time / max(float(s.time.max(initial=0.0)), 1e-9) - 0.5
+    passed = s.time / whole - 0.5
     by_speed = [v * np.abs(v), v**3]
     return [
         *(z, z**2),
@@ -71,9 +73,9 @@ def _columns(record: Record, size: Sizes) -> list[np.ndarray]:
     ]
 
 
-def _summed(record: Record, size: Sizes, keep: float) -> np.ndarray:
+def _summed(record: Record, size: Sizes, whole: float, keep: float) -> np.ndarray:
     s, found = record.signals, []
-    for column in _columns(record, size):
+    for column in _columns(record, size, whole):
         rows, total = np.empty((s.steps, record.windows)), np.zeros(record.windows)
         for k in range(s.steps):
             total = keep * total + column[s.first + k]

@@ -1,0 +1,73 @@
+"""What was planted in one of several joints is named with its number, there alone, and nothing in a sound joint."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from position_loop_logs import planted_logs, with_column
+
+from hqpipe.identify.identify import identify
+from hqpipe.layers.actuator import Actuator
+from hqpipe.layers.actuator.parameters import LOGGED_SPEED
+
+PLANTED = (
+    ("valve_deadband", "half_width", 0.02, {"rounding": 0.0}),
+    ("command_delay", "delay_s", 0.006, {}),
+    ("valve_lag", "time_constant_s", 0.012, {}),
+    ("flow_saturation", "limit", 0.06, {}),
+    ("orifice_flow", "effort_max_nm", 900.0, {}),
+    ("coulomb_friction", "friction_nm", 25.0, {"presliding_rad": 0.002}),
+)
+
+
+@pytest.fixture(scope="module")
+def answers():
+    """Joint by joint: a sound one, then one with each planted effect."""
+    effects = [{}, *({name: {number: value} | beside} for name, number, value, beside in PLANTED)]
+    return identify(Actuator().joints(planted_logs(*effects)), workers=2).found
+
+
+def test_a_sound_joint_beside_six_others_has_no_cause(answers):
+    sound = answers[0]
+    assert sound.causes == () and sound.unexplained < 0.2
+    assert np.sqrt(np.mean(sound.base.heldout**2)) < 1.1 * sound.model.noise[1]
+
+
+@pytest.mark.parametrize("at", range(len(PLANTED)), ids=[name for name, *_ in PLANTED])
+def test_what_was_planted_is_named_with_its_number(answers, at):
+    name, number, value, _ = PLANTED[at]
+    found = answers[at + 1]
+    assert [cause.effect for cause in found.causes] == [name]
+    cause = found.causes[0]
+    first = cause.numbers[0]
+    assert first.name == number and cause.probability > 0.9
+    assert found.model.reported(name, number, first.value)[1] == pytest.approx(value, rel=0.1)
+    assert np.sqrt(np.mean(found.named.heldout**2)) < 1.2 * found.model.noise[1]
+
+
+def test_of_two_joints_that_have_one_effect_between_them_only_the_one_is_named():
+    logs = planted_logs({}, {"valve_deadband": {"half_width": 0.02}}, seed=3)
+    sound, worn = identify(Actuator().joints(logs)).found
+    assert sound.causes == () and [cause.effect for cause in worn.causes] == ["valve_deadband"]
+
+
+def share_of_the_logged_speed(log_set):
+    (found,) = identify(Actuator().joints(log_set)).found
+    names = [p.name for p in found.model.base]
+    return found.base.values[names.index(LOGGED_SPEED)], found
+
+
+def test_a_coarse_encoder_beside_a_good_speed_has_the_logged_speed_believed():
+    step = 2e-3  # rad, of the encoder; the valve's controller and the oil know the true position
+    logs = with_column(planted_logs({}), "position", 0, lambda t: step * np.round(t.position[:, 0] / step))
+    share, _ = share_of_the_logged_speed(logs)
+    assert share > 0.9
+
+
+def test_a_noisy_speed_beside_a_good_encoder_is_not_believed():
+    rng = np.random.default_rng(5)
+    logs = with_column(
+        planted_logs({}), "velocity", 0, lambda t: t.velocity[:, 0] + 0.3 * rng.standard_normal(t.samples)
+    )
+    share, found = share_of_the_logged_speed(logs)
+    assert share < 0.1 and found.causes == ()
