@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from position_loop_logs import planted_logs, with_column
+from position_loop_logs import DT, planted_logs, with_column
 
 from hqpipe.identify.identify import identify
 from hqpipe.layers.actuator import Actuator
@@ -46,7 +48,7 @@ def test_what_was_planted_is_named_with_its_number(answers, at):
 
 
 def test_of_two_joints_that_have_one_effect_between_them_only_the_one_is_named():
-    logs = planted_logs({}, {"valve_deadband": {"half_width": 0.02}}, seed=3)
+    logs = planted_logs({}, {"valve_deadband": {"half_width": 0.02}}, seed=3, seconds=4.0)
     sound, worn = identify(Actuator().joints(logs)).found
     assert sound.causes == () and [cause.effect for cause in worn.causes] == ["valve_deadband"]
 
@@ -59,7 +61,7 @@ def share_of_the_logged_speed(log_set):
 
 def test_a_coarse_encoder_beside_a_good_speed_has_the_logged_speed_believed():
     step = 2e-3  # rad, of the encoder; the valve's controller and the oil know the true position
-    logs = with_column(planted_logs({}), "position", 0, lambda t: step * np.round(t.position[:, 0] / step))
+    logs = with_column(planted_logs({}, seconds=4.0), "position", 0, lambda t: step * np.round(t.position[:, 0] / step))
     share, _ = share_of_the_logged_speed(logs)
     assert share > 0.9
 
@@ -67,7 +69,28 @@ def test_a_coarse_encoder_beside_a_good_speed_has_the_logged_speed_believed():
 def test_a_noisy_speed_beside_a_good_encoder_is_not_believed():
     rng = np.random.default_rng(5)
     logs = with_column(
-        planted_logs({}), "velocity", 0, lambda t: t.velocity[:, 0] + 0.3 * rng.standard_normal(t.samples)
+        planted_logs({}, seconds=4.0), "velocity", 0, lambda t: t.velocity[:, 0] + 0.3 * rng.standard_normal(t.samples)
     )
     share, found = share_of_the_logged_speed(logs)
     assert share < 0.1 and found.causes == ()
+
+
+def gain_that_jumps(share, factor):
+    """Logs in which the gain is another one after a share of each trial; the sample at the jump was not recorded."""
+    before, after = planted_logs({}, seconds=5.0 * share), planted_logs({}, seconds=5.0 * (1.0 - share), gains=factor)
+    trials = []
+    for trial, later in zip(before.trials, after.trials, strict=True):
+        t, u = trial.trajectory, later.trajectory
+        names = ("position", "velocity", "effort", "position_command")
+        joined = {name: np.concatenate([getattr(t, name), getattr(u, name)]) for name in names}
+        observed = np.ones(joined["effort"].shape, dtype=bool)
+        observed[t.samples] = False
+        whole = replace(t, time=np.arange(len(observed)) * DT, observed=observed, **joined)
+        trials.append(replace(trial, trajectory=whole))
+    return replace(before, trials=tuple(trials))
+
+
+def test_a_gain_that_jumps_is_no_drift_and_depends_on_time():
+    (found,) = identify(Actuator().joints(gain_that_jumps(0.4, {"k1": [1.25]}))).found
+    assert "gain_drift" not in [cause.effect for cause in found.causes]
+    assert max(found.shapes, key=found.shapes.get) == "time" and found.shapes["time"] > 0.5
