@@ -90,7 +90,7 @@ def gain_that_jumps(share, factor):
     return replace(before, trials=tuple(trials))
 
 
-def test_a_gain_that_jumps_is_no_drift_and_depends_on_time():
-    (found,) = identify(Actuator().joints(gain_that_jumps(0.4, {"k1": [1.25]}))).found
+def test_a_gain_that_jumps_half_way_is_no_drift_and_depends_on_time():
+    (found,) = identify(Actuator().joints(gain_that_jumps(0.5, {"k1": [1.25]}))).found
     assert "gain_drift" not in [cause.effect for cause in found.causes]
     assert max(found.shapes, key=found.shapes.get) == "time" and found.shapes["time"] > 0.5
