@@ -73,7 +73,10 @@ def _parameter(p: scales.Parameter, size: Sizes) -> Parameter:
     """A number as the loops hold it: of an inverse one, one over the value."""
     unit = 1.0 / size.of[p.scale] if p.inverse else size.of[p.scale]
     starts = tuple(start * unit for start in p.starts)
-    usual = float(np.median(np.abs(starts))) or min(FROM_NOTHING, 0.25 * p.upper) * unit
+    # The smallest start: causes are named from a share of the spread on, and starts are decades apart.
+    usual = (
+        min((abs(start) for start in starts if start != 0.0), default=0.0) or min(FROM_NOTHING, 0.25 * p.upper) * unit
+    )
     if p.least:
         usual = max(usual, p.least / (LEAST_SIZE * size.most_effort))
     neutral = p.neutral if p.counts or not p.neutral else (starts[0] if len(starts) == 1 else p.neutral)

@@ -53,6 +53,13 @@ def test_of_two_joints_that_have_one_effect_between_them_only_the_one_is_named()
     assert sound.causes == () and [cause.effect for cause in worn.causes] == ["valve_deadband"]
 
 
+def test_a_slow_integrator_is_named_too():
+    """0.1 1/s: less than a tenth of what is usual, yet most of what the base leaves."""
+    (found,) = identify(Actuator().joints(planted_logs({"integral_action": {"ki": 0.1}}, seed=4))).found
+    assert [cause.effect for cause in found.causes] == ["integral_action"]
+    assert found.causes[0].numbers[0].value == pytest.approx(0.1, rel=0.2)
+
+
 def share_of_the_logged_speed(log_set):
     (found,) = identify(Actuator().joints(log_set)).found
     names = [p.name for p in found.model.base]
