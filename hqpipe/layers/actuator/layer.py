@@ -6,7 +6,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from hqpipe.effects.layout import neutral_row, slot
+from hqpipe.effects.layout import BASE, neutral_row, slot
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import LayerJoints
@@ -117,12 +117,12 @@ class Actuator:
                 places=places,
                 records=records,
                 neutral=row,
-                shapes=free_run_shapes(records, size, keep),
+                shapes=free_run_shapes(records, size, first),
                 draws=(float(draws[0][j]), float(draws[1][j])),
                 units=units,
             )
 
-        return model(_best_guess(model, records[0]))
+        return model(_fitted(model(_best_guess(model, records[0]))))
 
     def _neutral(self, log_set: LogSet, j: int, size: Sizes) -> np.ndarray:
         """(WIDTH,) a row of the loops without effects."""
@@ -145,3 +145,10 @@ def _best_guess(model, record: Record) -> dict[str, float]:
 
     guesses = first_guesses(record)
     return min(guesses, key=square)
+
+
+def _fitted(joint: ActuatorJoint) -> dict[str, float]:
+    """The four coefficients fitted by themselves: the shapes fade with their leakage."""
+    fitter = Fitter(joint)
+    found = fitter.fit(np.arange(len(BASE)), [fitter.neutral], 0.0).values
+    return {name: float(value) for name, value in zip(BASE, found, strict=False)}

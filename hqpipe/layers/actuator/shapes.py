@@ -1,10 +1,13 @@
 """Generic shapes of what may drive the torque beside the law, for what no effect of the library describes.
 
 Each adds to the rate of the torque what one signal, or a product of two, gives, and fades with the torque's own leakage. As
-the law is nearly linear in the torque, what it adds to a free run is that signal, summed with the leakage of the base model.
+the law is nearly linear in small changes of the torque, what it adds to a free run is that signal, summed with what the base
+model leaves of a change at the logged torque.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -47,14 +50,16 @@ def shapes_of(size: Sizes, unit: str) -> tuple[Effect, ...]:
     return tuple(Effect(name, columns(name, count), named=False, signal=signal) for name, signal, count in SHAPES)
 
 
-def free_run_shapes(records: tuple[Record, Record], size: Sizes, keep: float) -> tuple[np.ndarray, np.ndarray]:
+def free_run_shapes(
+    records: tuple[Record, Record], size: Sizes, first: Mapping[str, float]
+) -> tuple[np.ndarray, np.ndarray]:
     """(C, N) what each shape adds to the torque in a free run of the fit and the held-out samples, of mean square 1 in the fit.
 
     Args:
-        keep: share of a torque that is left after one sample.
+        first: coefficient → value, of which those of leakage and impacts count.
     """
     whole = max(float(records[0].signals.time.max(initial=0.0)), np.finfo(float).tiny)
-    fit, heldout = (_summed(record, size, whole, keep) for record in records)
+    fit, heldout = (_summed(record, size, whole, first) for record in records)
     scale = np.sqrt(np.mean(fit**2, axis=1, keepdims=True))
     scale[scale == 0.0] = 1.0
     return fit / scale, heldout / scale
@@ -88,12 +93,19 @@ def _held_back(opening: np.ndarray, bounds: np.ndarray, play: float) -> np.ndarr
     return np.concatenate(parts) if parts else np.zeros(0)
 
 
-def _summed(record: Record, size: Sizes, whole: float, keep: float) -> np.ndarray:
-    s, found = record.signals, []
+def _kept(record: Record, first: Mapping[str, float]) -> np.ndarray:
+    """(T,) share of a small change of torque that is left after one sample: impacts take from one against the opening."""
+    s = record.signals
+    error = s.command - s.position
+    return np.maximum(1.0 - first["k2"] - np.where(s.effort * error < 0.0, first["k4"] * np.abs(error), 0.0), 0.0)
+
+
+def _summed(record: Record, size: Sizes, whole: float, first: Mapping[str, float]) -> np.ndarray:
+    s, found, keep = record.signals, [], _kept(record, first)
     for column in _columns(record, size, whole):
         rows, total = np.empty((s.steps, record.windows)), np.zeros(record.windows)
         for k in range(s.steps):
-            total = keep * total + column[s.first + k]
+            total = keep[s.first + k] * total + column[s.first + k]
             rows[k] = total
         found.append(record.picked(rows))
     return np.array(found)
