@@ -101,8 +101,10 @@ class Actuator:
         units = (unit_of("N·m", kind), unit_of("rad", kind))
         row = self._neutral(log_set, j, size)
 
-        def model(first: dict[str, float]) -> ActuatorJoint:
-            keep = 1.0 - first["k2"]
+        def model(first: dict[str, float], leak: float = 0.0) -> ActuatorJoint:
+            keep = 1.0 - max(
+                first["k2"], leak
+            )  # a base that lacks an effect may leak too little, and the floor is the least
             noise = size.noise * float(np.sqrt(1.0 + np.mean(keep ** (2.0 * records[0].step))))
             return ActuatorJoint(
                 joint=name,
@@ -122,7 +124,8 @@ class Actuator:
                 units=units,
             )
 
-        return model(_fitted(model(_best_guess(model, records[0]))))
+        guess = _best_guess(model, records[0])
+        return model(_fitted(model(guess)), guess["k2"])
 
     def _neutral(self, log_set: LogSet, j: int, size: Sizes) -> np.ndarray:
         """(WIDTH,) a row of the loops without effects."""
