@@ -10,12 +10,11 @@ from hqpipe.effects.layout import BASE, neutral_row, slot
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import LayerJoints
-from hqpipe.identify.search import base_solution
 from hqpipe.layers.actuator.joint import ActuatorJoint
 from hqpipe.layers.actuator.parameters import base_parameters, effects_of
 from hqpipe.layers.actuator.record import Record, draws_of, record_of
 from hqpipe.layers.actuator.shapes import free_run_shapes, shapes_of
-from hqpipe.layers.actuator.sizes import Sizes, sizes_of
+from hqpipe.layers.actuator.sizes import Sizes, at_rest, sizes_of
 from hqpipe.layers.actuator.start import first_guesses
 from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
 from hqpipe.logs.trajectory import LogSet
@@ -90,16 +89,20 @@ class Actuator:
     ) -> ActuatorJoint | str:
         """The model of joint `j`, or why there is none."""
         name, kind = log_set.joints[j], log_set.kinds.get(log_set.joints[j])
-        size = sizes_of([t.trajectory for t in log_set.fit], j, draws[0])
+        fit = [t.trajectory for t in log_set.fit]
         records = tuple(record_of(trials, j, steps, draws) for trials in (log_set.fit, log_set.heldout))
         if records[0].windows < FEWEST_WINDOWS:
             return f"only {records[0].windows} windows of {steps} samples away from its end stops"
+        if reason := at_rest(fit, j):
+            return reason
+        size = sizes_of(fit, j, draws[0])
         effects, places = effects_of(size, len(log_set.joints), log_set.effort_source, barred)
         units = (unit_of("N·m", kind), unit_of("rad", kind))
         row = self._neutral(log_set, j, size)
 
-        def model(first: dict[str, float]) -> ActuatorJoint:
-            keep = 1.0 - first["k2"]
+        def model(first: dict[str, float], leak: float = 0.0) -> ActuatorJoint:
+            # A base that lacks an effect may leak too little; the floor is the least that noise leaves.
+            keep = 1.0 - max(first["k2"], leak)
             noise = size.noise * float(np.sqrt(1.0 + np.mean(keep ** (2.0 * records[0].step))))
             return ActuatorJoint(
                 joint=name,
@@ -114,13 +117,14 @@ class Actuator:
                 places=places,
                 records=records,
                 neutral=row,
-                shapes=free_run_shapes(records, size, keep),
+                shapes=free_run_shapes(records, size, first),
                 draws=(float(draws[0][j]), float(draws[1][j])),
                 units=units,
                 unsigned=name in self.unsigned,
             )
 
-        return model(_fitted(model(_best_guess(model, records[0]))))
+        guess = _best_guess(model, records[0])
+        return model(_fitted(model(guess)), guess["k2"])
 
     def _neutral(self, log_set: LogSet, j: int, size: Sizes) -> np.ndarray:
         """(WIDTH,) a row of the loops without effects."""
@@ -130,12 +134,6 @@ class Actuator:
         row[slot("setting", "clear")] = CLEAR * size.of["effort"]
         row[slot("setting", "effort_limit")] = self.effort_limit.get(log_set.joints[j], np.inf)
         return row
-
-
-def _fitted(model: ActuatorJoint) -> dict[str, float]:
-    """The coefficients of the base model: what the noise leaves and what a shape adds fade with its leakage."""
-    values = base_solution(Fitter(model)).values
-    return {p.name: float(value) for p, value in zip(model.base, values, strict=False) if p.name in BASE}
 
 
 def _best_guess(model: Callable[[dict[str, float]], ActuatorJoint], record: Record) -> dict[str, float]:
@@ -148,3 +146,10 @@ def _best_guess(model: Callable[[dict[str, float]], ActuatorJoint], record: Reco
 
     guesses = first_guesses(record)
     return min(guesses, key=square)
+
+
+def _fitted(joint: ActuatorJoint) -> dict[str, float]:
+    """The four coefficients fitted by themselves: the shapes fade with their leakage."""
+    fitter = Fitter(joint)
+    found = fitter.fit(np.arange(len(BASE)), [fitter.neutral], 0.0).values
+    return {name: float(value) for name, value in zip(BASE, found, strict=False)}

@@ -14,9 +14,7 @@ from hqpipe.logs.end_stops import judged_windows
 from hqpipe.logs.trajectory import Trajectory, Trial, recording_of
 
 MOST_WINDOWS = 400  # of a joint and split; 40 s of windows of 0.1 s say what an hour says, in bounded time
-MOST_SAMPLES = (
-    8_000  # judged of a joint and split: the torque of a free run changes little from one millisecond to the next
-)
+MOST_SAMPLES = 8_000  # judged of a joint and split: a free run changes little from one millisecond to the next
 RECORDED = 0.5  # of a window's samples that must have been recorded; assumption
 
 
@@ -58,7 +56,7 @@ class Record:
             trial=np.broadcast_to(self.trial[:, None], self.judged.shape)[self.judged],
             time=s.time[at],
             position=s.position[at],
-            velocity=s.velocity[at],
+            velocity=self.logged[at],
             output=self.picked(s.target[1:]),
             held=np.broadcast_to(s.target[0][:, None], self.judged.shape)[self.judged],
         )
@@ -130,11 +128,16 @@ def draws_of(trials: Sequence[Trajectory], slides: Sequence[bool]) -> tuple[np.n
 
 
 def _alike(values: np.ndarray, slides: Sequence[bool]) -> np.ndarray:
-    slide = np.array(slides, dtype=bool)
-    if not slide.any() or slide.all():
-        return np.ones(values.shape[1])
+    """(J,) what (T, J) values count: 1 where a joint turns, and where it slides as much as makes it a usual one of these.
+
+    Joints at rest say nothing of what is usual.
+    """
     size = np.sqrt(np.mean(values**2, axis=0))
-    return np.where(slide, np.median(size[~slide]) / np.maximum(size, 1e-12), 1.0)
+    slide = np.array(slides, dtype=bool) & (size > 0.0)
+    turning = size[~np.array(slides, dtype=bool) & (size > 0.0)]
+    if not slide.any() or not len(turning):
+        return np.ones(len(size))
+    return np.where(slide, np.median(turning) / np.where(slide, size, 1.0), 1.0)
 
 
 def _starts(t: Trajectory, j: int, steps: int) -> np.ndarray:

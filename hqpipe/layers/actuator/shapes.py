@@ -1,19 +1,21 @@
 """Generic shapes of what may drive the torque beside the law, for what no effect of the library describes.
 
 Each adds to the rate of the torque what one signal, or a product of two, gives, and fades with the torque's own leakage. As
-the law is nearly linear in the torque, what it adds to a free run is that signal, summed with the leakage of the base model.
+the law is nearly linear in small changes of the torque, what it adds to a free run is that signal, summed with what the base
+model leaves of a change at the logged torque.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numba import njit
+from collections.abc import Mapping
 
-import hqpipe.system.checked_cache  # noqa: F401 (before any function is compiled)
+import numpy as np
+
 from hqpipe.effects import effect as scales
 from hqpipe.identify.model import Effect, Parameter
 from hqpipe.layers.actuator.record import Record
 from hqpipe.layers.actuator.sizes import Sizes
+from hqpipe.layers.joint_motion.hysteresis import slipping_spring
 
 SHAPES = (
     ("position_load", "position", 2),
@@ -21,18 +23,20 @@ SHAPES = (
     ("speed_by_position", "position", 2),
     ("linkage", "position", 2),
     ("flow_curve", "command", 2),
+    ("hysteresis", "command", 2),
     ("leak_curve", "effort", 2),
     ("offset_drift", "time", 1),
-    ("sudden_change", "time", 1),
+    ("sudden_change", "time", 3),
     ("drag", "direction", 1),
-    ("hysteresis", "command", 2),
 )
 """Name, the signal that it depends on, and its number of columns, in the order of `_columns`."""
 USUAL = 0.1  # of the usual torque, that a shape gives; assumption: as a small effect
-PLAYS = (
-    0.1,
-    0.4,
-)  # of the usual position error, half widths of a play of the valve; assumption: a small and a large one
+PLAYS = (0.05, 0.2)
+"""Of the usual opening, that a spool is held back by; assumption: a few per cent of its stroke, of which commands use a part.
+Plays of other widths are near to sums of these (Prandtl and Ishlinskii)."""
+MOMENTS = (0.25, 0.5, 0.75)
+"""Shares of the longest trial after which the gain may be another one; assumption. A drift, which has a name, is told from
+three steps by a sixteenth of its square."""
 TURNING = 0.02  # of the usual speed, over which a drag changes its sign; assumption: seals creep before they slide
 
 
@@ -46,24 +50,28 @@ def shapes_of(size: Sizes, unit: str) -> tuple[Effect, ...]:
     return tuple(Effect(name, columns(name, count), named=False, signal=signal) for name, signal, count in SHAPES)
 
 
-def free_run_shapes(records: tuple[Record, Record], size: Sizes, keep: float) -> tuple[np.ndarray, np.ndarray]:
+def free_run_shapes(
+    records: tuple[Record, Record], size: Sizes, first: Mapping[str, float]
+) -> tuple[np.ndarray, np.ndarray]:
     """(C, N) what each shape adds to the torque in a free run of the fit and the held-out samples, of mean square 1 in the fit.
 
     Args:
-        keep: share of a torque that is left after one sample.
+        first: coefficient → value, of which those of leakage and impacts count.
     """
-    fit, heldout = (_summed(record, size, keep) for record in records)
+    whole = max(float(records[0].signals.time.max(initial=0.0)), np.finfo(float).tiny)
+    fit, heldout = (_summed(record, size, whole, first) for record in records)
     scale = np.sqrt(np.mean(fit**2, axis=1, keepdims=True))
     scale[scale == 0.0] = 1.0
     return fit / scale, heldout / scale
 
 
-def _columns(record: Record, size: Sizes) -> list[np.ndarray]:
+def _columns(record: Record, size: Sizes, whole: float) -> list[np.ndarray]:
+    """(T,) each; whole: s, length of the longest fit trial."""
     s = record.signals
     z = (s.position - size.middle) / size.of[scales.ANGLE]
     v, e = s.velocity / size.of[scales.VELOCITY], (s.command - s.position) / size.of[scales.COMMAND]
     f = s.effort / size.of[scales.EFFORT]
-    passed = s.time / max(float(s.time.max(initial=0.0)), 1e-9) - 0.5
+    passed = s.time / whole
     by_speed = [v * np.abs(v), v**3]
     return [
         *(z, z**2),
@@ -71,32 +79,33 @@ def _columns(record: Record, size: Sizes) -> list[np.ndarray]:
         *(z * v, z**2 * v),
         *(z * e, z**2 * e),
         *(e * np.abs(e), e**3),
+        *(_held_back(e, s.bounds, play) for play in PLAYS),
         *(f * np.abs(f), f**2),
-        passed,
-        passed * e,
+        passed - 0.5,
+        *(e * (passed > moment) for moment in MOMENTS),
         v / np.sqrt(v**2 + TURNING**2),
-        *(_slack(e, s.bounds, width) for width in PLAYS),
     ]
 
 
-@njit(cache=True, nogil=True)
-def _slack(values: np.ndarray, bounds: np.ndarray, width: float) -> np.ndarray:
-    """(T,) what a play of ± `width` keeps back of a signal, each trial by itself."""
-    found = np.empty_like(values)
-    for trial in range(len(bounds) - 1):
-        held = values[bounds[trial]]
-        for k in range(bounds[trial], bounds[trial + 1]):
-            held = min(max(held, values[k] - width), values[k] + width)
-            found[k] = values[k] - held
-    return found
+def _held_back(opening: np.ndarray, bounds: np.ndarray, play: float) -> np.ndarray:
+    """(T,) share −1 … 1 of its play by which a spool stands behind an opening (T,); bounds: (trials + 1,) of the trials."""
+    parts = [slipping_spring(opening[a:b], play) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    return np.concatenate(parts) if parts else np.zeros(0)
 
 
-def _summed(record: Record, size: Sizes, keep: float) -> np.ndarray:
-    s, found = record.signals, []
-    for column in _columns(record, size):
+def _kept(record: Record, first: Mapping[str, float]) -> np.ndarray:
+    """(T,) share of a small change of torque that is left after one sample: impacts take from one against the opening."""
+    s = record.signals
+    error = s.command - s.position
+    return np.maximum(1.0 - first["k2"] - np.where(s.effort * error < 0.0, first["k4"] * np.abs(error), 0.0), 0.0)
+
+
+def _summed(record: Record, size: Sizes, whole: float, first: Mapping[str, float]) -> np.ndarray:
+    s, found, keep = record.signals, [], _kept(record, first)
+    for column in _columns(record, size, whole):
         rows, total = np.empty((s.steps, record.windows)), np.zeros(record.windows)
         for k in range(s.steps):
-            total = keep * total + column[s.first + k]
+            total = keep[s.first + k] * total + column[s.first + k]
             rows[k] = total
         found.append(record.picked(rows))
     return np.array(found)

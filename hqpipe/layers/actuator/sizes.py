@@ -44,8 +44,28 @@ class Sizes:
         }
 
 
+def at_rest(trials: Sequence[Trajectory], j: int) -> str | None:
+    """Why joint `j` shows no law from its command to its torque away from its end stops; None where it may."""
+    effort, position, velocity = (
+        np.concatenate([away_from_stops(t, j, getattr(t, name)[:, j]) for t in trials])
+        for name in ("effort", "position", "velocity")
+    )
+    command = np.concatenate([away_from_stops(t, j, t.position_command[:, j]) for t in trials])
+    if np.ptp(effort) == 0.0:
+        return "its measured torque never changes"
+    if np.ptp(position) == 0.0 or not velocity.any():
+        return "it never moves"
+    if np.array_equal(command, position):
+        return "its commanded position is its position in every sample: log what the controller is sent"
+    return None
+
+
 def sizes_of(trials: Sequence[Trajectory], j: int, draws: np.ndarray) -> Sizes:
-    """Sizes of joint `j` away from its end stops; draws: (J,) what the speed of each joint counts in the flow."""
+    """Sizes of joint `j`, which is not `at_rest`, away from its end stops.
+
+    Args:
+        draws: (J,) what the speed of each joint counts in the flow.
+    """
 
     def together(pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:
         return np.concatenate([away_from_stops(t, j, pick(t)) for t in trials])
@@ -54,7 +74,7 @@ def sizes_of(trials: Sequence[Trajectory], j: int, draws: np.ndarray) -> Sizes:
     effort, velocity = together(lambda t: t.effort[:, j]), together(lambda t: t.velocity[:, j])
     position = together(lambda t: t.position[:, j])
     drawn = np.concatenate([np.abs(t.velocity) @ draws for t in trials])
-    flow, angle = _rms(drawn), float(np.std(position)) + 1e-12
+    flow, angle = _rms(drawn), float(np.std(position))
     return Sizes(
         of={
             scales.SECOND: 1.0,
@@ -77,4 +97,4 @@ def sizes_of(trials: Sequence[Trajectory], j: int, draws: np.ndarray) -> Sizes:
 
 
 def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2))) + 1e-12
+    return float(np.sqrt(np.mean(values**2)))

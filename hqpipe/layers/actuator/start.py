@@ -6,11 +6,8 @@ import numpy as np
 
 from hqpipe.layers.actuator.record import Record
 
-SPANS = (
-    1,
-    5,
-    20,
-)  # samples of the differences; assumption: one of them is long beside the noise and short beside the loop
+SPANS = (1, 5, 20)
+"""Samples of the differences; assumption: one of them is long beside the noise and short beside the loop."""
 MOST_LEAK = 0.9  # of the torque in a sample; assumption
 
 

@@ -1,0 +1,184 @@
+"""The model of one joint: inert at neutral bit for bit, the paper's law underneath, units, numbers held as their inverse."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from position_loop_logs import DT, changed, planted_logs
+
+from hqpipe.effects import EFFECTS
+from hqpipe.identify.model import all_parameters
+from hqpipe.layers.actuator import Actuator
+from hqpipe.logs.joint_kinds import PRISMATIC
+
+
+@pytest.fixture(scope="module")
+def logs():
+    return planted_logs({}, {}, seconds=3.0, fit=1)
+
+
+@pytest.fixture(scope="module")
+def model(logs):
+    return Actuator().joints(logs).models[0]
+
+
+def neutral(model):
+    return np.array([p.neutral for p in all_parameters(model)])
+
+
+def alone(model, *names):
+    """The joint with some of its effects of the loops, without the shapes."""
+    return replace(
+        model,
+        effects=tuple(e for e in model.effects if e.name in names),
+        places=tuple(place for place in model.places if place[0] in names),
+    )
+
+
+def placed(model, effect, name):
+    """Index into the values of a parameter of an effect."""
+    at = len(model.base)
+    for other in model.effects:
+        if other.name == effect:
+            return at + [p.name for p in other.parameters].index(name)
+        at += len(other.parameters)
+    raise AssertionError(f"{effect} is not among the effects")
+
+
+def held_at_its_bounds(model):
+    return all(p.low <= p.neutral <= p.high for p in all_parameters(model))
+
+
+@pytest.mark.parametrize("heldout", [False, True])
+def test_every_effect_at_neutral_leaves_the_base_model_bit_for_bit(model, heldout):
+    bare = alone(model)
+    expected = bare.error(neutral(bare), heldout)
+    assert len(expected) > 100 and held_at_its_bounds(model)
+    assert np.array_equal(model.error(neutral(model), heldout), expected)
+    for name in dict.fromkeys(owner for owner, _ in model.places):
+        one = alone(model, name)
+        assert np.array_equal(one.error(neutral(one), heldout), expected), name
+
+
+def test_the_numbers_beside_a_neutral_first_number_do_nothing(model):
+    expected = model.error(neutral(model))
+    for effect in (e for e in model.effects if e.named):
+        values = neutral(model)
+        for p in effect.parameters[1:]:
+            values[placed(model, effect.name, p.name)] = p.low + 0.3 * (p.high - p.low)
+        assert np.array_equal(model.error(values), expected), effect.name
+
+
+def test_every_effect_and_every_shape_does_something(model):
+    expected = model.error(neutral(model))
+    for effect in model.effects:
+        values, first = neutral(model), effect.parameters[0]
+        values[placed(model, effect.name, first.name)] = first.starts[-1] if first.starts else first.spread
+        assert np.max(np.abs(model.error(values) - expected)) > 1e-3, effect.name
+
+
+def test_the_base_is_the_law_of_the_paper_from_the_logged_torque_on(logs, model):
+    base = dict(zip([p.name for p in model.base], neutral(model), strict=False))
+    t, record = logs.fit[0].trajectory, model.records[0]
+    q, command, measured = t.position[:, 0], t.position_command[:, 0], t.effort[:, 0]
+    expected = []
+    for first in record.signals.first:
+        torque = measured[first]
+        for k in range(first, first + record.signals.steps):
+            u, v = command[k] - q[k], (q[k + 1] - q[k]) / DT
+            braked = u * abs(torque) if torque * u < 0.0 else 0.0
+            torque = torque + base["k1"] * u - base["k2"] * torque - base["k3"] * v + base["k4"] * braked
+            if k + 1 - first in record.step:
+                expected.append(torque - measured[k + 1])
+    assert model.error(neutral(model)) == pytest.approx(np.array(expected), rel=1e-8, abs=1e-7)
+
+
+def test_what_a_planted_machine_is_made_of_leaves_its_noise_alone(model):
+    values = neutral(model)
+    values[:4] = [540.0, 0.05, 21.6, 0.36]  # see planted_effects.GAINS
+    left = np.sqrt(np.mean(model.error(values) ** 2))
+    assert left == pytest.approx(model.noise[0], rel=0.1)
+    assert model.noise[0] == pytest.approx(3.0, rel=0.2)  # N·m, of the sensor; that of the start of a window fades
+
+
+def test_persistence_holds_the_torque_at_the_start_of_the_window(model):
+    samples, first = model.fit, model.records[0].signals.first
+    held = samples.held.reshape(len(first), -1)
+    assert np.all(held == held[:, :1])
+    assert np.array_equal(held[:, 0], model.records[0].signals.effort[first])
+    assert samples.output.shape == samples.time.shape == samples.velocity.shape
+
+
+def test_an_inverse_number_is_held_as_one_over_what_is_reported(model):
+    assert model.reported("orifice_flow", "effort_max_nm", 1.0 / 900.0) == (
+        "effort_max_nm",
+        pytest.approx(900.0),
+        "N·m",
+    )
+    assert model.reported("flow_saturation", "limit", 20.0) == ("limit", pytest.approx(0.05), "rad")
+    assert model.reported("flow_saturation", "limit", 0.0)[1] == np.inf
+    assert model.reported("valve_deadband", "half_width", 0.02) == ("half_width", 0.02, "rad")
+    assert model.reported("viscous_friction", "nm_s_per_rad", 3.0) == ("nm_s_per_rad", 3.0, "N·m·s/rad")
+    limit = next(e for e in model.effects if e.name == "orifice_flow").parameters[0]
+    values = neutral(model)
+    values[placed(model, "orifice_flow", "effort_max_nm")] = limit.high
+    assert limit.neutral == 0.0 and np.isfinite(model.error(values)).all()
+
+
+def test_a_joint_that_slides_is_judged_in_newton_and_metre(logs, model):
+    sliding = Actuator().joints(replace(logs, kinds=dict.fromkeys(logs.joints, PRISMATIC))).models[0]
+    assert (model.unit, sliding.unit) == ("N·m", "N")
+    assert np.array_equal(sliding.error(neutral(sliding)), model.error(neutral(model)))
+    units = {(owner, name): sliding.reported(owner, name, 1.0)[2] for owner, name in sliding.places if owner in EFFECTS}
+    assert units["orifice_flow", "effort_max_nm"] == "N" and units["flow_saturation", "limit"] == "m"
+    assert units["viscous_friction", "nm_s_per_rad"] == "N·s/m" and units["supply_droop", "droop"] == "s/m"
+    assert units["position_dependent_stiffness", "slope_per_rad"] == "1/m"
+    assert not any("rad" in unit or "command" in unit for unit in units.values())
+
+
+def test_a_joint_beside_one_that_slides_keeps_its_share_of_the_flow(logs):
+    def slide(t):
+        small = np.array([1.0, 0.01])
+        return replace(
+            t, position=t.position * small, velocity=t.velocity * small, position_command=t.position_command * small
+        )
+
+    kinds = {logs.joints[0]: "revolute", logs.joints[1]: PRISMATIC}
+    turning, sliding = Actuator().joints(replace(changed(logs, slide), kinds=kinds)).models
+    speeds = [np.sqrt(np.mean(t.signals.velocity**2)) for t in (turning.records[0], sliding.records[0])]
+    assert turning.draws[0] == 1.0 and sliding.draws[0] == pytest.approx(speeds[0] / speeds[1], rel=0.01)
+
+
+def test_a_shape_that_grows_with_time_grows_alike_in_a_shorter_held_out_trial(logs):
+    short = tuple(t if t.split == "fit" else replace(t, trajectory=t.trajectory.section(0, 1500)) for t in logs.trials)
+    joint = Actuator().joints(replace(logs, trials=short), window_s=0.1).models[0]
+    at = [p.name for e in joint.effects if not e.named for p in e.parameters].index("offset_drift_1")
+    slopes = []
+    for record, shapes in zip(joint.records, joint.shapes, strict=True):
+        first = shapes[at].reshape(record.windows, -1)[:, 0]  # of each window
+        slopes.append(np.polyfit(record.signals.time[record.signals.first], first, 1)[0])
+    assert slopes[1] == pytest.approx(slopes[0], rel=1e-6)
+
+
+def test_the_pump_is_only_asked_for_where_the_supply_pauses(logs):
+    def droop_of(log_set):
+        joint = Actuator().joints(log_set).models[0]
+        return [p.name for p in next(e for e in joint.effects if e.name == "supply_droop").parameters]
+
+    def steady(t):
+        return replace(t, velocity=np.where(t.velocity >= 0.0, 1.0, -1.0))
+
+    def pausing(t):
+        return replace(t, velocity=t.velocity * (t.time % 1.0 > 0.4)[:, None])
+
+    assert "pump_velocity_rad_s" not in droop_of(changed(logs, steady))
+    assert "pump_velocity_rad_s" in droop_of(changed(logs, pausing))
+
+
+@pytest.mark.parametrize(("source", "asked"), [("load_cell", True), ("pressure", False)])
+def test_friction_is_asked_for_where_the_sensor_feels_it(logs, source, asked):
+    names = {e.name for e in Actuator().joints(replace(logs, effort_source=source)).models[0].effects}
+    assert ("coulomb_friction" in names) == ("load_dependent_friction" in names) == asked
+    assert {"valve_deadband", "orifice_flow"} <= names

@@ -1,0 +1,169 @@
+"""Which joints and which samples the layer judges: masks, sections, thinning, joints at rest, what the logs must hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from position_loop_logs import DT, changed, planted_logs, swinging, with_column
+
+from hqpipe.errors import IdentificationError
+from hqpipe.identify.identify import identify
+from hqpipe.identify.model import all_parameters
+from hqpipe.layers.actuator import Actuator
+from hqpipe.layers.actuator.record import MOST_SAMPLES, MOST_WINDOWS, record_of
+from hqpipe.logs.trajectory import Excerpt, Trial
+
+
+@pytest.fixture(scope="module")
+def logs():
+    return planted_logs({}, {}, seconds=3.0, fit=1)
+
+
+def neutral(model):
+    return np.array([p.neutral for p in all_parameters(model)])
+
+
+def test_windows_that_touch_an_end_stop_are_not_judged(logs):
+    def stopped(t):
+        touched = (t.position[:, 0] > np.quantile(t.position[:, 0], 0.8)).astype(float)
+        return replace(t, extra={f"joint/{t.joints[0]}/at_end_stop": touched})
+
+    marked = changed(logs, stopped)
+    first, second = Actuator().joints(marked).models
+    free = Actuator().joints(logs).models
+    record, t = first.records[0], marked.fit[0].trajectory
+    touched = t.extra[f"joint/{t.joints[0]}/at_end_stop"] > 0.5
+    within = record.signals.first[:, None] + np.arange(record.signals.steps + 1)
+    assert not touched[within].any() and 10 <= record.windows < free[0].records[0].windows
+    assert second.records[0].windows == free[1].records[0].windows  # the mark is of one joint
+
+
+def test_a_joint_at_its_end_stop_throughout_is_left_out(logs):
+    marked = changed(logs, lambda t: replace(t, extra={f"joint/{t.joints[0]}/at_end_stop": np.ones(t.samples)}))
+    joints = Actuator().joints(marked)
+    assert joints.left == {logs.joints[0]: "only 0 windows of 100 samples away from its end stops"}
+    assert [m.joint for m in joints.models] == [logs.joints[1]]
+
+
+def test_samples_that_were_not_recorded_are_neither_judged_nor_started_from(logs):
+    rng = np.random.default_rng(1)
+
+    def lossy(t):
+        observed = rng.random(t.position.shape) > 0.2
+        observed[1000:1500, 0] = False
+        return replace(t, observed=observed)
+
+    partly = changed(logs, lossy)
+    joint = Actuator().joints(partly).models[0]
+    record, seen = joint.records[0], partly.fit[0].trajectory.observed[:, 0]
+    at = (record.signals.first[:, None] + record.step)[record.judged]
+    assert seen[record.signals.first].all() and seen[at].all()
+    assert np.array_equal(joint.fit.output, partly.fit[0].trajectory.effort[at, 0])
+    assert not np.any((joint.fit.time > 1.11) & (joint.fit.time < 1.4))
+    assert np.isfinite(joint.error(neutral(joint))).all()
+
+
+def test_sections_of_one_recording_are_one_file_and_no_window_crosses_their_ends(logs):
+    trials = []
+    for trial in logs.trials:
+        t = trial.trajectory
+        for start in (0, 1050, 2100):
+            part = replace(t.section(start, start + 900), excerpt=Excerpt(trial.file, float(t.time[start]), t.duration))
+            trials.append(replace(trial, file=f"{trial.file} ({start})", trajectory=part))
+    joint = Actuator().joints(replace(logs, trials=tuple(trials))).models[0]
+    samples, record = joint.fit, joint.records[0]
+    assert samples.files == ("t0.parquet",) and np.all(np.diff(samples.time) > 0.0)
+    part = np.searchsorted(record.signals.bounds, record.signals.first, side="right")
+    last = np.searchsorted(record.signals.bounds, record.signals.first + record.signals.steps, side="right")
+    assert np.array_equal(part, last) and set(part) == {1, 2, 3}
+    whole = logs.fit[0].trajectory
+    assert np.array_equal(samples.output, whole.effort[np.round(samples.time / DT).astype(int), 0])
+
+
+def test_logs_without_held_out_trials_are_judged_on_the_fit_trials(logs):
+    joint = Actuator().joints(replace(logs, trials=tuple(logs.fit)), window_s=0.1).models[0]
+    assert joint.error(neutral(joint), True).shape == (0,) == joint.heldout.output.shape
+    assert joint.heldout.files == () and len(joint.error(neutral(joint))) == len(joint.fit.output) > 0
+
+
+def test_held_out_trials_shorter_than_a_window_hold_no_samples(logs):
+    short = tuple(t if t.split == "fit" else replace(t, trajectory=t.trajectory.section(0, 50)) for t in logs.trials)
+    joint = Actuator().joints(replace(logs, trials=short), window_s=0.1).models[0]
+    assert joint.error(neutral(joint), True).shape == (0,) == joint.heldout.time.shape
+
+
+def test_long_logs_are_thinned_evenly():
+    trials = [Trial(f"t{i}.parquet", "fit", None, swinging(30.0, seed=i)) for i in range(2)]
+    record = record_of(trials, 0, 100, (np.ones(1), np.ones(1)))
+    assert record.windows == MOST_WINDOWS and record.judged.size <= MOST_SAMPLES
+    assert len(np.unique(record.signals.first)) == MOST_WINDOWS
+    gaps = np.diff(record.signals.first)
+    assert gaps.min() >= 100 and gaps.max() <= 201  # of each two windows one at least, none twice
+    assert record.step[-1] == 100 and np.all(np.diff(record.step) == record.step[0])
+    samples = record.samples()
+    assert abs(np.mean(samples.trial) - 0.5) < 0.02 and samples.time.max() > 29.5
+
+
+def test_short_logs_are_not_thinned():
+    record = record_of([Trial("t.parquet", "fit", None, swinging(7.0))], 0, 100, (np.ones(1), np.ones(1)))
+    assert record.windows == 69 and np.array_equal(record.step, np.arange(1, 101))
+
+
+REST = {
+    "it never moves": ("position", lambda t: np.full(t.samples, 0.3)),
+    "its measured torque never changes": ("effort", lambda t: np.full(t.samples, 7.0)),
+    "its commanded position is its position in every sample": ("position_command", lambda t: t.position[:, 1]),
+}
+
+
+@pytest.mark.parametrize("reason", REST)
+def test_a_joint_whose_signals_hold_nothing_is_left_out_with_the_reason(logs, reason):
+    channel, make = REST[reason]
+    joints = Actuator().joints(with_column(logs, channel, 1, make))
+    assert [m.joint for m in joints.models] == [logs.joints[0]]
+    assert list(joints.left) == [logs.joints[1]] and joints.left[logs.joints[1]].startswith(reason)
+    assert np.isfinite(joints.models[0].error(neutral(joints.models[0]))).all()
+
+
+def test_logs_in_which_every_joint_rests_are_refused(logs):
+    still = changed(logs, lambda t: replace(t, position=0.0 * t.position, velocity=0.0 * t.velocity))
+    with pytest.raises(IdentificationError, match="no joint can be judged .*it never moves"):
+        Actuator().joints(still)
+
+
+@pytest.mark.parametrize("column", ["position_command", "effort"])
+def test_logs_that_lack_a_column_are_refused_with_its_name(logs, column):
+    bare = changed(logs, lambda t: replace(t, **{column: None}))
+    assert Actuator().lacking(bare) == [column]
+    with pytest.raises(IdentificationError, match=column) as told:
+        Actuator().joints(bare)
+    assert told.value.field == column and Path(told.value.file) == logs.path
+
+
+def test_short_logs_are_refused():
+    with pytest.raises(IdentificationError, match="windows of 100 samples"):
+        Actuator().joints(planted_logs({}, seconds=0.6), window_s=0.1)
+
+
+def test_effects_are_left_out_where_asked_and_where_a_joint_is_barred(logs):
+    joints = Actuator(barred={logs.joints[0]: ("backlash",)}).joints(logs, without=("valve_lag",))
+    first, second = ({e.name for e in m.effects} for m in joints.models)
+    assert second - first == {"backlash"} and "valve_lag" not in first | second
+
+
+def test_the_torque_is_limited_where_a_limit_is_stated(logs):
+    limited = Actuator(effort_limit=np.array([20.0, np.inf])).joints(logs).models
+    samples, error = limited[0].fit, limited[0].error(neutral(limited[0]))
+    assert np.max(np.abs(samples.output + error)) <= 20.0 + 1e-9
+    other = limited[1].fit.output + limited[1].error(neutral(limited[1]))
+    assert np.max(np.abs(other)) > 20.0
+
+
+def test_a_joint_that_stands_still_beside_one_that_moves_does_not_hinder_its_answer(logs):
+    still = with_column(logs, "position", 1, lambda t: np.zeros(t.samples))
+    still = with_column(still, "velocity", 1, lambda t: np.zeros(t.samples))
+    (found,) = identify(Actuator().joints(still)).found
+    assert found.causes == ()
