@@ -16,15 +16,15 @@ from hqpipe.identify.found import JointFound
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.minor_causes import LEAST_OF_UNKNOWN
 from hqpipe.identify.model import JointModel, all_parameters, positions
-from hqpipe.identify.stretches import Shown, Stretches, inside, stretches_of
+from hqpipe.identify.stretches import Shown, Stretches, inside, near_ends, stretches_of
 
 UNEXPLAINED = 1.0 - LEAST_OF_UNKNOWN  # of the squared error of a joint: known effects close less than they leave
 QUIET = (
     0.15  # excess outside over excess inside, above the noise, at which the base is nearly right outside; assumption
 )
-LEFT = (
-    0.5  # of what lasting effects leave, that passing ones may leave: they have a time of their own as two numbers more
-)
+LEFT = 0.5
+"""Of what lasting effects leave, summed over the joints, that passing ones may leave. They have the ends of the stretch as
+numbers of their own; assumption: a stretch of chance does not halve what is left."""
 ROUNDS = 3  # of cutting and fitting the rest again; assumption: a stretch that still moves then has no clear ends
 
 Searched = Callable[[Sequence[JointModel]], tuple[JointFound, ...]]
@@ -33,16 +33,20 @@ Searched = Callable[[Sequence[JointModel]], tuple[JointFound, ...]]
 class PassingJoint:
     """A joint whose effects act inside stretches of time; what the rest of the machine does to it acts always.
 
-    Everything but the error and the notes is that of the joint itself.
+    Samples of the fit within a window of an end of a stretch are left out: when in it the effects set in is not known.
+    All else but the notes is that of the joint itself.
     """
 
-    def __init__(self, model: JointModel, fit: Stretches, heldout: Stretches) -> None:
+    def __init__(self, model: JointModel, fit: Stretches, heldout: Stretches, window_s: float) -> None:
         """Args:
-        fit, heldout: file → stretch of the trials of each split, s.
+        fit, heldout: file → stretch of the trials of each split, s. window_s: see `LayerJoints`.
         """
         self.model = model
+        kept = ~near_ends(model.fit, fit, window_s)
+        self.fit = model.fit.only(kept)
+        self._kept = kept, np.ones(len(model.heldout.time), dtype=bool)
         self._inside = tuple(
-            inside(part, stretches, model.dt) for part, stretches in ((model.fit, fit), (model.heldout, heldout))
+            inside(part, stretches, model.dt) for part, stretches in ((self.fit, fit), (model.heldout, heldout))
         )
         lasting = [effect.name for effect in model.effects if effect.context]
         self._always = positions(model, lasting)
@@ -62,14 +66,17 @@ class PassingJoint:
         outside = self._base_error(base, heldout)
         if np.array_equal(base, values):
             return outside.copy()
-        return np.where(here, self.model.error(values, heldout), outside)
+        return np.where(here, self._error(values, heldout), outside)
+
+    def _error(self, values: np.ndarray, heldout: bool) -> np.ndarray:
+        return self.model.error(values, heldout)[self._kept[heldout]]
 
     def _base_error(self, values: np.ndarray, heldout: bool) -> np.ndarray:
         """The last one is kept: differences along effects do not change it."""
         key = values.tobytes()
         last = self._last.get(heldout)
         if last is None or last[0] != key:
-            last = self._last[heldout] = key, self.model.error(values, heldout)
+            last = self._last[heldout] = key, self._error(values, heldout)
         return last[1]
 
 
@@ -89,7 +96,7 @@ def with_passing(found: Sequence[JointFound], window_s: float, searched: Searche
     quiet = [joint for joint in found if _is_quiet(joint, cut[0])]
     if not any(joint in asking for joint in quiet):
         return found
-    again = searched([PassingJoint(joint.model, *cut) for joint in quiet])
+    again = searched([PassingJoint(joint.model, *cut, window_s) for joint in quiet])
     better = {
         joint.model.joint: passing
         for joint, passing in zip(quiet, again, strict=True)

@@ -63,6 +63,15 @@ def inside(samples: Samples, stretches: Stretches, dt: float) -> np.ndarray:
     return found
 
 
+def near_ends(samples: Samples, stretches: Stretches, distance_s: float) -> np.ndarray:
+    """(N,) bool, of samples nearer than a time to an end of a stretch."""
+    found = np.zeros(len(samples.time), dtype=bool)
+    for k, file in enumerate(samples.files):
+        for end in stretches.get(file, ()):
+            found |= (samples.trial == k) & (np.abs(samples.time - end) < distance_s)
+    return found
+
+
 def most_contrast(height: np.ndarray) -> tuple[int, int] | None:
     """First and last (exclusive) of the neighbouring blocks that stand out most above the others.
 
@@ -90,10 +99,7 @@ def _of_trial(joint: Shown, file: str) -> Shown | None:
     """The joint in one trial; None where it has no samples there."""
     s = joint.samples
     here = s.trial == (s.files.index(file) if file in s.files else -1)
-    if not here.any():
-        return None
-    arrays = (getattr(s, name)[here] for name in ("trial", "time", "position", "velocity", "output", "held"))
-    return Shown(Samples(s.files, *arrays), joint.error[here], joint.noise, joint.dt)
+    return Shown(s.only(here), joint.error[here], joint.noise, joint.dt) if here.any() else None
 
 
 def _heights(parts: Sequence[Shown], block: float) -> tuple[np.ndarray, np.ndarray]:
