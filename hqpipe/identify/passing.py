@@ -14,14 +14,14 @@ import numpy as np
 
 from hqpipe.identify.found import JointFound
 from hqpipe.identify.least_squares import Fitter
-from hqpipe.identify.minor_causes import LEAST_OF_UNKNOWN
 from hqpipe.identify.model import JointModel, all_parameters, positions
-from hqpipe.identify.stretches import Shown, Stretches, inside, near_ends, stretches_of
+from hqpipe.identify.stretches import LEAST_OUTSIDE, Shown, Stretches, inside, near_ends, stretches_of
 
-UNEXPLAINED = 1.0 - LEAST_OF_UNKNOWN  # of the squared error of a joint: known effects close less than they leave
-QUIET = (
-    0.15  # excess outside over excess inside, above the noise, at which the base is nearly right outside; assumption
-)
+UNEXPLAINED = LEAST_OUTSIDE
+"""Of the squared error of a joint, from which on a stretch is looked for. An effect that acts for a share s of the time, taken
+for a lasting one of s of its size, leaves 1 − s of its squares, and s is at most 1 − LEAST_OUTSIDE."""
+QUIET = 0.15
+"""Excess outside over excess inside, above the noise, at which the base is nearly right outside; assumption."""
 LEFT = 0.5
 """Of what lasting effects leave, summed over the joints, that passing ones may leave. They have the ends of the stretch as
 numbers of their own; assumption: a stretch of chance does not halve what is left."""

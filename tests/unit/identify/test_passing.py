@@ -20,13 +20,13 @@ STRETCHES = ({"a": SPAN, "b": SPAN}, {"c": SPAN})
 
 
 class PassingToy(ToyJoint):
-    """A joint with one effect that acts in the middle third of each trial."""
+    """A joint with one effect that acts in one stretch of each trial, the middle third if none is given."""
 
-    def __init__(self, effect, size, files=("a", "b", "c"), **settings):
+    def __init__(self, effect, size, files=("a", "b", "c"), span=SPAN, **settings):
         super().__init__(seconds=SECONDS, **settings)
         place = [parameter.name for parameter in self.base] + [candidate.name for candidate in self.effects]
         for part, regressors in ((self.fit, self._fit), (self.heldout, self._heldout)):
-            here = inside(part, {file: SPAN for file in part.files if file in files}, DT)
+            here = inside(part, {file: span for file in part.files if file in files}, DT)
             part.output[:] += np.where(here, size * regressors[place.index(effect)], 0.0)
 
 
@@ -44,6 +44,13 @@ def test_an_effect_in_the_middle_of_each_trial_is_found_with_its_number_and_its_
     start, end = (float(number) for number in re.findall(r"([\d.]+) to ([\d.]+) s of c", note)[0])
     assert (start, end) == (pytest.approx(SPAN[0], abs=3 * WINDOW), pytest.approx(SPAN[1], abs=3 * WINDOW))
     assert np.sqrt(np.mean(joint.named.heldout**2)) < 1.1 * joint.model.noise[1]
+
+
+def test_an_effect_that_acts_for_two_thirds_of_the_time_is_no_lasting_one_of_two_thirds_of_its_size():
+    model = PassingToy("coulomb_friction", 0.4, span=(5.0, 19.0), noise=0.05)
+    (joint,) = _found(model)
+    assert isinstance(joint.model, PassingJoint)
+    assert joint.causes[0].numbers[0].value == pytest.approx(0.4, rel=0.05)
 
 
 @pytest.mark.parametrize("effect", ["coulomb_friction", "spring"])
