@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from hqpipe.identify.found import JointFound
+from hqpipe.identify.joint_answer import LEAST_GAIN
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel, all_parameters, positions
 from hqpipe.identify.stretches import LEAST_OUTSIDE, Shown, Stretches, inside, near_ends, stretches_of
@@ -23,8 +24,8 @@ for a lasting one of s of its size, leaves 1 − s of its squares, and s is at m
 QUIET = 0.15
 """Excess outside over excess inside, above the noise, at which the base is nearly right outside; assumption."""
 LEFT = 0.5
-"""Of what lasting effects leave, summed over the joints, that passing ones may leave. They have the ends of the stretch as
-numbers of their own; assumption: a stretch of chance does not halve what is left."""
+"""Of what lasting effects leave, in a joint and over the machine, that passing ones may leave. They have the ends of the stretch
+as numbers of their own; assumption: a stretch of chance does not halve what is left."""
 ROUNDS = 3  # of cutting and fitting the rest again; assumption: a stretch that still moves then has no clear ends
 
 Searched = Callable[[Sequence[JointModel]], tuple[JointFound, ...]]
@@ -93,14 +94,15 @@ def with_passing(found: Sequence[JointFound], window_s: float, searched: Searche
     cut = _cut(asking, window_s)
     if cut is None:
         return found
-    quiet = [joint for joint in found if _is_quiet(joint, cut[0])]
+    with_rest = [joint for joint in found if joint.unexplained > LEAST_GAIN or not joint.causes]
+    quiet = [joint for joint in with_rest if _is_quiet(joint, cut[0])]
     if not any(joint in asking for joint in quiet):
         return found
     again = searched([PassingJoint(joint.model, *cut, window_s) for joint in quiet])
     better = {
         joint.model.joint: passing
         for joint, passing in zip(quiet, again, strict=True)
-        if passing.causes and passing.unexplained < joint.unexplained
+        if passing.causes and passing.unexplained <= LEFT * joint.unexplained
     }
     chosen = tuple(better.get(joint.model.joint, joint) for joint in found)
     left, lasting = (sum(joint.unexplained for joint in answers) for answers in (chosen, found))
