@@ -24,8 +24,8 @@ for a lasting one of s of its size, leaves 1 − s of its squares, and s is at m
 QUIET = 0.15
 """Excess outside over excess inside, above the noise, at which the base is nearly right outside; assumption."""
 LEFT = 0.5
-"""Of what lasting effects leave, in a joint and over the machine, that passing ones may leave. They have the ends of the stretch
-as numbers of their own; assumption: a stretch of chance does not halve what is left."""
+"""Of what lasting effects leave, in a joint and over the machine, that passing ones may leave. They have the ends of the
+stretch as numbers of their own; assumption: a stretch of chance does not halve what is left."""
 ROUNDS = 3  # of cutting and fitting the rest again; assumption: a stretch that still moves then has no clear ends
 
 Searched = Callable[[Sequence[JointModel]], tuple[JointFound, ...]]

@@ -11,6 +11,9 @@ from hqpipe.identify.model import Samples
 
 LEAST_INSIDE = 5  # blocks; assumption: fewer are one motion of the machine rather than a time of its own
 LEAST_OUTSIDE = 0.3  # of a trial; assumption: what acts longer is found as a lasting effect
+FINER = (
+    10  # parts of a block by which an end is found; assumption: more hold too few samples to say how large errors are
+)
 MOST_BLOCKS = (
     500  # of a trial, so that all pairs of ends can be tried; a fifth of a per cent of it is no ill-defined end
 )
@@ -48,7 +51,7 @@ def stretches_of(joints: Sequence[Shown], window_s: float) -> Stretches:
         block = max(window_s, max(float(part.samples.time.max()) for part in parts) / MOST_BLOCKS)
         edges, height = _heights(parts, block)
         if (ends := most_contrast(height)) is not None:
-            found[file] = float(edges[ends[0]]), float(edges[ends[1] - 1] + block)
+            found[file] = _sharpened(parts, float(edges[ends[0]]), float(edges[ends[1] - 1] + block), block)
     return found
 
 
@@ -100,6 +103,23 @@ def _of_trial(joint: Shown, file: str) -> Shown | None:
     s = joint.samples
     here = s.trial == (s.files.index(file) if file in s.files else -1)
     return Shown(s.only(here), joint.error[here], joint.noise, joint.dt) if here.any() else None
+
+
+def _sharpened(parts: Sequence[Shown], start: float, end: float, block: float) -> tuple[float, float]:
+    """The ends of a stretch, each moved by a block at most to where small blocks turn from large errors to small ones."""
+    small = max(block / FINER, max(part.dt for part in parts))
+    edges, height = _heights(parts, small)
+    middle = edges + 0.5 * small
+    here = (middle >= start) & (middle < end)
+    if here.all():
+        return start, end
+    above = height - 0.5 * (height[here].mean() + height[~here].mean())
+    moved = []
+    for at, sign in ((start, -1.0), (end, 1.0)):
+        near = np.flatnonzero(np.abs(middle - at) < block)
+        gain = np.concatenate([[0.0], np.cumsum(sign * above[near])])  # of ending behind each of them
+        moved.append(float((at - block, *(edges[near] + small))[int(np.argmax(gain))]) if len(near) else at)
+    return max(moved[0], 0.0), moved[1]
 
 
 def _heights(parts: Sequence[Shown], block: float) -> tuple[np.ndarray, np.ndarray]:
