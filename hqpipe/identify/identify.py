@@ -14,6 +14,7 @@ from hqpipe.identify.found import JointFound, LayerFound
 from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.minor_causes import without_minor_causes
 from hqpipe.identify.model import JointModel, LayerJoints
+from hqpipe.identify.passing import with_passing
 from hqpipe.identify.search import Known, Search
 from hqpipe.identify.visible import least_visible
 
@@ -29,7 +30,8 @@ def identify(
     """Find the effects of every joint.
 
     Each joint is searched by itself. Then an effect that other joints have is more probable in this one, and one that they lack
-    less (a beta-binomial prior), and what the joints say is weighed again.
+    less (a beta-binomial prior), and what the joints say is weighed again. Where effects over whole trials leave joints
+    unexplained, effects that act for a part of each trial are searched.
 
     Args:
         joints: of one layer. workers: joints at a time; the answer does not depend on it.
@@ -41,7 +43,8 @@ def identify(
         return changes_between(
             reference, joints, lambda models: _searched(models, workers, _half(progress, next(starts)))
         )
-    return LayerFound(joints, _searched(joints.models, workers, progress))
+    found = _searched(joints.models, workers, progress)
+    return LayerFound(joints, with_passing(found, joints.window_s, lambda models: _searched(models, workers, None)))
 
 
 def _searched(models: Sequence[JointModel], workers: int, progress: Progress | None) -> tuple[JointFound, ...]:

@@ -76,6 +76,11 @@ class Samples:
     output: np.ndarray
     held: np.ndarray
 
+    def only(self, kept: np.ndarray) -> Samples:
+        """Those that are True in a mask (N,)."""
+        names = ("trial", "time", "position", "velocity", "output", "held")
+        return Samples(self.files, *(getattr(self, name)[kept] for name in names))
+
 
 class JointModel(Protocol):
     """One joint of one log set in one layer.
