@@ -28,7 +28,8 @@ class LayerEvidence:
 
     Attributes:
         before, after: without effects and with the causes. flexible: with the generic shapes besides; never more than `after`.
-        noise: what sensor noise leaves. floor: what is no gap: the noise, or what an earlier record missed when it was made.
+        noise: what sensor noise leaves; never more than `flexible`. floor: what is no gap: the noise, or what an earlier record
+            missed when it was made.
         persistence: of holding the output. scale: of the joints.
         gap, rest: (J,) True where the error before and after the causes is above the floor and matters.
         predictable: (J,) True where the flexible model explains part of what is left for certain.
@@ -90,8 +91,8 @@ def weigh_layer(errors: LayerErrors, familiar: np.ndarray | float = 0.0) -> Laye
         for name in ("base", "named", "full")
     )
     flexible = np.minimum(full, after)
-    noise = np.array([joint.noise for joint in joints])
-    floor = np.maximum(np.minimum(noise, flexible), np.minimum(familiar, before))
+    noise = np.minimum([joint.noise for joint in joints], flexible)  # what a model predicts was no noise
+    floor = np.maximum(noise, np.minimum(familiar, before))
     held = [np.mean((joint.samples.output - joint.samples.held) ** 2) for joint in joints]
     weights = block_weights(len(errors.trial_of_block))
     gap, _ = _above(errors, [joint.found.base for joint in joints], before, flexible, floor, weights)

@@ -1,8 +1,8 @@
 """The error on data that a fit has not seen, from the slopes of one fit to all of them.
 
 Each group of fit samples is left out in turn; the numbers move by the step that least squares would take without it, within
-their bounds, and the group is predicted with them. Where the model is linear in its numbers that is Allen's PRESS (1974) for
-groups; elsewhere it is one step of a fit without the group, with its true errors.
+their bounds and no further than it helps the others, and the group is predicted with them. Where the model is linear in its
+numbers that is Allen's PRESS (1974) for groups; elsewhere it is one step of a fit without the group, with its true errors.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from hqpipe.identify.model import Samples
 
 _GROUPS = 5  # as five-fold cross-validation
 _PARTS = 2  # of each trial in a group: far apart, so that every group holds every motion and most of the trial's course
+_SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step that are tried; assumption
 _SINGULAR = 1e-9  # of the largest eigenvalue: a number that the other groups do not show stays as it is
 
 
@@ -35,11 +36,27 @@ def left_out_square(fitter: Fitter, solution: Solution) -> float:
         mine = jacobian[here] / scale
         rest = normal / np.outer(scale, scale) - mine.T @ mine
         step = np.linalg.lstsq(rest, mine.T @ error[here], rcond=_SINGULAR)[0] / scale
-        values = solution.values.copy()
-        values[free] += np.clip(step, -reach, reach)
-        predicted = fitter.error(np.clip(values, fitter.low, fitter.high))[here]
+        predicted = _stepped(fitter, solution, np.clip(step, -reach, reach), ~here)[here]
         total += float(predicted @ predicted)
     return total
+
+
+def _stepped(fitter: Fitter, solution: Solution, step: np.ndarray, rest: np.ndarray) -> np.ndarray:
+    """(N,) errors after a step of the free parameters, as much of it as serves the samples that it was made for.
+
+    Where numbers are hardly known a whole step leads to where the slopes hold no more, and no fit would go.
+
+    Args:
+        step: (F,). rest: (N,) True for these samples.
+    """
+    before = float(solution.error[rest] @ solution.error[rest])
+    for share in _SHARES:
+        values = solution.values.copy()
+        values[solution.free] += share * step
+        error = fitter.error(np.clip(values, fitter.low, fitter.high))
+        if float(error[rest] @ error[rest]) <= before:
+            return error
+    return solution.error
 
 
 def groups(samples: Samples) -> np.ndarray:

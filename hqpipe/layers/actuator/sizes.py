@@ -9,9 +9,10 @@ import numpy as np
 
 from hqpipe.effects import effect as scales
 from hqpipe.logs.end_stops import away_from_stops
-from hqpipe.logs.survey.signal import difference_noise
+from hqpipe.logs.survey.signal import difference_noise, noise, resolution
 from hqpipe.logs.trajectory import Trajectory
 
+PIECE = 400  # samples; assumption: long enough to tell white noise, short enough to lie between two impacts
 LITTLE, AT_TIMES = 0.3, 0.1  # of the usual flow, and of the time; a sine is below that for 0.14 of it; assumptions
 
 
@@ -91,9 +92,22 @@ def sizes_of(trials: Sequence[Trajectory], j: int, draws: np.ndarray) -> Sizes:
         most_effort=float(np.abs(effort).max()),
         widest=float(np.abs(error).max()),
         middle=float(position.mean()),
-        noise=float(np.sqrt(np.mean([difference_noise(t.effort[:, j]) ** 2 for t in trials]))),
+        noise=_sensor_noise([t.effort[:, j] for t in trials]),
         pauses=bool(np.mean(drawn < LITTLE * flow) >= AT_TIMES),
     )
+
+
+def _sensor_noise(efforts: Sequence[np.ndarray]) -> float:
+    """Standard deviation of the noise of the torque's sensor: white in most pieces of the logs, else what differences leave, in
+    which some of the motion is left too."""
+    most = float(np.sqrt(np.mean([difference_noise(effort) ** 2 for effort in efforts])))
+    found = [
+        noise(effort[at : at + PIECE], resolution(effort))
+        for effort in efforts
+        for at in range(0, len(effort) - PIECE + 1, PIECE)
+    ]
+    known = [value for value in found if value is not None]
+    return min(most, float(np.median(known))) if 2 * len(known) > len(found) else most
 
 
 def _rms(values: np.ndarray) -> float:

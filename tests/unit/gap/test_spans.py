@@ -40,7 +40,7 @@ def content(passing):
 def test_a_stretch_reaches_over_sections_in_the_time_of_the_trial(content, passing):
     assert [(cause["effect"], cause["joints"]) for cause in content["causes"]] == [("torque_bias", ["LFR"])]
     assert content["causes"][0]["parameters"]["nm"]["value"] == pytest.approx(60.0, rel=0.05)
-    assert "torque_bias acts for some time only: 8.0–14.0 s of t1.parquet" in content["warnings"]
+    assert "LFR: its causes act for some time only: 7.9 to 14 s of t1.parquet" in content["warnings"]
 
 
 def test_trials_are_counted_as_recorded(content, passing):

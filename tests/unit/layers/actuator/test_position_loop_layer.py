@@ -148,14 +148,14 @@ def test_short_logs_are_refused():
         Actuator().joints(planted_logs({}, seconds=0.6), window_s=0.1)
 
 
-def test_effects_are_left_out_where_asked_and_where_a_joint_is_barred(logs):
-    joints = Actuator(barred={logs.joints[0]: ("backlash",)}).joints(logs, without=("valve_lag",))
+def test_effects_are_left_out_where_asked_and_slack_where_the_sign_was_lost(logs):
+    joints = Actuator(unsigned=[logs.joints[0]]).joints(logs, without=("valve_lag",))
     first, second = ({e.name for e in m.effects} for m in joints.models)
     assert second - first == {"backlash"} and "valve_lag" not in first | second
 
 
 def test_the_torque_is_limited_where_a_limit_is_stated(logs):
-    limited = Actuator(effort_limit=np.array([20.0, np.inf])).joints(logs).models
+    limited = Actuator({logs.joints[0]: 20.0}).joints(logs).models
     samples, error = limited[0].fit, limited[0].error(neutral(limited[0]))
     assert np.max(np.abs(samples.output + error)) <= 20.0 + 1e-9
     other = limited[1].fit.output + limited[1].error(neutral(limited[1]))
