@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from hqpipe.effects import EFFECTS
-from hqpipe.effects.layout import slot
+from hqpipe.effects.layout import BASE, slot
 from hqpipe.identify.model import Effect, Parameter, Samples
 from hqpipe.kernels.augmented_fit import residual_windows
-from hqpipe.layers.actuator.parameters import BY_OPENING, LOGGED_SPEED, PRESLIDING, SPEED_LATE, reported_unit
+from hqpipe.layers.actuator.parameters import (
+    BASE_NAMES,
+    BY_OPENING,
+    LOGGED_SPEED,
+    PRESLIDING,
+    SPEED_LATE,
+    reported_unit,
+)
 from hqpipe.layers.actuator.record import Record
 
+_LOGGED, _SPEED_LATE, _PRESLIDING = (BASE_NAMES.index(name) for name in (LOGGED_SPEED, SPEED_LATE, PRESLIDING))
+_BASE = [slot("base", name) for name in BASE]
+_TURN, _LATE = slot("coulomb_friction", PRESLIDING), slot("setting", "speed_late")
+_FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
 LATE = 0.5  # samples by which the mean speed of a step belongs later than the row where it begins
 
 
@@ -45,6 +56,16 @@ class ActuatorJoint:
     units: tuple[str, str]
     unsigned: bool = False
 
+    _columns: np.ndarray = field(init=False)
+    _opening: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        owned = [(owner, name) for owner, name in self.places if name != BY_OPENING]
+        object.__setattr__(self, "_columns", np.array([slot(owner, name) for owner, name in owned], dtype=np.int64))
+        names = [name for _, name in self.places]
+        at = len(self.base) + names.index(BY_OPENING) if BY_OPENING in names else -1
+        object.__setattr__(self, "_opening", at)
+
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
         """(N,) prediction less measured torque at the samples of `fit` or `heldout`, N·m or N.
 
@@ -54,31 +75,27 @@ class ActuatorJoint:
         record = self.records[heldout]
         if not record.windows:
             return np.zeros(0)
-        named = len(self.base) + len(self.places)
-        numbers = self._numbers(values)
-        share, opening = numbers[LOGGED_SPEED], numbers.get(BY_OPENING, 0.0)
+        share, opening = float(values[_LOGGED]), self._by_opening(values)
         signals = record.signals
         if share != 0.0:
             signals = signals._replace(velocity=signals.velocity + share * (record.logged - signals.velocity))
         if opening != 0.0:
             signals = signals._replace(demand=record.by_speed + opening * (record.by_opening - record.by_speed))
         found = record.picked(residual_windows(self.row(values), signals))
-        beside = values[named:]
+        beside = values[len(self.base) + len(self.places) :]
         return found + beside @ self.shapes[heldout] if np.any(beside) else found
 
     def row(self, values: np.ndarray) -> np.ndarray:
         """(WIDTH,) what the loops read, see `hqpipe.effects.layout`."""
-        row, numbers = self.neutral.copy(), self._numbers(values)
-        for name in ("k1", "k2", "k3", "k4"):
-            row[slot("base", name)] = numbers[name]
-        row[slot("coulomb_friction", PRESLIDING)] = numbers[PRESLIDING]
-        row[slot("setting", "speed_late")] = LATE * (1.0 - numbers[LOGGED_SPEED]) + numbers[SPEED_LATE]
-        opening = numbers.get(BY_OPENING, 0.0)
-        row[slot("setting", "flow_per_speed")] = (1.0 - opening) * self.draws[0]
-        row[slot("setting", "flow_per_opening")] = opening * self.draws[1]
-        for (owner, name), value in zip(self.places, values[len(self.base) :], strict=False):
-            if name != BY_OPENING:
-                row[slot(owner, name)] = value
+        row, opening = self.neutral.copy(), self._by_opening(values)
+        row[_BASE] = values[: len(BASE)]
+        row[_TURN] = values[_PRESLIDING]
+        row[_LATE] = LATE * (1.0 - values[_LOGGED]) + values[_SPEED_LATE]
+        row[_FLOW] = (1.0 - opening) * self.draws[0], opening * self.draws[1]
+        own = np.asarray(values[len(self.base) : len(self.base) + len(self.places)])
+        if self._opening >= 0:
+            own = np.delete(own, self._opening - len(self.base))
+        row[self._columns] = own
         return row
 
     def reported(self, effect: str, name: str, value: float) -> tuple[str, float, str]:
@@ -91,10 +108,5 @@ class ActuatorJoint:
             return name, value, unit
         return name, 1.0 / value if value else np.inf, unit
 
-    def _numbers(self, values: np.ndarray) -> dict[str, float]:
-        """Parameters of the base, and the one of the effects that no column of the loops holds, by their names."""
-        found = {p.name: float(value) for p, value in zip(self.base, values, strict=False)}
-        for k, (_, name) in enumerate(self.places):
-            if name == BY_OPENING:
-                found[name] = float(values[len(self.base) + k])
-        return found
+    def _by_opening(self, values: np.ndarray) -> float:
+        return float(values[self._opening]) if self._opening >= 0 else 0.0

@@ -15,6 +15,8 @@ from hqpipe.identify.model import Effect, Parameter
 from hqpipe.layers.actuator.sizes import Sizes
 
 LOGGED_SPEED, SPEED_LATE, PRESLIDING, BY_OPENING = "logged_speed", "speed_late", "presliding_rad", "by_opening"
+BASE_NAMES = (*BASE, LOGGED_SPEED, SPEED_LATE, PRESLIDING)
+"""Base parameters in their order."""
 PRESLIDING_SHARE = 0.0003  # of the position's standard deviation: where friction turns round, until it is fitted
 SIZES = {"nm": 0.03}  # over the usual torque: the zero of a load cell is good to 1 % of a range of three times that
 FROM_NOTHING = 0.1  # share of the unit, or a quarter of the upper bound, of a number that starts at its neutral value
