@@ -17,6 +17,7 @@ from hqpipe.gap.row_model import RowModel
 from hqpipe.gap.second_channel import measured
 from hqpipe.identify.found import LayerFound
 from hqpipe.identify.identify import identify
+from hqpipe.identify.passing import PassingJoint
 from hqpipe.layers.actuator import Actuator
 
 POSITION = "position"
@@ -56,6 +57,9 @@ def diagnose_position(
 
 
 def _model(found: LayerFound, name: str) -> RowModel:
-    """The machine with the base or the named causes of its joints."""
-    rows = [joint.model.row(getattr(joint, name).values) for joint in found.found]
+    """The machine with the base or the named causes of its joints; a simulator knows no causes that act for some time only."""
+    rows = [
+        joint.model.row((joint.base if isinstance(joint.model, PassingJoint) else getattr(joint, name)).values)
+        for joint in found.found
+    ]
     return RowModel(tuple(joint.model.joint for joint in found.found), np.array(rows), POSITION)

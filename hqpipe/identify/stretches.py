@@ -11,12 +11,10 @@ from hqpipe.identify.model import Samples
 
 LEAST_INSIDE = 5  # blocks; assumption: fewer are one motion of the machine rather than a time of its own
 LEAST_OUTSIDE = 0.3  # of a trial; assumption: what acts longer is found as a lasting effect
-FINER = (
-    10  # parts of a block by which an end is found; assumption: more hold too few samples to say how large errors are
-)
-MOST_BLOCKS = (
-    500  # of a trial, so that all pairs of ends can be tried; a fifth of a per cent of it is no ill-defined end
-)
+FINER = 10
+"""Parts of a block by which an end is found; assumption: more hold too few samples to say how large errors are."""
+MOST_BLOCKS = 500
+"""Of a trial, so that all pairs of ends can be tried; a fifth of a per cent of it is no ill-defined end."""
 
 Stretches = dict[str, tuple[float, float]]
 """File of a trial → start and end, s from the start of the trial."""
@@ -134,9 +132,8 @@ def _heights(parts: Sequence[Shown], block: float) -> tuple[np.ndarray, np.ndarr
         samples = np.bincount(number, minlength=count)
         here = samples > 0
         square = np.bincount(number, part.error**2, count)[here] / samples[here]
-        level = np.log(
-            np.maximum(square + part.noise**2, np.finfo(float).tiny)
-        )  # far below the noise is no smaller error
+        # far below the noise is no smaller error
+        level = np.log(np.maximum(square + part.noise**2, np.finfo(float).tiny))
         height[here] += level - level.mean()
         judged |= here
     return np.flatnonzero(judged) * block, height[judged]
