@@ -159,14 +159,17 @@ def fitted(search: Search, known: Known) -> Fitted:
 def _probability(search: Search, best: Known, name: str) -> tuple[float, tuple[str, ...]]:
     """Of an effect of a set, beside the sets without it or with another in its place; and what these others are."""
     smaller = search.without(best, name)
-    against = {"": -search.gain(best, smaller)}
+    against, twins = {"": -search.gain(best, smaller)}, set()
     for option in search.replaced(smaller, name):
         other = next(iter(option.names - smaller.names))
         against[other] = search.preference(option, best)
+        # With as many numbers, and errors as large, only what a data sheet says of their sizes tells the two apart.
+        if len(search.places(other)) == len(search.places(name)) and search.telling(option, best) > np.log(CONFUSED):
+            twins.add(other)
     weights = {other: float(np.exp(min(value, 700.0))) for other, value in against.items()}
     total = 1.0 + sum(weights.values())
-    alike = tuple(o for o, w in weights.items() if o and search.effects[o].named and w / total >= CONFUSED)
-    return 1.0 / total, alike
+    alike = {other for other, weight in weights.items() if weight / total >= CONFUSED} | twins
+    return 1.0 / total, tuple(o for o in weights if o in alike and o and search.effects[o].named)
 
 
 def _only(search: Search, best: Known, names: Names) -> Known:

@@ -137,12 +137,15 @@ class Search:
         return log_bayes_factor(self.fitter, large.solution, large.covariance, small.solution) + odds
 
     def preference(self, one: Known, other: Known) -> float:
-        """ln of the posterior odds of a set against another that is no part of it, both judged by the errors of the better."""
+        """ln of the posterior odds of a set against another that is no part of it."""
+        return self.telling(one, other) + self._price(one) - self._price(other)
+
+    def telling(self, one: Known, other: Known) -> float:
+        """What the errors of two sets say for the first of them, ln; both are judged by those of the better."""
         better = min(one, other, key=lambda k: k.solution.square)
         free = np.arange(len(self.model.base), len(better.solution.free))
         counts = independence(self.fitter, better.solution, better.covariance, free) if len(free) else 1.0
-        difference = other.solution.square - one.solution.square
-        return 0.5 * counts * difference / better.covariance.noise + self._price(one) - self._price(other)
+        return 0.5 * counts * (other.solution.square - one.solution.square) / better.covariance.noise
 
     def left_out(self, known: Known) -> float:
         """Sum of the squared errors of groups of fit samples, each predicted from the others."""
