@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -43,7 +44,7 @@ def diagnose_position(
     limits = {} if effort_limit is None else dict(zip(machine, map(float, effort_limit), strict=True))
     layer = Actuator(limits, intake.signed.joints)
     try:
-        joints = layer.joints(log_set, intake.window.seconds, without)
+        joints = replace(layer.joints(log_set, intake.window.seconds, without), window_reason=intake.window.reason)
     except IdentificationError as error:
         return Diagnosis(not_identifiable(log_set, [error.message, *told], error.fix or LONGER, None, intake.left_out))
     found = identify(joints, workers=workers, progress=progress)
