@@ -17,9 +17,10 @@ from hqpipe.layers.actuator.sizes import Sizes
 LOGGED_SPEED, SPEED_LATE, PRESLIDING, BY_OPENING = "logged_speed", "speed_late", "presliding_rad", "by_opening"
 BASE_NAMES = (*BASE, LOGGED_SPEED, SPEED_LATE, PRESLIDING)
 """Base parameters in their order."""
-UNEVEN_FRICTION = "asymmetry_nm"  # a constant torque and a friction that differs by direction are the same in such logs
 PRESLIDING_SHARE = 0.0003  # of the position's standard deviation: where friction turns round, until it is fitted
-SIZES = {"nm": 0.03}  # over the usual torque: the zero of a load cell is good to 1 % of a range of three times that
+SIZES = {"nm": 0.03, "asymmetry_nm": 0.01}
+"""Over the usual torque: the zero of a load cell is good to 1 % of a range of three times that; friction takes some per cent of it,
+and differs between directions by a fifth of itself; assumption."""
 FROM_NOTHING = 0.1  # share of the unit, or a quarter of the upper bound, of a number that starts at its neutral value
 UNEQUAL = ("orifice_flow", ("direction_asymmetry", "areas"))
 """Effect in whose set the areas of a cylinder show, and the number of the loops that holds them."""
@@ -65,7 +66,7 @@ def effects_of(
             continue
         parameters = []
         for p in effect.parameters:
-            own = POSITION in p.modes and p.beside is None and p.name not in (PRESLIDING, UNEVEN_FRICTION)
+            own = POSITION in p.modes and p.beside is None and p.name != PRESLIDING
             if own and (size.pauses or p.name != RESTS_ON_PAUSES):
                 parameters.append(_parameter(p, size))
                 places.append((name, p.name))
