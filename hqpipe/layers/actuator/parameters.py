@@ -19,8 +19,8 @@ BASE_NAMES = (*BASE, LOGGED_SPEED, SPEED_LATE, PRESLIDING)
 """Base parameters in their order."""
 PRESLIDING_SHARE = 0.0003  # of the position's standard deviation: where friction turns round, until it is fitted
 SIZES = {"nm": 0.03, "asymmetry_nm": 0.01}
-"""Over the usual torque: the zero of a load cell is good to 1 % of a range of three times that; friction takes some per cent of it,
-and differs between directions by a fifth of itself; assumption."""
+"""Over the usual torque: the zero of a load cell is good to 1 % of a range of three times that; friction takes some per cent of
+it, and differs between directions by a fifth of itself; assumption."""
 FROM_NOTHING = 0.1  # share of the unit, or a quarter of the upper bound, of a number that starts at its neutral value
 UNEQUAL = ("orifice_flow", ("direction_asymmetry", "areas"))
 """Effect in whose set the areas of a cylinder show, and the number of the loops that holds them."""
