@@ -10,6 +10,7 @@ import numpy as np
 from hqpipe.errors import IdentificationError, LogError
 from hqpipe.gap.blind_truth import QUADRUPED, Answer, Gap
 from hqpipe.gap.joint_scale import joint_scale, pooled
+from hqpipe.gap.routing import ACTUATOR, route
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel, LayerJoints, Samples
 from hqpipe.identify.search import base_solution
@@ -60,7 +61,9 @@ def layer_joints(folder: Path, layers: Sequence[str], window_s: float | None = N
 def library_of(folder: Path) -> tuple[str, ...]:
     """Names of the effects that a diagnosis of a log set asks for: those of every layer that can judge a joint of it."""
     log_set, names = read_log_set(folder), {}
-    for target in LAYERS.values():
+    for key, target in LAYERS.items():
+        if key == ACTUATOR and not route(log_set).actuator:  # its channels are there, but no such law is asked for
+            continue
         layer = load(target)()
         if layer.lacking(log_set):
             continue

@@ -12,6 +12,7 @@ from hqpipe.errors import IdentificationError, LogError
 from hqpipe.gap import blind_layer
 from hqpipe.gap.blind_layer import heldout_error, layer_gaps, layers_of, library_of, samples_scale
 from hqpipe.gap.blind_truth import Answer, TrueEffect, must_be_named, shown, true_shrink
+from hqpipe.gap.routing import Route
 from hqpipe.identify.model import Effect, LayerJoints, Parameter, Samples
 
 WINDOW_S = 0.2
@@ -162,3 +163,11 @@ def test_library_is_what_the_layers_ask_for_by_name(sets):
     assert library_of(CASE) == ("hardening",)
     sets[CASE] = ()
     assert library_of(CASE) == ()
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_the_law_from_command_to_torque_is_asked_for_only_where_the_route_leads_to_it(sets, monkeypatch, asked):
+    sets[CASE] = (Line("elbow", 3.0, 0.5),)
+    monkeypatch.setattr(blind_layer, "LAYERS", {"actuator": blind_layer.LAYERS["toy"]})
+    monkeypatch.setattr(blind_layer, "route", lambda log_set: Route(asked))
+    assert library_of(CASE) == (("hardening",) if asked else ())
