@@ -16,6 +16,7 @@ from hqpipe.layers.actuator.record import Record, draws_of, record_of
 from hqpipe.layers.actuator.shapes import free_run_shapes, shapes_of
 from hqpipe.layers.actuator.sizes import Sizes, at_rest, sizes_of
 from hqpipe.layers.actuator.start import first_guesses
+from hqpipe.layers.refusal import no_joint_judged
 from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
 from hqpipe.logs.trajectory import LogSet
 from hqpipe.sysid.free_run import window_samples
@@ -75,12 +76,12 @@ class Actuator:
             else:
                 models.append(model)
         if not models:
-            reasons = "; ".join(f"{name}: {text}" for name, text in left.items())
-            raise IdentificationError(
-                f"{log_set.path}: no joint can be judged by its commanded position ({reasons})",
-                file=log_set.path,
-                field="position_command",
-                fix="record longer motions under changing commands",
+            raise no_joint_judged(
+                log_set.path,
+                "by its commanded position",
+                left,
+                "record longer motions under changing commands",
+                "position_command",
             )
         return LayerJoints(self.NAME, "free_run_rmse", window.seconds, window.reason, tuple(models), left)
 

@@ -8,8 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from hqpipe.errors import IdentificationError
 from hqpipe.identify.model import LayerJoints
+from hqpipe.layers.refusal import no_joint_judged
 from hqpipe.layers.servo.build import joint_model
 from hqpipe.layers.servo.prepare import Prepared, prepare
 from hqpipe.layers.servo.scale import duty_of
@@ -63,11 +63,11 @@ class Servo:
             else:
                 models.append(model)
         if not models:
-            reasons = "; ".join(f"{joint}: {why}" for joint, why in left.items())
-            raise IdentificationError(
-                f"{log_set.path}: no joint can be judged from its position ({reasons})",
-                file=log_set.path,
-                fix="record the position command, or duty and voltage, of joints that move, at a steady rate",
+            raise no_joint_judged(
+                log_set.path,
+                "from its position",
+                left,
+                "record the position command, or duty and voltage, of joints that move, at a steady rate",
             )
         return LayerJoints(
             layer=self.NAME,

@@ -8,6 +8,7 @@ import numpy as np
 
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.model import LayerJoints
+from hqpipe.layers.refusal import no_joint_judged
 from hqpipe.layers.torque.build import Seen, joint_of, seen_in
 from hqpipe.logs.end_stops import at_end_stop, mark_end_stops
 from hqpipe.logs.trajectory import LogSet
@@ -61,12 +62,12 @@ class Torque:
             else:
                 models.append(model)
         if not models:
-            reasons = "; ".join(f"{name}: {text}" for name, text in left.items())
-            raise IdentificationError(
-                f"{log_set.path}: no joint can be judged by its commanded torque ({reasons})",
-                file=log_set.path,
-                field="effort_command",
-                fix="record motions under changing commands",
+            raise no_joint_judged(
+                log_set.path,
+                "by its commanded torque",
+                left,
+                "record motions under changing commands",
+                "effort_command",
             )
         return LayerJoints(self.NAME, "free_run_rmse", length, reason, tuple(models), left, told)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.model import LayerJoints
+from hqpipe.layers.refusal import no_joint_judged
 from hqpipe.layers.valve.joint import ValveJoint, of_one_log, samples_of, settings_of
 from hqpipe.layers.valve.kernel import FREE
 from hqpipe.layers.valve.masks import at_end_stops, blocked, usual_speeds
@@ -66,12 +67,8 @@ class Valve:
             else:
                 models.append(model)
         if not models:
-            reasons = "; ".join(f"{name}: {text}" for name, text in left.items())
-            raise IdentificationError(
-                f"{log_set.path}: no joint can be judged by its valve command ({reasons})",
-                file=log_set.path,
-                field="valve_command",
-                fix="record motions that the valve commands",
+            raise no_joint_judged(
+                log_set.path, "by its valve command", left, "record motions that the valve commands", "valve_command"
             )
         return LayerJoints(self.NAME, "free_run_rmse", length, reason, of_one_log(models), left)
 
