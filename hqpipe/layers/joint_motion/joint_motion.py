@@ -15,6 +15,7 @@ from hqpipe.layers.joint_motion.judged import judge
 from hqpipe.layers.joint_motion.motion import Motion, motion_of, resolution, rest_speed
 from hqpipe.layers.joint_motion.output import has_output
 from hqpipe.layers.joint_motion.prepared import Unjudged
+from hqpipe.layers.refusal import no_joint_judged
 from hqpipe.logs.trajectory import LogSet
 
 LEAST_TRIAL = 64  # samples: shorter trials have no filtered sample
@@ -76,12 +77,8 @@ class JointMotion:
             except Unjudged as reason:
                 left[joint] = str(reason)
         if not models:
-            reasons = "; ".join(f"{joint}: {reason}" for joint, reason in left.items())
-            raise IdentificationError(
-                f"{log_set.path}: no joint can be judged from torque and motion: {reasons}",
-                file=log_set.path,
-                fix="record motions with reversals at two speeds at least",
-            )
+            fix = "record motions with reversals at two speeds at least"
+            raise no_joint_judged(log_set.path, "from torque and motion", left, fix)
         if any(model.unsigned for model in models):
             names = ", ".join(model.joint for model in models if model.unsigned)
             warnings.append(f"the torque of {names} was logged without its sign, which was restored from the motion")
