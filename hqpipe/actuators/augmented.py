@@ -44,7 +44,7 @@ def _field(owner: str, name: str) -> ParameterField:
     effect = EFFECTS[owner]
     parameter = next(p for p in effect.parameters if p.name == name)
     unit = "rad" if parameter.unit == "command" else parameter.unit
-    unit = f"1/({unit})" if parameter.inverse else unit
+    unit = f"1/({unit}){'²' if parameter.squared else ''}" if parameter.inverse else unit
     return ParameterField(unit, lower=-_ANY if parameter.lower < 0.0 else 0.0, shared=effect.machine)
 
 

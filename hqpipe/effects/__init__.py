@@ -23,6 +23,7 @@ from hqpipe.effects import (
     transmission_compliance,
     unsigned_sensor,
     valve_deadband,
+    valve_delay,
     valve_lag,
     viscous_friction,
 )
@@ -35,6 +36,7 @@ EFFECTS: dict[str, Effect] = {
         command_delay,
         integral_action,
         position_bias,
+        valve_delay,
         valve_lag,
         valve_deadband,
         flow_saturation,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 POSITION, TORQUE = "position", "torque"
 MODES = (POSITION, TORQUE)
 CORE, FRICTION, SLIDING, SUPPLY, COMMAND_SIDE, ALL_INPUTS = (  # of the loops, see Parameter.anew
@@ -50,6 +52,7 @@ class Parameter:
         starts: where fits begin; several where an effect can be inactive over all data and then has no gradient.
         inverse: the fit works on one over the value, so that "absent" is 0 instead of infinity; bounds and
             starts are those of the inverse, in multiples of one over the scale.
+        squared: of an inverse, that the fit works on its square, as what it does has no slope at "absent" otherwise.
         counts: False for a shape parameter: it cannot show by itself that the effect is there.
         simplified: standard deviation, as a share of the value, of what the effect's formula leaves out.
         neutral: value in the rows of joints without the effect; the first parameter's is 0.
@@ -71,6 +74,7 @@ class Parameter:
     upper: float
     starts: tuple[float, ...]
     inverse: bool = False
+    squared: bool = False
     counts: bool = True
     least: float = 0.0
     simplified: float = SIMPLIFIED
@@ -80,6 +84,13 @@ class Parameter:
     neutral: float = 0.0
     anew: str | None = None
     built_from: float = 0.0
+
+    def told(self, fitted: float) -> float:
+        """The number that the fit works on as it is reported; infinite where an inverse is 0."""
+        if not self.inverse:
+            return fitted
+        inverse = float(np.sqrt(max(fitted, 0.0))) if self.squared else fitted
+        return 1.0 / inverse if inverse else np.inf
 
 
 @dataclass(frozen=True)

@@ -1,19 +1,36 @@
-"""The spool follows its command with a first-order lag."""
+"""The spool follows its command with a lag, of first order or, with a damping ratio, of second order."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
-from hqpipe.effects.effect import SECOND, Effect, Parameter
+from hqpipe.effects.effect import NONE, POSITION, SECOND, Effect, Parameter
+
+LEAST_DAMPED = 0.3  # damping ratio of a spool; below it swings as no valve is built to; assumption
+ALIKE = 1e-9  # of the squared damping: two poles that are one
 
 EFFECT = Effect(
     name="valve_lag",
     layer="actuator",
     stage="command",
-    parameters=(Parameter("time_constant_s", "s", SECOND, 0.0, 0.2, (0.004, 0.02)),),
-    meaning="spool dynamics, first order",
-    source="Jelali & Kroll, Hydraulic Servo-systems, 2003: first-order valve model",
+    parameters=(
+        Parameter("time_constant_s", "s", SECOND, 0.0, 0.2, (0.004, 0.02)),
+        Parameter(
+            "damping_ratio",
+            "1",
+            NONE,
+            0.0,
+            1.0 / LEAST_DAMPED**2,
+            (1.0,),
+            inverse=True,
+            squared=True,
+            counts=False,
+            modes=(POSITION,),
+        ),
+    ),
+    meaning="spool dynamics: first order, or second order with ω = 2 · damping_ratio / time_constant_s",
+    source="Jelali & Kroll, Hydraulic Servo-systems, 2003: valve models of first and second order",
     experiment="a chirp of small amplitude up to the valve's corner frequency",
 )
 
@@ -39,3 +56,34 @@ def mean_share(time_constant: float, dt: float) -> float:
 def follow(spool: float, target: float, share: float) -> float:
     """Spool position after a share of the way."""
     return spool + share * (target - spool)
+
+
+@njit(cache=True, nogil=True)
+def swing(time_constant: float, springy: float, dt: float) -> tuple[float, float, float, float, float, float]:
+    """What a sample of a held target leaves of a spool of second order, T²/(4ζ²) ẍ + T ẋ + x = target.
+
+    Args:
+        time_constant: T, s. springy: 1/ζ²; 0 makes it one of first order.
+
+    Returns:
+        yy, yv, vy, vv, my, mv: after the sample y = x − target is yy · y + yv · v and the speed v is vy · y + vv · v. On
+        average over the sample, which is what its flow sees, y is my · y + mv · v.
+    """
+    inertia = 0.25 * time_constant**2 * springy
+    if inertia <= SHORTEST_S**2:
+        return 1.0 - lag_share(time_constant, dt), 0.0, 0.0, 0.0, 1.0 - mean_share(time_constant, dt), 0.0
+    fading, square = 0.5 * time_constant / inertia, 1.0 / inertia  # half the sum of the poles, and their product
+    apart = fading * fading - square
+    if apart > ALIKE * square:
+        root = np.sqrt(apart)
+        slow, fast = np.exp(-square / (fading + root) * dt), np.exp(-(fading + root) * dt)
+        even, odd = 0.5 * (slow + fast), 0.5 * (slow - fast) / root
+    elif apart < -ALIKE * square:
+        root, left = np.sqrt(-apart), np.exp(-fading * dt)
+        even, odd = left * np.cos(root * dt), left * np.sin(root * dt) / root
+    else:
+        even = np.exp(-fading * dt)
+        odd = even * dt
+    yy, yv, vy, vv = even + fading * odd, odd, -square * odd, even - fading * odd
+    mean_y = -(inertia * vy + time_constant * (yy - 1.0)) / dt
+    return yy, yv, vy, vv, mean_y, -(inertia * (vv - 1.0) + time_constant * yv) / dt

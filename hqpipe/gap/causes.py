@@ -115,7 +115,7 @@ def _then(effect: str, parameter: Parameter, members: list[JointState]) -> float
     values = np.array([s.data.then.row[at] for s in members])
     if parameter.inverse and not values.all():
         return None
-    return float(np.mean(1.0 / values if parameter.inverse else values))
+    return float(np.mean([parameter.told(value) for value in values]))
 
 
 def _log_odds(support: Support, closed: float, rivals: int) -> float:

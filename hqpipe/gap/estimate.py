@@ -80,8 +80,9 @@ def estimates(data: JointData, fit: SetFit, effect: str) -> dict[str, Estimate]:
         if parameter.inverse:
             if value <= 0.0:
                 continue
-            low, high = 1.0 / max(high, 1e-300), 1.0 / max(low, 1e-3 * value)
-            value, deviation = 1.0 / value, deviation / value**2
+            low, high = parameter.told(high), parameter.told(max(low, 1e-3 * value))
+            share = 0.5 if parameter.squared else 1.0
+            value, deviation = parameter.told(value), share * parameter.told(value) * deviation / value
         if np.isfinite([value, low, high, deviation]).all():
             found[parameter.name] = Estimate(value, low, high, deviation)
     return found

@@ -26,6 +26,7 @@ _MOST = 8  # effects in one joint; assumption: more cannot be told apart in one 
 _STARTS = 24  # combinations of starting values; assumption: more would be a search of its own
 _ROUNDS = 3  # of additions and exchanges; assumption: what still changes then is a draw
 _SAME = 1e-9  # of the squared error: a change below it is one of rounding
+_LOWER = 1e-3  # share of the squared error by which another minimum is lower; assumption: twice what ends a fit leaves
 _UNLIKELY = -3.0  # ln of odds below which an effect is left aside: 5 %
 _FARTHEST = 4.0  # starts away from neutral that the slope may suggest
 BASE_STARTS = 12  # combinations of starting values of base parameters that are tried
@@ -71,6 +72,7 @@ class Search:
     known: dict[Names, Known] = field(init=False, default_factory=dict)
     barred: set[str] = field(init=False, default_factory=set)
     _left_out: dict[Names, float] = field(init=False, default_factory=dict)
+    _begun: set[tuple[Names, Names, float]] = field(init=False, default_factory=set)
     gains: dict[str, float] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -88,9 +90,15 @@ class Search:
         best = self.base
         for _ in range(_ROUNDS):
             before = best.names
-            best = self.improved(self._grown(best))
+            best = self.settled(self.improved(self._grown(best)))
             if best.names == before:
                 break
+        return best
+
+    def settled(self, best: Known) -> Known:
+        """The set with the best of its fits in which each effect joins last: where a fit begins may decide where it ends."""
+        for name in sorted(best.names):
+            best = self._kept(best.names, self._refit(self.without(best, name), name))
         return best
 
     def improved(self, best: Known) -> Known:
@@ -109,27 +117,19 @@ class Search:
         return self.known[names]
 
     def without(self, known: Known, name: str) -> Known:
-        """The set without one of its effects; never worse than a part of it that is known, nor than the set where the effect
-        has no size there."""
+        """The set without one of its effects: the best fit from the set itself, and from what was fitted before."""
         names = known.names - {name}
-        gone = self.places(name)
+        if (names, known.names, known.solution.square) in self._begun:
+            return self.known[names]
+        self._begun.add((names, known.names, known.solution.square))
         start = known.solution.values.copy()
-        nothing = start[gone[0]] == self.fitter.neutral[gone[0]]
-        start[gone] = self.fitter.neutral[gone]
-        if (
-            nothing
-            and names in self.known
-            and self.known[names].solution.square > (1.0 + _SAME) * known.solution.square
-        ):
-            del self.known[names]
-            self._left_out.pop(names, None)
+        start[self.places(name)] = self.fitter.neutral[self.places(name)]
+        starts = [start]
         if names not in self.known:
-            starts = [
-                start,
-                *(k.solution.values for k in self.known.values() if k.names < names and len(k.names) + 1 == len(names)),
+            starts += [
+                k.solution.values for k in self.known.values() if k.names < names and len(k.names) + 1 == len(names)
             ]
-            self.known[names] = self._known(names, self._fit(names, starts, known.covariance.noise))
-        return self.known[names]
+        return self._kept(names, self._fit(names, starts, known.covariance.noise))
 
     def gain(self, large: Known, small: Known) -> float:
         """ln of the posterior odds of a set against a part of it."""
@@ -185,14 +185,20 @@ class Search:
         )
         return [self.grown_by(known, name) for name in likely[:_REFITTED]]
 
-    def reach(self, known: Known, name: str) -> tuple[float, float] | None:
-        """A size of an effect's first number, from neutral, and what that changes in the squared error that the free parameters
-        cannot; None where they can do all of it."""
+    def does(self, known: Known, name: str) -> float:
+        """Square of what an effect of a set does to the prediction at its size, all else as it is."""
+        values = known.solution.values.copy()
+        values[self.places(name)] = self.fitter.neutral[self.places(name)]
+        return self._moved(known, values)
+
+    def reach(self, known: Known, name: str) -> tuple[float, float, float] | None:
+        """A size of an effect's first number, from neutral, the square of what that does to the prediction, and of the part of
+        it that the free parameters cannot do; None where they can do all of it."""
         first = self.places(name)[0]
         for moved, _, square in self._secants(known, name):
             size = abs(float(moved[first] - self.fitter.neutral[first]))
             if size > 0.0 and square > _SAME * known.solution.square:
-                return size, square
+                return size, self._moved(known, moved), square
         return None
 
     def screened(self, known: Known, names: Sequence[str]) -> list[tuple[float, str]]:
@@ -240,6 +246,13 @@ class Search:
     def _fit(self, names: Names, starts: Sequence[np.ndarray], noise: float) -> Solution:
         return self.fitter.fit(positions(self.model, list(names)), starts, noise)
 
+    def _kept(self, names: Names, solution: Solution) -> Known:
+        """A set with the better of a fit and of what is known of it."""
+        if names not in self.known or solution.square < (1.0 - _LOWER) * self.known[names].solution.square:
+            self.known[names] = self._known(names, solution)
+            self._left_out.pop(names, None)
+        return self.known[names]
+
     def _known(self, names: Names, solution: Solution) -> Known:
         return Known(names, solution, covariance(self.fitter, solution), self._span(solution))
 
@@ -285,6 +298,13 @@ class Search:
             size = float(change @ change)
             if size > 0.0:
                 yield moved, change, size
+
+    def _moved(self, known: Known, values: np.ndarray) -> float:
+        """Square of what other values change in the prediction of a set."""
+        change = self.fitter.error(values) - known.solution.error
+        with np.errstate(over="ignore", invalid="ignore"):
+            square = float(change @ change)
+        return square if np.isfinite(square) else np.inf
 
     def _shares(self, name: str, combination: np.ndarray) -> tuple[float, float]:
         """How far along the secant the first parameter may go."""

@@ -21,7 +21,7 @@ def least_visible(search: Search, known: Known, base: Known) -> dict[str, float]
     """
     left, unexplained = search.left_out(known), max(search.left_out(known) - floor_of(search), 0.0)
     gap = max(search.left_out(base) - floor_of(search), 0.0)
-    rules = max(LEAST_GAIN * left, LEAST_SHARE * gap, LEAST_OF_UNKNOWN * unexplained)
+    rules = max(LEAST_GAIN * left, LEAST_OF_UNKNOWN * unexplained)
     time = correlation_time(known.solution.error, search.model.fit)
     independent = max(len(known.solution.error) / time, 1.0)
     found = {}
@@ -29,9 +29,10 @@ def least_visible(search: Search, known: Known, base: Known) -> dict[str, float]
         effect, reached = search.effects[name], search.reach(known, name)
         if not effect.named or reached is None:
             continue
-        size, square = reached
+        size, done, square = reached
         charge = 0.5 * len(effect.parameters) * float(np.log(independent)) - search.odds[name]
         needed = max(rules, 2.0 * max(charge, 0.0) * known.covariance.noise * time)
         spread = search.fitter.spread[search.places(name)[0]]
-        found[name] = float(max(size * np.sqrt(needed / square), LEAST_SIZE * spread))
+        least = max(needed / square, LEAST_SHARE * gap / done)
+        found[name] = float(max(size * np.sqrt(least), LEAST_SIZE * spread))
     return found

@@ -76,22 +76,30 @@ from hqpipe.kernels.augmented_links import (
     RUBBING,
     SAGGING,
     SATURATED,
+    SENT_ALIKE,
+    SENT_LATE,
+    SENT_PART,
+    SENT_WHOLE,
     SHARE,
     SLACK,
     SOFT,
     STIFFENED,
+    SWING,
+    SWINGING,
     TOP,
     WHOLE,
 )
+from hqpipe.kernels.augmented_ring import delayed_block
 from hqpipe.kernels.augmented_step import (
     FED,
     INTEGRAL,
     LOSS,
     MEAN,
     PISTON,
+    RATE,
     RING,
-    RING_LENGTH,
     SAMPLES,
+    SENT,
     SPOOL,
     TURNED,
     WOUND,
@@ -124,27 +132,12 @@ def _command(
     in_step: bool,
 ) -> None:
     """Error, integrator, spool and what shapes the opening, into `u` (B,)."""
-    if links[DELAYED] and links[ALIKE] and in_step:
-        slot = int(m[SAMPLES, start]) % RING_LENGTH
-        newer = (slot - int(d[WHOLE, 0])) % RING_LENGTH
-        older = (newer - 1) % RING_LENGTH
-        for i in range(size):
-            m[RING + slot, start + i] = q_des[start + i]
-        for i in range(size):
-            k = start + i
-            u[i] = m[RING + newer, k] + d[PART, i] * (m[RING + older, k] - m[RING + newer, k]) - q[k]
-    elif links[DELAYED]:
-        for i in range(size):
-            k = start + i
-            slot = int(m[SAMPLES, k]) % RING_LENGTH
-            m[RING + slot, k] = q_des[k]
-            newer = slot - int(d[WHOLE, i])
-            newer = newer + RING_LENGTH if newer < 0 else newer
-            older = newer - 1 if newer > 0 else RING_LENGTH - 1
-            u[i] = m[RING + newer, k] + d[PART, i] * (m[RING + older, k] - m[RING + newer, k]) - q[k]
-    else:
-        for i in range(size):
-            u[i] = q_des[start + i] - q[start + i]
+    for i in range(size):
+        u[i] = q_des[start + i]
+    if links[DELAYED]:
+        delayed_block(d, m, SAMPLES, RING, WHOLE, PART, links[ALIKE] and in_step, u, start, size)
+    for i in range(size):
+        u[i] -= q[start + i]
     if links[INTEGRATED]:
         for i in range(size):
             error, held = u[i], m[INTEGRAL, start + i]
@@ -153,7 +146,16 @@ def _command(
     if links[BIASED]:
         for i in range(size):
             u[i] += p[BIAS, i]
-    if links[LAGGED]:
+    if links[SENT_LATE]:
+        delayed_block(d, m, SAMPLES, SENT, SENT_WHOLE, SENT_PART, links[SENT_ALIKE] and in_step, u, start, size)
+    if links[LAGGED] and links[SWINGING]:
+        for i in range(size):
+            driven, k = u[i], start + i
+            behind, rate = m[SPOOL, k] - driven, m[RATE, k]
+            u[i] = driven + d[SWING + 4, i] * behind + d[SWING + 5, i] * rate
+            m[SPOOL, k] = driven + d[SWING, i] * behind + d[SWING + 1, i] * rate
+            m[RATE, k] = d[SWING + 2, i] * behind + d[SWING + 3, i] * rate
+    elif links[LAGGED]:
         for i in range(size):
             driven, spool = u[i], m[SPOOL, start + i]
             u[i] = follow(spool, driven, d[MEAN_SHARE, i])
@@ -360,7 +362,9 @@ def augmented_batch(
             wound = clip(m[WOUND, start + i] + change[i], p[LIMIT, i])
             m[WOUND, start + i] = wound
             tau[start + i] = wound
-        if asleep or links[DELAYED] or links[DRIFTING]:  # else it only matters that it is no longer 0
+        if (
+            asleep or links[DELAYED] or links[SENT_LATE] or links[DRIFTING]
+        ):  # else it only matters that it is no longer 0
             for i in range(size):
                 m[SAMPLES, start + i] += 1.0
         if links[RUBBING]:
@@ -393,5 +397,5 @@ def _wake_block(
             if m[SAMPLES, k] == 0.0:
                 row = m[:, k].copy()
                 wake(p[:, i].copy(), row, tau[k], q_des[k], q[k], qd[k], demand)
-                row[RING:] = q_des[k]
+                row[RING:SENT], row[SENT:] = q_des[k], row[SPOOL]
                 m[:, k] = row

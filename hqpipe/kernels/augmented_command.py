@@ -14,7 +14,7 @@ from hqpipe.effects.orifice_flow import balance, orifice
 from hqpipe.effects.position_dependent_stiffness import displaced, lean, stiffness, uneven
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_deadband import deadband
-from hqpipe.effects.valve_lag import follow, lag_share, mean_share
+from hqpipe.effects.valve_lag import follow, lag_share, mean_share, swing
 from hqpipe.effects.viscous_friction import relaxation
 from hqpipe.kernels.augmented_columns import (
     AREAS,
@@ -46,7 +46,9 @@ from hqpipe.kernels.augmented_columns import (
     SKEW,
     SLOPE,
     TORQUE,
+    SPRINGY,
     UNEVEN,
+    VALVE_DELAY,
     VISCOUS,
     WINDUP,
 )
@@ -75,9 +77,12 @@ def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
     share, mean = lag_share(p[LAG], dt), mean_share(p[LAG], dt)
     prompt = p[SKEW] == 0.0 and p[DELAY] == 0.0
     bent, shift = shaped(p), p[BIAS] if s.mode == POSITION else 0.0
+    sent_late = s.mode == POSITION and p[VALVE_DELAY] != 0.0
+    swings = s.mode == POSITION and p[SPRINGY] != 0.0 and p[LAG] != 0.0
+    yy, yv, vy, vv, my, mv = swing(p[LAG], p[SPRINGY], dt)
     for trial in range(s.bounds.shape[0] - 1):
         first, last = s.bounds[trial], s.bounds[trial + 1] - 1
-        integral, spool = 0.0, 0.0
+        integral, spool, rate = 0.0, 0.0, 0.0
         if p[KI] != 0.0:
             integral = held(p, s, work, trial)
         for k in range(first, last + 1):
@@ -89,14 +94,21 @@ def command_side(p: np.ndarray, s: Signals, work: Work) -> None:
             else:
                 error = wanted - s.effort[k] + p[OFFSET]
             driven = error + integral + shift
+            if sent_late:
+                work.driven[k] = driven
+                driven = delayed(work.driven, first, k, k, p[VALVE_DELAY] / dt) if k > first else driven
             spool = driven if k == first else spool
             if s.mode == TORQUE:
                 sequence[k], work.driven[k], work.summed[k] = wanted, spool, integral
             else:
-                opening = follow(spool, driven, mean)
+                behind = spool - driven
+                opening = driven + my * behind + mv * rate if swings else follow(spool, driven, mean)
                 sequence[k] = shape_opening(p, opening, s.time[k]) if bent else opening
             integral = integrate(integral, error, p[KI], p[WINDUP], dt)
-            spool = follow(spool, driven, share)
+            if swings:
+                spool, rate = driven + yy * behind + yv * rate, vy * behind + vv * rate
+            else:
+                spool = follow(spool, driven, share)
     if s.mode == POSITION:
         lag_behind(work.command, s.bounds, piston_lag(p), dt)
     lay_out(work.command, s.first, work.opening)
@@ -152,7 +164,7 @@ def held(p: np.ndarray, s: Signals, work: Work, trial: int) -> float:
 def _missing(p: np.ndarray, s: Signals, work: Work, first: int, last: int, start: float) -> tuple[float, int]:
     """Change of torque that an integrator which starts at `start` leaves open, N·m, and over how many samples.
 
-    The spool's lag cancels in the sum.
+    The spool's lag and delay cancel in the sum.
     """
     integral, bent, change, end, leaning = start, shaped(p), 0.0, last, lean(p[SLOPE])
     bent_flow = p[ORIFICE] != 0.0 or p[DROOP] != 0.0 or p[K4] != 0.0

@@ -9,7 +9,7 @@ import numpy as np
 from hqpipe.effects.orifice_flow import balance
 from hqpipe.effects.position_dependent_stiffness import lean, uneven
 from hqpipe.effects.transmission_compliance import softened
-from hqpipe.effects.valve_lag import lag_share, mean_share
+from hqpipe.effects.valve_lag import lag_share, mean_share, swing
 from hqpipe.kernels.augmented_columns import (
     AREAS,
     ASYMMETRY,
@@ -32,15 +32,17 @@ from hqpipe.kernels.augmented_columns import (
     SATURATION,
     SLOPE,
     STATIC,
+    SPRINGY,
     UNEVEN,
+    VALVE_DELAY,
     VISCOUS,
 )
 from hqpipe.kernels.augmented_command import piston_lag
-from hqpipe.kernels.augmented_step import RING_LENGTH
+from hqpipe.kernels.augmented_ring import RING_LENGTH
 
 BLOCK: Final = 384  # joints (32 quadrupeds): measured; the columns in use of a block stay in the cache
 
-# links that can be left out, and whether all joints are late by as many whole samples
+# links that can be left out, and whether all joints are late by as many whole samples, in the command and in what is put out
 (
     ALIKE,
     DELAYED,
@@ -57,13 +59,18 @@ BLOCK: Final = 384  # joints (32 quadrupeds): measured; the columns in use of a 
     SLACK,
     RUBBING,
     RELAXING,
-) = range(15)
-LINKS: Final = 15
+    SENT_ALIKE,
+    SENT_LATE,
+    SWINGING,
+) = range(18)
+LINKS: Final = 18
 # columns that follow from a row of parameters
 (WHOLE, PART, SHARE, MEAN_SHARE, TOP, ONE_WAY, PER_S, RECOVERED, HALF, SOFT, LEAN, RELAXED, MEAN_RELAXED, EVEN) = range(
     14
 )
-DERIVED: Final = 14
+SENT_WHOLE, SENT_PART = 14, 15
+SWING: Final = 16  # the first of six
+DERIVED: Final = 22
 
 
 def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -76,11 +83,13 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         (WIDTH, B) parameters, (DERIVED, B) what follows from them, (LINKS,) bool links that some joint has.
     """
     p = parameters.T
-    lag = np.clip(p[DELAY] / p[DT], 0.0, RING_LENGTH - 2.0)
+    lag, sent = (np.clip(p[column] / p[DT], 0.0, RING_LENGTH - 2.0) for column in (DELAY, VALVE_DELAY))
     derived = np.empty((DERIVED, len(parameters)))
     derived[WHOLE], derived[PART] = np.floor(lag), lag - np.floor(lag)
+    derived[SENT_WHOLE], derived[SENT_PART] = np.floor(sent), sent - np.floor(sent)
     for j, row in enumerate(parameters):
         derived[SHARE, j], derived[MEAN_SHARE, j] = lag_share(row[LAG], row[DT]), mean_share(row[LAG], row[DT])
+        derived[SWING : SWING + 6, j] = swing(row[LAG], row[SPRINGY], row[DT])
         behind = piston_lag(row)
         derived[RELAXED, j], derived[MEAN_RELAXED, j] = lag_share(behind, row[DT]), mean_share(behind, row[DT])
         derived[RECOVERED, j] = lag_share(row[RECOVERY], row[DT])
@@ -97,6 +106,7 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         BIASED: (BIAS,),
         INTEGRATED: (KI,),
         LAGGED: (LAG,),
+        SWINGING: (SPRINGY,),
         DEAD: (BAND,),
         SATURATED: (SATURATION,),
         ONE_SIDED: (ASYMMETRY, UNEVEN),
@@ -107,9 +117,11 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         SLACK: (GAP,),
         RUBBING: (COULOMB, STATIC, LOAD, VISCOUS),
         RELAXING: (BEHIND,),
+        SENT_LATE: (VALVE_DELAY,),
     }
     for link, columns in signs.items():
         links[link] = np.any(p[list(columns)] != 0.0)
     links[ALIKE] = np.all(derived[WHOLE] == derived[WHOLE, 0])
+    links[SENT_ALIKE] = np.all(derived[SENT_WHOLE] == derived[SENT_WHOLE, 0])
     robots = max(1, BLOCK // len(parameters))
     return np.tile(p, robots), np.tile(derived, robots), links

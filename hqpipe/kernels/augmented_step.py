@@ -20,7 +20,7 @@ from hqpipe.effects.position_dependent_stiffness import displaced, exchanged, le
 from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.supply_droop import lacking, sag
 from hqpipe.effects.transmission_compliance import softened
-from hqpipe.effects.valve_lag import follow, lag_share, mean_share
+from hqpipe.effects.valve_lag import follow, lag_share, mean_share, swing
 from hqpipe.kernels.augmented_columns import (
     AREAS,
     BIAS,
@@ -50,27 +50,19 @@ from hqpipe.kernels.augmented_columns import (
     SLOPE,
     STATIC,
     STRIBECK,
+    SPRINGY,
+    VALVE_DELAY,
     WINDUP,
 )
 from hqpipe.kernels.augmented_command import piston_lag, shape_opening
 from hqpipe.kernels.augmented_output import friction, slid
+from hqpipe.kernels.augmented_ring import RING_LENGTH, past
 from hqpipe.kernels.laws import clip, impact
 
-# columns of the memory; the ring of past commands is last
-SAMPLES, SPOOL, INTEGRAL, WOUND, LOSS, MEAN, TURNED, PISTON, FED, RING = range(10)
-RING_LENGTH: Final = 96  # samples: the longest delay of the library at 1 kHz, and some
-MEMORY: Final = RING + RING_LENGTH
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _past(memory: np.ndarray, now: int, lag: float) -> float:
-    """The command `lag` samples ago by linear interpolation; no older than the first."""
-    lag = min(max(lag, 0.0), min(float(now), RING_LENGTH - 2.0))
-    whole = int(lag)
-    part = lag - whole
-    newer = memory[RING + (now - whole) % RING_LENGTH]
-    older = memory[RING + (now - min(whole + 1, now)) % RING_LENGTH]
-    return newer + part * (older - newer)
+# columns of the memory; the rings of past commands and of what the controller put out are last
+SAMPLES, SPOOL, INTEGRAL, WOUND, LOSS, MEAN, TURNED, PISTON, FED, RATE, RING = range(11)
+SENT: Final = RING + RING_LENGTH  # second ring: what the controller put out
+MEMORY: Final = SENT + RING_LENGTH
 
 
 @njit(cache=True, nogil=True)
@@ -92,7 +84,7 @@ def wake(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: floa
         passed = orifice(needed, inner, p[ORIFICE], memory[LOSS], memory[MEAN], lean(p[SLOPE]), p[AREAS])
         held = needed / max(p[K1] * passed, 1e-300) - opened
         memory[INTEGRAL] = min(max(held, -limit), limit)
-    memory[SPOOL] = opened + memory[INTEGRAL]
+    memory[SPOOL], memory[RATE] = opened + memory[INTEGRAL], 0.0
     memory[PISTON], memory[FED] = qd, shape_opening(p, memory[SPOOL], 0.0)
 
 
@@ -104,13 +96,16 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     if now == 0:
         wake(p, memory, torque, q_des, q, qd, demand)
     dt = p[DT]
-    error = _past(memory, now, p[DELAY] / dt) - q
-    driven = error + memory[INTEGRAL] + p[BIAS]
+    error = past(memory, RING, now, p[DELAY] / dt) - q
+    memory[SENT + now % RING_LENGTH] = error + memory[INTEGRAL] + p[BIAS]
+    driven = past(memory, SENT, now, p[VALVE_DELAY] / dt)
     memory[INTEGRAL] = integrate(memory[INTEGRAL], error, p[KI], p[WINDUP], dt)
-    u = shape_opening(p, follow(memory[SPOOL], driven, mean_share(p[LAG], dt)), now * dt)
-    memory[SPOOL] = follow(memory[SPOOL], driven, lag_share(p[LAG], dt))
-    behind = piston_lag(p)
-    share, mean = lag_share(behind, dt), mean_share(behind, dt)
+    behind, rate = memory[SPOOL] - driven, memory[RATE]
+    yy, yv, vy, vv, my, mv = swing(p[LAG], p[SPRINGY], dt)
+    u = shape_opening(p, driven + my * behind + mv * rate, now * dt)
+    memory[SPOOL], memory[RATE] = driven + yy * behind + yv * rate, vy * behind + vv * rate
+    relaxing = piston_lag(p)
+    share, mean = lag_share(relaxing, dt), mean_share(relaxing, dt)
     opened, moved = u, qd
     u, qd = follow(memory[FED], opened, mean), follow(memory[PISTON], moved, mean)
     memory[FED], memory[PISTON] = follow(memory[FED], opened, share), follow(memory[PISTON], moved, share)

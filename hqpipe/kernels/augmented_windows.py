@@ -3,8 +3,8 @@
 The chain, in this order (names as in hqpipe.effects):
 
     clock     channel_skew (all inputs), command_delay (command) → position error e
-    command   integral_action → position_bias → valve_lag → valve_deadband → flow_saturation → direction_asymmetry (with
-              what unequal chambers add to it) → gain_drift → u
+    command   integral_action → position_bias → valve_delay → valve_lag → valve_deadband → flow_saturation →
+              direction_asymmetry (with what unequal chambers add to it) → gain_drift → u
     core      τ' = τ + S · (k1 φ u − k2 τ − k3 q̇ + k4 h(τ, u)),  φ = orifice_flow with supply_droop,
               S = position_dependent_stiffness · transmission_compliance
     output    friction in front of the load cell, backlash, torque_bias: a seal rubs on the piston's side of the slack;

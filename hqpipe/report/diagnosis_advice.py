@@ -4,6 +4,7 @@ from __future__ import annotations
 
 MEANINGS = {
     "command_delay": "the command acts later than it was given",
+    "valve_delay": "the valve acts later than the controller asks it to",
     "valve_lag": "the valve's spool follows its command like a first-order filter",
     "valve_deadband": "commands smaller than the valve's overlap do nothing",
     "flow_saturation": "beyond a certain command the valve is fully open",
@@ -52,6 +53,8 @@ MEANINGS = {
 ADVICE = {
     "command_delay": "Look for the delay on the bus and in the control loop and remove what you can; give the rest to "
     "the simulator, and vary it a little in training.",
+    "valve_delay": "Look for the delay between the controller and the spool (valve driver, its bus, the pilot stage); it "
+    "lies inside the position loop, so it limits the gain. Give the rest to the simulator.",
     "valve_lag": "Train with the lag, and keep the policy's commands below the spool's bandwidth; dither or a higher "
     "pilot pressure makes the spool faster.",
     "valve_deadband": "Compensate the lap in the valve driver: step across ± the half width when the command changes "

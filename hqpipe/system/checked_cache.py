@@ -11,11 +11,22 @@ import hashlib
 import pickle
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 from numba.core.caching import Cache, IndexDataCacheFile
 
+from hqpipe.system.imported_sources import PACKAGE, digest_of_sources
+
 _load_index, _load, _save = IndexDataCacheFile._load_index, IndexDataCacheFile.load, IndexDataCacheFile.save
+_cache = Cache.__init__
+
+
+def cache(self: Cache, function: Any) -> None:
+    _cache(self, function)
+    if function.__module__.split(".")[0] == PACKAGE:
+        stamp = self._cache_file._source_stamp
+        self._cache_file._source_stamp = (stamp, digest_of_sources(Path(function.__code__.co_filename)))
 
 
 def load_index(self: IndexDataCacheFile) -> dict[Any, str]:
@@ -48,6 +59,7 @@ def without_errors_of_files(self: Cache) -> Iterator[None]:
         yield
 
 
+Cache.__init__ = cache
 IndexDataCacheFile._load_index = load_index
 IndexDataCacheFile.load = load
 IndexDataCacheFile.save = save

@@ -24,6 +24,7 @@ TYPICAL: dict[str, dict[str, float]] = {
     "command_delay": {"delay_s": 0.0064},
     "position_bias": {"rad": 0.02},
     "integral_action": {"ki": 2.0, "limit": 0.03},
+    "valve_delay": {"delay_s": 0.0047},
     "valve_lag": {"time_constant_s": 0.012},
     "valve_deadband": {"half_width": 0.02, "rounding": 0.2},
     "flow_saturation": {"limit": 0.06},
@@ -133,7 +134,7 @@ def simulate(
         start, length = rng.integers(0, max(samples - 80, 1)), rng.integers(20, 80)
         knock[start : start + length] += knocks * rng.normal(size=joints)
 
-    delay = number("command_delay", "delay_s", 0.0) / DT
+    delay, sent_late = (number(name, "delay_s", 0.0) / DT for name in ("command_delay", "valve_delay"))
     bias, offset = number("position_bias", "rad", 0.0), number("torque_bias", "nm", 0.0)
     ki, windup = number("integral_action", "ki", 0.0), number("integral_action", "limit", np.inf)
     constant = number("valve_lag", "time_constant_s", 0.0)
@@ -169,6 +170,7 @@ def simulate(
     loss, chambers = np.zeros(joints), np.zeros(joints)  # shares of the supply
     commands: list[np.ndarray] = []
     torques: list[np.ndarray] = []
+    sent: list[np.ndarray] = []  # what the controllers put out
     log = np.empty((3, samples, joints))
     for k in range(samples):
         inner = beyond(wound, slack)
@@ -187,6 +189,8 @@ def simulate(
         error = ago(commands, delay) - q
         x = error + integral + bias
         integral = np.clip(integral + ki * DT * error, -windup, windup)
+        sent.append(x)
+        x = ago(sent, sent_late)
         for name in order:
             if name == "lag":
                 behind = x - (x if spool is None else spool)

@@ -104,9 +104,7 @@ class ActuatorJoint:
         if parameter is None:  # a share
             return name, value, "1"
         unit = reported_unit(parameter.unit, self.units)
-        if not parameter.inverse:
-            return name, value, unit
-        return name, 1.0 / value if value else np.inf, unit
+        return name, parameter.told(value), unit
 
     def _by_opening(self, values: np.ndarray) -> float:
         return float(values[self._opening]) if self._opening >= 0 else 0.0

@@ -22,12 +22,13 @@ from hqpipe.effects.stribeck_friction import sticking
 from hqpipe.effects.supply_droop import sag
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_deadband import deadband
-from hqpipe.effects.valve_lag import follow, lag_share
+from hqpipe.effects.valve_lag import follow, lag_share, mean_share, swing
 from hqpipe.effects.viscous_friction import viscous
 
 # The rows of the layers actuator and sensing in the specification, with the parameters that the file format names.
 SPECIFIED = {
     "command_delay": ("actuator", ["delay_s"]),
+    "valve_delay": ("actuator", ["delay_s"]),
     "valve_lag": ("actuator", ["time_constant_s"]),
     "valve_deadband": ("actuator", ["half_width"]),
     "flow_saturation": ("actuator", ["limit"]),
@@ -152,6 +153,30 @@ def test_lag_reaches_1_minus_1_over_e_after_its_time_constant():
     assert spool == pytest.approx(1.0 - np.exp(-1.0))
     assert lag_share(0.0, 1e-3) == 1.0
     assert follow(0.3, 0.7, 1.0) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("damping", [0.4, 1.0, 3.0])
+def test_spool_of_second_order_is_its_equation_solved(damping):
+    constant, dt, fine, target = 0.02, 1e-3, 20000, 0.7
+    y, v = 0.3 - target, 5.0
+    yy, yv, vy, vv, my, mv = swing(constant, 1.0 / damping**2, dt)
+    omega = 2.0 * damping / constant
+    x, rate, total = 0.3, v, 0.0
+    for _ in range(fine):
+        rate += dt / fine * omega * (omega * (target - x) - 2.0 * damping * rate)
+        x += dt / fine * rate
+        total += x / fine
+    assert target + yy * y + yv * v == pytest.approx(x, abs=1e-5)
+    assert vy * y + vv * v == pytest.approx(rate, rel=1e-4)
+    assert target + my * y + mv * v == pytest.approx(total, abs=1e-5)
+
+
+def test_a_spool_without_a_damping_ratio_is_of_first_order():
+    shares = swing(0.02, 0.0, 1e-3)
+    assert shares == (1.0 - lag_share(0.02, 1e-3), 0.0, 0.0, 0.0, 1.0 - mean_share(0.02, 1e-3), 0.0)
+    assert swing(0.0, 1.0, 1e-3) == (0.0,) * 6, "no lag, whatever its shape"
+    nearly = swing(0.02, 1e-8, 1e-3)
+    np.testing.assert_allclose(np.delete(nearly, 2), np.delete(shares, 2), atol=1e-6)  # its speed does not last
 
 
 def test_integrator_sums_and_is_clamped_both_ways():

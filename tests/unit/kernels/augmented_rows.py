@@ -31,7 +31,9 @@ def row(effects: dict[str, dict[str, float]], middle: float = 0.0, **base: float
         for parameter in EFFECTS[effect].parameters:
             if parameter.name in values:
                 value = values[parameter.name]
-                p[slot(effect, parameter.name)] = 1.0 / value if parameter.inverse and effect not in DIRECT else value
+                inverse = parameter.inverse and effect not in DIRECT
+                power = (-2.0 if parameter.squared else -1.0) if inverse else 1.0
+                p[slot(effect, parameter.name)] = value**power
     p[slot("setting", "middle")] = middle
     p[slot("setting", "clear")] = 150.0
     return p

@@ -76,7 +76,7 @@ def test_start_and_data_are_left_alone_and_the_rest_of_the_row_stays():
     target = signals.target.copy()
     begin = row({"valve_lag": {"time_constant_s": 0.004}, "torque_bias": {"nm": 1.0}})
     copy = begin.copy()
-    free = np.array([*BASE, *slots("valve_lag")])
+    free = np.array([*BASE, slots("valve_lag")[0]])
     bounds = np.zeros(5), np.full(5, np.inf)
     p, *_ = fit_windows(begin, signals, free, *bounds, np.abs(begin[free]), ALONE, CHANGES, np.inf, 3, 1e-4)
     np.testing.assert_array_equal(begin, copy)
@@ -108,7 +108,7 @@ def test_slopes_through_the_lag_of_a_rubbing_piston_are_those_of_whole_runs():
 def test_bounds_hold():
     signals = signals_of("valve_lag", noise=3.0, seconds=6.0)
     begin = row({"valve_lag": {"time_constant_s": 0.003}})
-    free = np.array([*BASE, *slots("valve_lag")])
+    free = np.array([*BASE, slots("valve_lag")[0]])
     upper = np.array([np.inf, 1.0, np.inf, np.inf, 0.005])  # the truth is 12 ms
     p, *_ = fit_windows(begin, signals, free, np.zeros(5), upper, np.abs(begin[free]), ALONE, CHANGES, np.inf, 30, 1e-6)
     assert p[free[-1]] == 0.005

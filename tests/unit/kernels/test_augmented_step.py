@@ -55,6 +55,16 @@ def test_steps_equal_one_long_window(effect):
     np.testing.assert_allclose(ahead, expected, atol=1e-6)
 
 
+@pytest.mark.parametrize("damping", [0.5, 1.0, 4.0])
+def test_a_spool_of_second_order_steps_as_in_one_long_window(damping):
+    t, shape = recorded({}), {"time_constant_s": 0.012, "damping_ratio": damping}
+    p = row({"valve_lag": shape, "valve_delay": {"delay_s": 0.0033}})
+    expected = np.stack([windowed(p, t, j) for j in range(3)], axis=1)
+    np.testing.assert_allclose(stepped([p] * 3, t)[1:], expected, atol=1e-6)
+    plain = row({"valve_lag": {"time_constant_s": 0.012}, "valve_delay": {"delay_s": 0.0033}})
+    assert np.abs(stepped([plain] * 3, t)[1:] - expected).max() > 1.0
+
+
 def test_effects_together_equal_one_long_window():
     effects = {name: planted.TYPICAL[name] for name in SAME}
     effects["flow_saturation"] = {"limit": 0.1}

@@ -57,6 +57,14 @@ def test_effects_step_alike(effects):
     np.testing.assert_allclose(at_once(rows, *inputs), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
 
 
+def test_spools_of_second_order_step_alike():
+    swinging, plain = {"time_constant_s": 0.012, "damping_ratio": 0.6}, {"time_constant_s": 0.005}
+    rows = np.array([row({"valve_lag": swinging}), row({}), row({"valve_lag": plain})])
+    inputs = motion(8)
+    expected = one_by_one(rows, *inputs)
+    np.testing.assert_allclose(at_once(rows, *inputs), expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+
+
 def test_pistons_behind_their_joints_step_alike():
     sizes = {
         "viscous_friction": {"nm_s_per_rad": 60.0, "behind_piston": 0.3},
