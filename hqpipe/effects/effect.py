@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -94,6 +95,20 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class Derived:
+    """A quantity that is reported beside the numbers of an effect and follows from them.
+
+    Attributes:
+        name, unit: as in diagnosis.json. of: names of the numbers that it needs. function: of their values; none below 0.
+    """
+
+    name: str
+    unit: str
+    of: tuple[str, ...]
+    function: Callable[..., float]
+
+
+@dataclass(frozen=True)
 class Effect:
     """A candidate cause of the gap.
 
@@ -101,7 +116,7 @@ class Effect:
         name: as in diagnosis.json.
         layer: "actuator" or "sensing".
         stage: where it acts, in the order of the chain: "clock", "command", "core" or "output".
-        parameters: its numbers.
+        parameters: its numbers. derived: what follows from them.
         meaning: one line.
         source: where the form comes from.
         experiment: what to record so that it shows.
@@ -129,3 +144,4 @@ class Effect:
     machine: bool = False
     least_joints: int = 1
     stands_for: str | None = None
+    derived: tuple[Derived, ...] = ()

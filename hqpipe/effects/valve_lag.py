@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.effects.effect import NONE, POSITION, SECOND, Effect, Parameter
+from hqpipe.effects.effect import NONE, POSITION, SECOND, Derived, Effect, Parameter
 
 LEAST_DAMPED = 0.3  # damping ratio of a spool; below it swings as no valve is built to; assumption
 ALIKE = 1e-9  # of the squared damping: two poles that are one
@@ -30,6 +30,7 @@ EFFECT = Effect(
         ),
     ),
     meaning="spool dynamics: first order, or second order with ω = 2 · damping_ratio / time_constant_s",
+    derived=(Derived("natural_hz", "Hz", ("time_constant_s", "damping_ratio"), lambda t, ratio: ratio / (np.pi * t)),),
     source="Jelali & Kroll, Hydraulic Servo-systems, 2003: valve models of first and second order",
     experiment="a chirp of small amplitude up to the valve's corner frequency",
 )

@@ -60,8 +60,13 @@ def merge_causes(errors: LayerErrors, joints: LayerJoints, apart: Any = None) ->
     for joint in errors.joints:
         for cause in joint.found.causes:
             known, reported = _without_absent(models[joint.name], cause), reporting(models[joint.name], apart)
-            told = replace(known, numbers=tuple(reported(cause.effect, number) for number in known.numbers))
-            found.setdefault(cause.effect, {})[joint.name] = told
+            told = tuple(
+                reported(cause.effect, number)
+                for k, number in enumerate(known.numbers)
+                if k == 0 or not _without_end(models[joint.name], apart, cause.effect, number)
+            )
+            numbers = told + _derived(cause.effect, told)
+            found.setdefault(cause.effect, {})[joint.name] = replace(known, numbers=numbers)
     causes = []
     for effect, members in found.items():
         for batch in _batches(members):
@@ -75,6 +80,30 @@ def _without_absent(model: JointModel, cause: JointCause) -> JointCause:
     if any(number.reference is None or number.reference != neutral.get(number.name) for number in cause.numbers):
         return cause
     return replace(cause, numbers=tuple(replace(number, reference=None) for number in cause.numbers))
+
+
+def _without_end(model: JointModel, layer: Any, effect: str, number: Number) -> bool:
+    """Whether a number as it is reported may be infinite: a limit that the joint never meets."""
+    given = getattr(model, "reported", None) or getattr(layer, "reported", None)
+    told = [given(effect, number.name, x)[1] for x in (number.value, *number.ci95)] if given else []
+    return not np.isfinite(told).all()
+
+
+def _derived(effect: str, told: Sequence[Number]) -> tuple[Number, ...]:
+    """What follows from the numbers of an effect, where it has all that they need."""
+    values, found = {number.name: number for number in told}, []
+    for quantity in EFFECTS[effect].derived if effect in EFFECTS else ():
+        if all(name in values for name in quantity.of):
+            of = [values[name] for name in quantity.of]
+            value, square = quantity.function(*(number.value for number in of)), 0.0
+            for k in range(len(of)):
+                ends = [
+                    quantity.function(*(n.ci95[side] if i == k else n.value for i, n in enumerate(of))) for side in (0, 1)
+                ]
+                square += (0.5 * (ends[1] - ends[0])) ** 2
+            half = float(np.sqrt(square))
+            found.append(Number(quantity.name, quantity.unit, value, (max(value - half, 0.0), value + half)))
+    return tuple(found)
 
 
 def unsigned_joints(joints: LayerJoints, then: LayerJoints | None = None) -> tuple[str, ...]:
@@ -101,9 +130,10 @@ def _batches(members: dict[str, JointCause]) -> list[list[str]]:
 
 
 def _near(a: JointCause, b: JointCause) -> bool:
-    if [(n.name, n.unit) for n in a.numbers] != [(n.name, n.unit) for n in b.numbers]:
+    if [(n.name, n.unit) for n in a.numbers[:1]] != [(n.name, n.unit) for n in b.numbers[:1]]:
         return False
-    pairs = list(zip(a.numbers, b.numbers, strict=True))
+    others = {(n.name, n.unit): n for n in b.numbers}
+    pairs = [(n, others[n.name, n.unit]) for n in a.numbers if (n.name, n.unit) in others]
     if pairs and not 1.0 / ALIKE <= abs(pairs[0][0].value) / max(abs(pairs[0][1].value), 1e-300) <= ALIKE:
         return False
     return all(agree([_estimate(x), _estimate(y)]) for x, y in pairs)
@@ -115,8 +145,13 @@ def _estimate(number: Number) -> Estimate:
 
 
 def _cause(effect: str, layer: str, members: dict[str, JointCause], machine: Sequence[str]) -> LayerCause:
-    first = next(iter(members.values()))
-    numbers = [_pooled([cause.numbers[k] for cause in members.values()]) for k in range(len(first.numbers))]
+    common = set.intersection(*({(n.name, n.unit) for n in cause.numbers} for cause in members.values()))
+    members = {
+        joint: replace(cause, numbers=tuple(n for n in cause.numbers if (n.name, n.unit) in common))
+        for joint, cause in members.items()
+    }
+    told = len(next(iter(members.values())).numbers)
+    numbers = [_pooled([cause.numbers[k] for cause in members.values()]) for k in range(told)]
     counted = Counter(name for cause in members.values() for name in dict.fromkeys(cause.confused_with))
     rivals = tuple(name for name, count in counted.most_common() if count > MOST * len(members))
     scope = scope_of(tuple(members), machine)

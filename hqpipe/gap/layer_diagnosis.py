@@ -10,6 +10,7 @@ import numpy as np
 
 from hqpipe.errors import IdentificationError, UsageError
 from hqpipe.gap.answer import not_identifiable
+from hqpipe.gap.beyond_fit import beyond_fit
 from hqpipe.gap.cross_check import CrossCheck
 from hqpipe.gap.diagnosis_files import Diagnosis, Row
 from hqpipe.gap.joint_state import Progress
@@ -121,7 +122,7 @@ def layer_diagnosis(
         shares(errors, causes),
         unsigned_joints(joints, then),
         places,
-        [*warnings, *_warnings_of(found)],
+        [*warnings, *beyond_fit(log_set, errors.joints, joints.window_s), *_warnings_of(found)],
         earlier,
         [*left_out, *gone],
         withdrawn,
