@@ -18,7 +18,7 @@ EFFECT = Effect(
     layer="actuator",
     stage="core",
     parameters=(
-        Parameter("slope_per_rad", "1/rad", NONE, -4.0, 4.0, (0.3, -0.3)),
+        Parameter("slope_per_rad", "1/rad", NONE, -4.0, 4.0, (0.3, -0.3), anew=COMMAND_SIDE),  # bounds the unevenness
         Parameter(
             "unevenness",
             "1",

@@ -297,10 +297,15 @@ def fit_windows(
 @njit(cache=True, nogil=True)
 def residual_windows(p: np.ndarray, s: Signals) -> np.ndarray:
     """(steps, W) predicted − logged output of every window; 0 where the target is NaN."""
-    work = make_work(s)
     out = np.empty((s.steps, s.first.shape[0]))
-    simulate(p, s, work, out, ALL)
+    errors_of_windows(p, s, make_work(s), out, ALL)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def errors_of_windows(p: np.ndarray, s: Signals, work: Work, out: np.ndarray, inputs: int) -> None:
+    """Fill `out` (steps, W) with what `residual_windows` gives; inputs: see `simulate`."""
+    simulate(p, s, work, out, inputs)
     for k in range(out.shape[0]):
         for w in range(out.shape[1]):
             out[k, w] = 0.0 if np.isnan(s.target[k + 1, w]) else out[k, w] - s.target[k + 1, w]
-    return out

@@ -19,6 +19,7 @@ from hqpipe.layers.actuator.parameters import (
     reported_unit,
 )
 from hqpipe.layers.actuator.record import Record
+from hqpipe.layers.actuator.repeated_run import RepeatedRun
 
 _LOGGED, _SPEED_LATE, _PRESLIDING = (BASE_NAMES.index(name) for name in (LOGGED_SPEED, SPEED_LATE, PRESLIDING))
 _BASE = [slot("base", name) for name in BASE]
@@ -58,6 +59,8 @@ class ActuatorJoint:
 
     _columns: np.ndarray = field(init=False)
     _opening: int = field(init=False)
+    _run: RepeatedRun = field(init=False)
+    _last: tuple[float, float] = field(init=False, default=(0.0, 0.0))
 
     def __post_init__(self) -> None:
         owned = [(owner, name) for owner, name in self.places if name != BY_OPENING]
@@ -65,6 +68,7 @@ class ActuatorJoint:
         names = [name for _, name in self.places]
         at = len(self.base) + names.index(BY_OPENING) if BY_OPENING in names else -1
         object.__setattr__(self, "_opening", at)
+        object.__setattr__(self, "_run", RepeatedRun(self.records[0].signals))
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
         """(N,) prediction less measured torque at the samples of `fit` or `heldout`, N·m or N.
@@ -76,12 +80,18 @@ class ActuatorJoint:
         if not record.windows:
             return np.zeros(0)
         share, opening = float(values[_LOGGED]), self._by_opening(values)
-        signals = record.signals
+        velocity, demand = record.signals.velocity, record.signals.demand
         if share != 0.0:
-            signals = signals._replace(velocity=signals.velocity + share * (record.logged - signals.velocity))
+            velocity = velocity + share * (record.logged - velocity)
         if opening != 0.0:
-            signals = signals._replace(demand=record.by_speed + opening * (record.by_opening - record.by_speed))
-        found = record.picked(residual_windows(self.row(values), signals))
+            demand = record.by_speed + opening * (record.by_opening - record.by_speed)
+        row = self.row(values)
+        if heldout:
+            errors = residual_windows(row, record.signals._replace(velocity=velocity, demand=demand))
+        else:
+            errors = self._run.errors(row, velocity, demand, (share, opening) == self._last)
+            object.__setattr__(self, "_last", (share, opening))
+        found = record.picked(errors)
         beside = values[len(self.base) + len(self.places) :]
         return found + beside @ self.shapes[heldout] if np.any(beside) else found
 

@@ -1,0 +1,71 @@
+"""A run that keeps what a change leaves as it was gives what a run from the start gives, up to rounding."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from position_loop_logs import planted_logs
+
+from hqpipe.effects.layout import FIELDS, slot
+from hqpipe.identify.model import all_parameters
+from hqpipe.kernels.augmented_columns import ALL
+from hqpipe.kernels.augmented_fit import residual_windows
+from hqpipe.layers.actuator import Actuator
+from hqpipe.layers.actuator.repeated_run import RepeatedRun, changed_inputs
+
+STEPS = 120
+ROUNDING = 1e-10  # sums are taken in an order that hangs on where arrays lie in memory
+
+
+@pytest.fixture(scope="module")
+def joint():
+    return Actuator().joints(planted_logs({}, {}, seconds=3.0, fit=2)).models[0]
+
+
+def rows(joint, seed):
+    """Rows one after the other, each with a few numbers of some effects moved, set to neutral or back."""
+    rng = np.random.default_rng(seed)
+    parameters = all_parameters(joint)
+    neutral = np.array([p.neutral for p in parameters])
+    spread = np.array([p.spread if np.isfinite(p.spread) else 0.1 * abs(p.neutral) for p in parameters])
+    low, high = (np.array([getattr(p, end) for p in parameters]) for end in ("low", "high"))
+    values = neutral.copy()
+    for _ in range(STEPS):
+        for at in rng.integers(0, len(joint.base) + len(joint.places), rng.integers(1, 4)):
+            values[at] = neutral[at] if rng.random() < 0.3 else values[at] + spread[at] * rng.uniform(-1.0, 1.0)
+        values = np.clip(values, low, high)
+        yield joint.row(values)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_runs_in_a_row_are_those_from_the_start(joint, seed):
+    signals = joint.records[0].signals
+    run = RepeatedRun(signals)
+    for k, row in enumerate(rows(joint, seed)):
+        found = run.errors(row, signals.velocity, signals.demand, same=k > 0)
+        expected = residual_windows(row, signals)
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING * np.abs(expected).max())
+
+
+def test_other_signals_are_run_from_the_start(joint):
+    signals = joint.records[0].signals
+    run = RepeatedRun(signals)
+    row = next(rows(joint, 1))
+    run.errors(row, signals.velocity, signals.demand, same=False)
+    faster = 1.1 * signals.velocity
+    found = run.errors(row, faster, signals.demand, same=False)
+    expected = residual_windows(row, signals._replace(velocity=faster))
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING * np.abs(expected).max())
+
+
+def test_a_change_of_the_core_alone_leaves_the_inputs_as_they_are(joint):
+    row = joint.row(np.array([p.neutral for p in all_parameters(joint)]))
+    for name in ("k1", "k2", "k3"):
+        moved = row.copy()
+        moved[slot("base", name)] *= 1.01
+        assert changed_inputs(row, moved) == 0
+    for owner, name in FIELDS:
+        if owner == "setting":
+            moved = row.copy()
+            moved[slot(owner, name)] += 1.0
+            assert changed_inputs(row, moved) == ALL
