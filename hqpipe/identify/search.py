@@ -112,9 +112,7 @@ class Search:
     def grown_by(self, known: Known, name: str) -> Known:
         """The set with one more effect, started from the set."""
         names = known.names | {name}
-        if names not in self.known:
-            self.known[names] = self._known(names, self._refit(known, name))
-        return self.known[names]
+        return self.known[names] if names in self.known else self._kept(names, self._refit(known, name))
 
     def without(self, known: Known, name: str) -> Known:
         """The set without one of its effects: the best fit from the set itself, and from what was fitted before."""
@@ -222,6 +220,7 @@ class Search:
         """A more probable set with one effect less, or another one in its place."""
         for name in sorted(best.names):
             smaller = self.without(best, name)
+            best = self._kept(best.names, best.solution)
             if self.gain(best, smaller) <= 0.0:
                 return smaller
             for option in self.replaced(smaller, name):
@@ -247,10 +246,18 @@ class Search:
         return self.fitter.fit(positions(self.model, list(names)), starts, noise)
 
     def _kept(self, names: Names, solution: Solution) -> Known:
-        """A set with the better of a fit and of what is known of it."""
+        """A set with the better of a fit and of what is known of it; no worse than any part of it that is known."""
         if names not in self.known or solution.square < (1.0 - _LOWER) * self.known[names].solution.square:
             self.known[names] = self._known(names, solution)
             self._left_out.pop(names, None)
+        known = self.known[names]
+        parts = [k for k in self.known.values() if k.names < names and k.solution.square < known.solution.square]
+        if parts:
+            part = min(parts, key=lambda k: k.solution.square)
+            solution = self._fit(names, [part.solution.values], part.covariance.noise)
+            if solution.square < known.solution.square:
+                self.known[names] = self._known(names, solution)
+                self._left_out.pop(names, None)
         return self.known[names]
 
     def _known(self, names: Names, solution: Solution) -> Known:
