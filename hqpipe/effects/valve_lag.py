@@ -10,6 +10,12 @@ from hqpipe.effects.effect import NONE, POSITION, SECOND, Derived, Effect, Param
 LEAST_DAMPED = 0.3  # damping ratio of a spool; below it swings as no valve is built to; assumption
 ALIKE = 1e-9  # of the squared damping: two poles that are one
 
+
+def natural_hz(time_constant_s: float, damping_ratio: float) -> float:
+    """Natural frequency of a spool of second order, Hz; infinite without a lag."""
+    return damping_ratio / (np.pi * time_constant_s) if time_constant_s > 0.0 else np.inf
+
+
 EFFECT = Effect(
     name="valve_lag",
     layer="actuator",
@@ -30,7 +36,7 @@ EFFECT = Effect(
         ),
     ),
     meaning="spool dynamics: first order, or second order with ω = 2 · damping_ratio / time_constant_s",
-    derived=(Derived("natural_hz", "Hz", ("time_constant_s", "damping_ratio"), lambda t, ratio: ratio / (np.pi * t)),),
+    derived=(Derived("natural_hz", "Hz", ("time_constant_s", "damping_ratio"), natural_hz),),
     source="Jelali & Kroll, Hydraulic Servo-systems, 2003: valve models of first and second order",
     experiment="a chirp of small amplitude up to the valve's corner frequency",
 )

@@ -21,6 +21,14 @@ SPEED, TRAVEL, TOGETHER = "speed", "travel from the middle", "all joints togethe
 _UNITS = {SPEED: "rad/s", TRAVEL: "rad"}
 
 
+@dataclass(frozen=True)
+class BeyondFit:
+    """A held-out trial, and a line that says what it does."""
+
+    file: str
+    text: str
+
+
 @dataclass(frozen=True, eq=False)
 class _Beyond:
     """Of one joint in one held-out trial.
@@ -76,21 +84,21 @@ def _signals(samples: Samples, middle: float) -> dict[str, np.ndarray]:
     return {SPEED: np.abs(samples.velocity), TRAVEL: np.abs(samples.position - middle)}
 
 
-def beyond_fit(log_set: LogSet, joints: Sequence[JudgedJoint], window_s: float) -> list[str]:
-    """One line for each held-out trial most of whose error lies where the fit trials never were.
+def beyond_fit(log_set: LogSet, joints: Sequence[JudgedJoint], window_s: float) -> list[BeyondFit]:
+    """Held-out trials most of whose error lies where the fit trials never were.
 
     Args:
         joints: with their causes. window_s: an error is made within that time before it shows.
     """
     together = _Together.of(log_set)
     found = [part for joint in joints if joint.heldout for part in _of_joint(together, joint, window_s)]
-    whole, lines = sum(part.left for part in found), []
+    whole, told = sum(part.left for part in found), []
     for file in dict.fromkeys(part.file for part in found):
         parts = [part for part in found if part.file == file]
         left, beyond = (sum(getattr(part, name) for part in parts) for name in ("left", "beyond"))
         if left > 0.0 and beyond >= MOST_OF_IT * left and left >= COUNTS * whole:
-            lines.append(_line(log_set, file, parts, beyond / left))
-    return lines
+            told.append(BeyondFit(file, _line(log_set, file, parts, beyond / left)))
+    return told
 
 
 def _line(log_set: LogSet, file: str, parts: Sequence[_Beyond], share: float) -> str:
@@ -106,8 +114,8 @@ def _line(log_set: LogSet, file: str, parts: Sequence[_Beyond], share: float) ->
         unit = unit_of(_UNITS[signal], log_set.kinds.get(most.joint))
         what = f"{names} leave the {signal} of the fit trials ({most.joint} {here:.3g} {unit}, there {then:.3g} {unit} at most)"
     return (
-        f"{file}, held out: {what}; {share:.0%} of the error that is left in it lies in such moments. No fit has seen them, so "
-        "that effects which only act there go without a name: put such a motion among the fit trials"
+        f"{file}, held out: {what}; {share:.0%} of the error that is left in it lies in such moments. No fit has seen them, "
+        "and effects that act only there go without a name"
     )
 
 

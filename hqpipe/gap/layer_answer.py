@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from hqpipe.gap.answer import MIN_SHARE, UNLIKE, cause_entry, head
+from hqpipe.gap.beyond_fit import BeyondFit
 from hqpipe.gap.causes import Cause
 from hqpipe.gap.considered import significant
 from hqpipe.gap.gap_entry import gap_entry, undeclared
@@ -44,13 +45,14 @@ def layer_content(
     left_out: Sequence[LeftOut],
     withdrawn: Mapping[str, str],
     scales: Sequence[Cause] = (),
+    beyond: Sequence[BeyondFit] = (),
 ) -> dict[str, Any]:
     """The content of diagnosis.json.
 
     Args:
         log_set: with the joints that were judged. causes, shrink: in one order. unsigned: joints whose torque lost its sign.
         places: before and after the causes were added. withdrawn: effect → why it is no cause although it was found.
-        scales: sensors with a gain of their own, which no model shows.
+        scales: sensors with a gain of their own, which no model shows. beyond: trials that leave what the fit trials show.
     """
     verdict = evidence.verdict(bool(causes) or bool(unsigned) or bool(scales))
     rest = bool(evidence.rest.any())
@@ -69,8 +71,15 @@ def layer_content(
             "where": [_place(p, joints.layer, errors) for p in (telling(places[1]) if rest else [])],
             "depends_on": depends,
         },
-        "next_experiment": next_experiment(joints.layer, found, rest, depends, _worst(errors, evidence)),
-        "warnings": [*warnings, *undeclared(log_set, errors.scale), *_remarks(errors, evidence)],
+        "next_experiment": next_experiment(
+            joints.layer, found, rest, depends, _worst(errors, evidence), [b.file for b in beyond]
+        ),
+        "warnings": [
+            *(b.text for b in beyond),
+            *warnings,
+            *undeclared(log_set, errors.scale),
+            *_remarks(errors, evidence),
+        ],
     }
     validate_diagnosis(content)
     return content

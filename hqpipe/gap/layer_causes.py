@@ -98,10 +98,13 @@ def _derived(effect: str, told: Sequence[Number]) -> tuple[Number, ...]:
             value, square = quantity.function(*(number.value for number in of)), 0.0
             for k in range(len(of)):
                 ends = [
-                    quantity.function(*(n.ci95[side] if i == k else n.value for i, n in enumerate(of))) for side in (0, 1)
+                    quantity.function(*(n.ci95[side] if i == k else n.value for i, n in enumerate(of)))
+                    for side in (0, 1)
                 ]
                 square += (0.5 * (ends[1] - ends[0])) ** 2
             half = float(np.sqrt(square))
+            if not np.isfinite([value, half]).all():
+                continue
             found.append(Number(quantity.name, quantity.unit, value, (max(value - half, 0.0), value + half)))
     return tuple(found)
 

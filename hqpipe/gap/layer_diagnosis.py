@@ -122,11 +122,12 @@ def layer_diagnosis(
         shares(errors, causes),
         unsigned_joints(joints, then),
         places,
-        [*warnings, *beyond_fit(log_set, errors.joints, joints.window_s), *_warnings_of(found)],
+        [*warnings, *_warnings_of(found)],
         earlier,
         [*left_out, *gone],
         withdrawn,
         scale_causes(checked, errors.names),
+        beyond_fit(log_set, errors.joints, joints.window_s),
     )
     return Diagnosis(content, tuple(rows), layer_traces(errors, logs, joints))
 

@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from hqpipe.effects import EFFECTS
+from hqpipe.logs.findings import listed
 
 _FRICTION = frozenset({"coulomb_friction", "viscous_friction", "stribeck_friction"})
 _LOADED = frozenset({"load_dependent_friction"})
@@ -49,11 +50,13 @@ def next_experiment(
     unexplained: bool,
     depends_on: Sequence[Mapping[str, Any]],
     worst: str,
+    beyond: Sequence[str] = (),
 ) -> str | None:
     """What to record next; None where nothing is open.
 
     Args:
-        causes, depends_on: as in diagnosis.json. unexplained: whether more is left than noise. worst: joint with most of it.
+        causes, depends_on: as in diagnosis.json. unexplained: whether more is left than noise. worst: joint with most of it. beyond: held-out
+            trials whose error lies where no fit trial was.
     """
     for cause in causes:
         if cause["confused_with"]:
@@ -61,6 +64,8 @@ def next_experiment(
             return f"to tell {cause['effect']} from {rival} in {joints}: {_telling({cause['effect'], rival}, layer)}"
     if not unexplained:
         return None
+    if beyond:
+        return f"put a trial that moves as {listed(list(beyond))} among the fit trials: what is left lies where no fit trial was"
     head = "no effect of the library fits what is left"
     for row in depends_on:
         signal, joints = row["signal"], ", ".join(row["joints"])

@@ -137,7 +137,7 @@ def _confirmed(search: Search, known: Known, base: Known) -> Known:
         for name in causes:
             smaller = search.without(known, name)
             closes[name] = _heldout_square(search, smaller) - _heldout_square(search, known)
-            borne_out = closes[name] > least or _usual_gain(search, smaller, known) > LEAST_GAIN
+            borne_out = closes[name] > least or _usual_gain(search, smaller, known) > LEAST_SHARE
             shown[name] = borne_out and _is_sizeable(search, known, name)
         name = min(causes, key=lambda name: (shown[name], closes[name]))
         if shown[name]:

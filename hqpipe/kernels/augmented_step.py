@@ -48,9 +48,9 @@ from hqpipe.kernels.augmented_columns import (
     PUMP,
     RECOVERY,
     SLOPE,
+    SPRINGY,
     STATIC,
     STRIBECK,
-    SPRINGY,
     VALVE_DELAY,
     WINDUP,
 )

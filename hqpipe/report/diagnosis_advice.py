@@ -37,7 +37,6 @@ MEANINGS = {
     "position_bias": "the joint's zero is off",
     "channel_skew": "torque is logged later than position",
     "unsigned_sensor": "a channel lost its sign",
-    "valve_delay": "what the controller puts out acts later, behind the position loop",
     "voltage_sag": "the supply voltage gives way under load, so that the drive has less to give",
     "torque_limit": "beyond a certain torque the drive gives no more",
     "gain_error": "the gain of the drive is not what is stated",
@@ -111,7 +110,6 @@ ADVICE = {
     "position_bias": "Redo the joint's zero against a jig or an end stop.",
     "channel_skew": "Stamp both channels at their source, or shift the later one by this much before the fit: it is an "
     "error of the log, not of the machine.",
-    "valve_delay": "Look for the delay between controller and valve driver; give the rest to the simulator.",
     "voltage_sag": "Log the supply voltage, use thicker leads or a stronger supply, and put the resistance in the "
     "simulator.",
     "torque_limit": "Put the limit in the simulator, and keep the commanded motion below it; look at the drive's current "
