@@ -72,10 +72,10 @@ def layer_content(
             "depends_on": depends,
         },
         "next_experiment": next_experiment(
-            joints.layer, found, rest, depends, _worst(errors, evidence), [b.file for b in beyond]
+            joints.layer, found, rest, depends, _worst(errors, evidence), [trial.file for trial in beyond]
         ),
         "warnings": [
-            *(b.text for b in beyond),
+            *(trial.text for trial in beyond),
             *warnings,
             *undeclared(log_set, errors.scale),
             *_remarks(errors, evidence),
@@ -108,7 +108,7 @@ def _gap(
 def _cause(cause: LayerCause, shrink: Shrink, i: int, compared: bool) -> dict[str, Any]:
     low, high = sorted(shrink.each_ci95[i])
     parameters = {}
-    for k, number in enumerate(cause.numbers):
+    for number in cause.numbers:
         entry: dict[str, Any] = {
             "value": significant(number.value),
             "unit": number.unit,
@@ -117,7 +117,7 @@ def _cause(cause: LayerCause, shrink: Shrink, i: int, compared: bool) -> dict[st
         if compared:
             entry["reference"] = None if number.reference is None else significant(number.reference)
         if len(cause.members) > 1:
-            own = {joint: member.numbers[k] for joint, member in cause.members.items()}
+            own = {joint: n for joint, member in cause.members.items() for n in member.numbers if n.name == number.name}
             entry["joints"] = {j: {"value": significant(n.value), "ci95": _interval(n.ci95)} for j, n in own.items()}
         parameters[number.name] = entry
     return {

@@ -29,7 +29,7 @@ class LayerCause:
     """An effect of several joints that agree on its numbers.
 
     Attributes:
-        members: joint → what was found in it. numbers: pooled over the joints.
+        members: joint → what was found in it. numbers: that most of the joints have, pooled over these.
     """
 
     effect: str
@@ -148,13 +148,12 @@ def _estimate(number: Number) -> Estimate:
 
 
 def _cause(effect: str, layer: str, members: dict[str, JointCause], machine: Sequence[str]) -> LayerCause:
-    common = set.intersection(*({(n.name, n.unit) for n in cause.numbers} for cause in members.values()))
-    members = {
-        joint: replace(cause, numbers=tuple(n for n in cause.numbers if (n.name, n.unit) in common))
-        for joint, cause in members.items()
-    }
-    told = len(next(iter(members.values())).numbers)
-    numbers = [_pooled([cause.numbers[k] for cause in members.values()]) for k in range(told)]
+    shown = Counter((number.name, number.unit) for cause in members.values() for number in cause.numbers)
+    numbers = [
+        _pooled([n for cause in members.values() for n in cause.numbers if (n.name, n.unit) == key])
+        for key, count in shown.items()
+        if count > MOST * len(members)
+    ]
     counted = Counter(name for cause in members.values() for name in dict.fromkeys(cause.confused_with))
     rivals = tuple(name for name, count in counted.most_common() if count > MOST * len(members))
     scope = scope_of(tuple(members), machine)

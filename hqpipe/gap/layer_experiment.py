@@ -55,8 +55,8 @@ def next_experiment(
     """What to record next; None where nothing is open.
 
     Args:
-        causes, depends_on: as in diagnosis.json. unexplained: whether more is left than noise. worst: joint with most of it. beyond: held-out
-            trials whose error lies where no fit trial was.
+        causes, depends_on: as in diagnosis.json. unexplained: whether more is left than noise. worst: joint with most of it.
+        beyond: held-out trials whose error lies where no fit trial was.
     """
     for cause in causes:
         if cause["confused_with"]:
@@ -65,7 +65,8 @@ def next_experiment(
     if not unexplained:
         return None
     if beyond:
-        return f"put a trial that moves as {listed(list(beyond))} among the fit trials: what is left lies where no fit trial was"
+        trials = listed(list(beyond))
+        return f"put a trial that moves as {trials} among the fit trials: what is left lies where no fit trial was"
     head = "no effect of the library fits what is left"
     for row in depends_on:
         signal, joints = row["signal"], ", ".join(row["joints"])

@@ -1,4 +1,4 @@
-"""A worn machine of the reference plant: larger sets fit no worse than their parts, and its valve is read in the plant's terms."""
+"""A worn machine of the reference plant: larger sets fit no worse than their parts, and its valve is read as it is built."""
 
 from __future__ import annotations
 

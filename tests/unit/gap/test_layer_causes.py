@@ -179,3 +179,43 @@ def test_numbers_that_are_all_nought_keep_the_intervals_that_they_have(models):
     (merged,) = merge_causes(errors, found.joints)
     share = merged.numbers[1]
     assert share.value == 0.0 and 0.2 < share.ci95[1] <= 0.5
+
+
+class SpoolJoint:
+    """How a joint of the actuator layer reports a spool: the damping ratio by one over its square."""
+
+    @staticmethod
+    def reported(effect, name, value):
+        if name != "damping_ratio":
+            return name, value, "s"
+        return name, 1.0 / np.sqrt(value) if value > 0.0 else np.inf, "1"
+
+
+def spool(models, springy):
+    """A lag of 20 ms in each joint, with 1/ζ² and its interval."""
+    parts = [
+        (number("time_constant_s", 0.02, 0.002, "s"), replace(number("damping_ratio", w, 0.1, "1"))) for w in springy
+    ]
+    found, errors = errors_of(
+        *(made_up(m, 1.0, 0.5, causes=[cause("valve_lag", *p)]) for m, p in zip(models, parts, strict=True))
+    )
+    return merge_causes(errors, found.joints, SpoolJoint)
+
+
+def test_what_follows_from_the_numbers_of_an_effect_is_reported_beside_them(models):
+    (lag,) = spool(models[:1], (1.5,))
+    told = {n.name: n for n in lag.numbers}
+    assert list(told) == ["time_constant_s", "damping_ratio", "natural_hz"]
+    damping = 1.0 / np.sqrt(1.5)
+    assert told["damping_ratio"].value == pytest.approx(damping)
+    assert told["natural_hz"].value == pytest.approx(damping / (np.pi * 0.02)) and told["natural_hz"].unit == "Hz"
+    low, high = told["natural_hz"].ci95
+    assert high - low > damping / np.pi * (1.0 / 0.018 - 1.0 / 0.022), "no surer than the time constant"
+
+
+def test_a_second_number_that_may_be_infinite_is_left_out(models):
+    (lag,) = spool(models, (1.5, 1.5, 0.05))
+    assert [n.name for n in lag.numbers] == ["time_constant_s", "damping_ratio", "natural_hz"], "most joints have it"
+    assert [n.name for n in lag.members["foot"].numbers] == ["time_constant_s"]
+    (lag,) = spool(models, (1.5, 0.05, 0.05))
+    assert [n.name for n in lag.numbers] == ["time_constant_s"]

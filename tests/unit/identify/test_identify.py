@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -65,6 +66,32 @@ def test_a_cause_that_the_held_out_trials_contradict_is_withdrawn():
     (joint,) = _found(model)
     assert _names(joint) == ["spring"]
     assert joint.withdrawn == ("coulomb_friction",)
+
+
+def test_one_wild_held_out_trial_withdraws_nothing_that_the_others_bear_out():
+    truth = {"coulomb_friction": 0.3, "spring": 0.4}
+    model = ToyJoint(truth=truth)
+    rng = np.random.default_rng(3)
+    model.heldout, model._heldout = model._part(("c", "d", "e"), truth, 0.1, 0.0, 0.0, 20.0, rng)
+    wild = model.heldout.trial == 0
+    model.heldout.output[wild] -= 0.9 * np.sign(model.heldout.velocity[wild])
+    (joint,) = _found(model)
+    assert sorted(_names(joint)) == sorted(truth)
+    without = joint.without["coulomb_friction"].heldout
+    assert np.sum(without**2) < np.sum(joint.named.heldout**2), "all trials together speak against it"
+
+
+def test_two_large_causes_that_can_take_each_others_part_are_both_named():
+    model = ToyJoint(truth={"spring": 0.5}, noise=0.002)
+    model.effects = tuple(replace(e, named=e.name != "quadratic") for e in model.effects)
+    for part, regressors in ((model.fit, model._fit), (model.heldout, model._heldout)):
+        regressors[5] = np.sin(part.position)  # in the place of the cubic one, and nearly a spring
+        part.output[:] += 0.5 * regressors[5]
+    (joint,) = _found(model)
+    assert {"spring", "cubic"} <= set(_names(joint))
+    gap = np.mean(joint.base.error**2)
+    closes = np.mean(joint.without["spring"].error ** 2) - np.mean(joint.named.error**2)
+    assert closes < 0.01 * gap, "by itself it closes next to nothing"
 
 
 def test_a_cause_that_is_small_beside_what_is_left_unexplained_needs_other_joints():
