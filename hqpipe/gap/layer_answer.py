@@ -60,6 +60,7 @@ def layer_content(
     found = sorted(found, key=lambda c: (-c["shrink"], -c["probability"]))
     found = [*_unsigned(unsigned, errors.names), *(cause_entry(one, log_set) for one in scales), *found]
     depends = _depends_on(errors, evidence) if rest else []
+    beyond = beyond if rest else ()
     content = head(log_set, verdict, earlier, left_out) | {
         "gap": _gap(log_set, joints, errors, evidence, shrink),
         "where": [_place(p, joints.layer, errors) for p in (telling(places[0]) if evidence.gap.any() else [])],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -21,6 +22,7 @@ from hqpipe.identify.visible import least_visible
 Progress = Callable[[float, float, str], None]
 _EXPECTED = 1.0  # effects of a joint beforehand; assumption: logs are diagnosed because something is wrong
 _COMMON = 0.5  # of the joints have a common effect; by its definition
+_MOST_JOINTS = 0.5  # share of the joints that have a cause, from which it is one of the machine
 _WEIGHT = 3.0  # joints that the expectation counts as, beside the other joints of the machine; assumption
 
 
@@ -69,8 +71,26 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
                 pool.map(lambda pair: _weighed_again(*pair[0], pair[1]), zip(searched, others, strict=True))
             )
         answers = tuple(pool.map(lambda pair: answer(*pair), searched))
+        answers = tuple(pool.map(lambda pair: _with_shared(*pair), _sharing(searched, answers)))
     answers = without_minor_causes(searched, answers)
     return tuple(_with_visible(search, found) for (search, _), found in zip(searched, answers, strict=True))
+
+
+def _sharing(
+    searched: Sequence[tuple[Search, Known]], answers: Sequence[JointFound]
+) -> list[tuple[Search, Known, JointFound]]:
+    """Each joint with its answer; its search is told which causes most joints of the machine have."""
+    count = Counter(cause.effect for joint in answers for cause in joint.causes)
+    shared = frozenset(name for name, joints in count.items() if joints > _MOST_JOINTS * len(answers) and joints > 1)
+    for search, _ in searched:
+        search.shared = shared
+    return [(search, known, joint) for (search, known), joint in zip(searched, answers, strict=True)]
+
+
+def _with_shared(search: Search, known: Known, found: JointFound) -> JointFound:
+    """The answer of a joint that lacks a cause of most others, once more: what most have need only be probable in one."""
+    lacking = search.shared - {cause.effect for cause in found.causes}
+    return answer(search, known) if lacking & known.names else found
 
 
 def _with_visible(search: Search, found: JointFound) -> JointFound:

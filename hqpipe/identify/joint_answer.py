@@ -93,8 +93,9 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
         square = search.left_out(known)
         closes = {name: search.left_out(search.without(known, name)) - square for name in rest}
         large = {name: _is_sizeable(search, known, name) and search.does(known, name) >= least for name in rest}
-        name = min(rest, key=lambda name: (large[name], closes[name]))
-        if closes[name] >= LEAST_GAIN * square and large[name]:
+        name = min(rest, key=lambda name: (large[name], name in search.shared and closes[name] >= 0.0, closes[name]))
+        least_gain = 0.0 if name in search.shared else LEAST_GAIN
+        if closes[name] >= least_gain * square and large[name]:
             break
         known = search.improved(search.without(known, name))
     persistence = float(np.sum((search.model.fit.held - search.model.fit.output) ** 2))
@@ -137,7 +138,10 @@ def _confirmed(search: Search, known: Known, base: Known) -> Known:
         for name in causes:
             smaller = search.without(known, name)
             closes[name] = _heldout_square(search, smaller) - _heldout_square(search, known)
-            borne_out = closes[name] > least or _usual_gain(search, smaller, known) > LEAST_SHARE
+            usual = _usual_gain(search, smaller, known)
+            borne_out = closes[name] > least or usual > LEAST_SHARE
+            if name in search.shared:
+                borne_out |= closes[name] > 0.0 or usual > 0.0
             shown[name] = borne_out and _is_sizeable(search, known, name)
         name = min(causes, key=lambda name: (shown[name], closes[name]))
         if shown[name]:

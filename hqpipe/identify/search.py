@@ -63,7 +63,8 @@ class Search:
     Attributes:
         odds: effect → ln of the prior odds that the joint has it.
         gains: effect → ln of how much more probable the logs are with it beside the set that is reached.
-        known: every set that was fitted. barred: effects that no set may have from now on.
+        known: every set that was fitted. barred: effects that no set may have from now on. shared: effects that are causes in
+            most joints of the machine, as far as that is known.
     """
 
     model: JointModel
@@ -71,6 +72,7 @@ class Search:
     fitter: Fitter = field(init=False)
     known: dict[Names, Known] = field(init=False, default_factory=dict)
     barred: set[str] = field(init=False, default_factory=set)
+    shared: frozenset[str] = field(init=False, default=frozenset())
     _left_out: dict[Names, float] = field(init=False, default_factory=dict)
     _begun: set[tuple[Names, Names, float]] = field(init=False, default_factory=set)
     gains: dict[str, float] = field(init=False, default_factory=dict)
