@@ -16,6 +16,7 @@ _LATE = frozenset({"command_delay", "valve_delay", "valve_lag", "channel_skew", 
 _SUPPLY = frozenset({"voltage_sag", "torque_limit", "supply_droop", "flow_saturation"})
 _PLAY = frozenset({"backlash", "transmission_compliance"})
 _GAINS = frozenset({"gain_error", "direction_asymmetry", "gain_drift"})
+_WARM = frozenset({"gain_drift", "leakage_drift"})
 _BETWEEN: tuple[tuple[frozenset[str], str], ...] = (
     (_FRICTION, "slow triangles to and fro over the same range at two speeds, several times each"),
     (_FRICTION | _LOADED, "slow triangles over the same range without and with a known load, several times each"),
@@ -24,6 +25,10 @@ _BETWEEN: tuple[tuple[frozenset[str], str], ...] = (
     (_LATE, "steps of the command from rest, and pushes by hand while the command is held"),
     (_SUPPLY, "the same large fast motion at two supplies (voltage, pressure), with the supply logged"),
     (_PLAY, "slow reversals with the load on one side of the play and then on the other, then fast ones"),
+    (
+        _WARM,
+        "the same motion in cold and in warm condition, with the temperature logged, holding a load still in between",
+    ),
     (_GAINS, "steps of several sizes in both directions, with the gains of the drive stated in logset.yaml"),
 )
 """Effects → what tells any two of them apart; the first entry that holds both counts."""

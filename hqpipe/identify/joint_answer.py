@@ -132,13 +132,16 @@ def _confirmed(search: Search, known: Known, base: Known) -> Known:
     if not len(search.model.heldout.trial):
         return known
     floor = len(search.model.heldout.trial) * search.model.noise[1] ** 2
-    least = LEAST_SHARE * max(_heldout_square(search, base) - floor, 0.0)
+    without_any = _heldout_square(search, base)
+    least = LEAST_SHARE * max(without_any - floor, 0.0)
     while causes := _causes(search, known):
         closes, shown = {}, {}
         for name in causes:
             smaller = search.without(known, name)
-            closes[name] = _heldout_square(search, smaller) - _heldout_square(search, known)
-            usual = _usual_gain(search, smaller, known)
+            with_all = _heldout_square(search, known)
+            closes[name] = _heldout_square(search, smaller) - with_all
+            # What is worse than the base in all trials together is no model, however well it does in most of them.
+            usual = _usual_gain(search, smaller, known) if with_all < without_any else -1.0
             borne_out = closes[name] > least or usual > LEAST_SHARE
             if name in search.shared:
                 borne_out |= closes[name] > 0.0 or usual > 0.0

@@ -13,6 +13,7 @@ from numba import njit
 from hqpipe.effects.backlash import transmitted
 from hqpipe.effects.coulomb_friction import coulomb, direction, kept_after, stuck
 from hqpipe.effects.integral_action import integrate
+from hqpipe.effects.leakage_drift import leaked
 from hqpipe.effects.load_dependent_friction import load_friction
 from hqpipe.effects.orifice_flow import orifice
 from hqpipe.effects.position_dependent_stiffness import displaced, exchanged, stiffness
@@ -37,6 +38,7 @@ from hqpipe.kernels.augmented_columns import (
     K3,
     K4,
     KI,
+    LEAK_DRIFT,
     LIMIT,
     LOAD,
     MIDDLE,
@@ -63,6 +65,7 @@ from hqpipe.kernels.augmented_links import (
     HALF,
     INTEGRATED,
     LAGGED,
+    LEAKING,
     LEAN,
     MEAN_RELAXED,
     MEAN_SHARE,
@@ -258,6 +261,7 @@ def _core(
     qd: np.ndarray,
     u: np.ndarray,
     lost: np.ndarray,
+    leak: np.ndarray,
     change: np.ndarray,
     start: int,
     size: int,
@@ -269,16 +273,21 @@ def _core(
     else:
         for i in range(size):
             change[i] = m[WOUND, start + i]
+    for i in range(size):
+        leak[i] = p[K2, i]
+    if links[LEAKING]:
+        for i in range(size):
+            leak[i] = leaked(leak[i], p[LEAK_DRIFT, i], m[SAMPLES, start + i] * p[DT, i])
     if links[FLOWING]:
         for i in range(size):
             effort, opening = change[i], u[i]
             loss, mean = m[LOSS, start + i], m[MEAN, start + i]
             u[i] = opening * orifice(opening, effort, p[ORIFICE, i], loss, mean, d[LEAN, i], p[AREAS, i])
-            change[i] = p[K4, i] * impact(effort, opening) - p[K2, i] * (effort - d[EVEN, i])
+            change[i] = p[K4, i] * impact(effort, opening) - leak[i] * (effort - d[EVEN, i])
     else:
         for i in range(size):
             effort = change[i]
-            change[i] = p[K4, i] * impact(effort, u[i]) - p[K2, i] * effort
+            change[i] = p[K4, i] * impact(effort, u[i]) - leak[i] * effort
     if links[STIFFENED]:
         for i in range(size):
             k = start + i
@@ -341,7 +350,7 @@ def augmented_batch(
     """
     block = p.shape[1]
     u, lost, slow, change, before = np.empty(block), np.zeros(block), np.zeros(block), np.empty(block), np.empty(block)
-    speed = np.empty_like(qd) if links[RELAXING] else qd
+    leak, speed = np.empty(block), np.empty_like(qd) if links[RELAXING] else qd
     for start in range(0, tau.shape[0], block):
         size = min(block, tau.shape[0] - start)
         asleep, in_step = _counts(m, start, size)
@@ -354,7 +363,7 @@ def augmented_batch(
             _supply(p, d, links, m, q_des, q, qd, joints, change, start, size)
         if links[RUBBING]:
             _rubbed(p, d, m, speed, lost, slow, start, size)
-        _core(p, d, links, m, q, speed, u, lost, change, start, size)
+        _core(p, d, links, m, q, speed, u, lost, leak, change, start, size)
         if links[RUBBING]:
             for i in range(size):
                 before[i] = m[WOUND, start + i]
@@ -363,7 +372,7 @@ def augmented_batch(
             m[WOUND, start + i] = wound
             tau[start + i] = wound
         if (
-            asleep or links[DELAYED] or links[SENT_LATE] or links[DRIFTING]
+            asleep or links[DELAYED] or links[SENT_LATE] or links[DRIFTING] or links[LEAKING]
         ):  # else it only matters that it is no longer 0
             for i in range(size):
                 m[SAMPLES, start + i] += 1.0

@@ -29,6 +29,7 @@ LAG, SPRINGY = slots("valve_lag")  # the second is one over the square of the da
 BAND, ROUNDING = slot("valve_deadband", "half_width"), slot("valve_deadband", "rounding")
 SATURATION = slot("flow_saturation", "limit")
 (ASYMMETRY, AREAS), DRIFT = slots("direction_asymmetry"), slot("gain_drift", "rate_per_s")
+LEAK_DRIFT = slot("leakage_drift", "rate_per_s")
 DROOP, RECOVERY, PUMP = slots("supply_droop")
 ORIFICE = slot("orifice_flow", "effort_max_nm")
 SLOPE, UNEVEN, EXCHANGE, COMPRESSION = slots("position_dependent_stiffness")

@@ -10,6 +10,7 @@ from hqpipe.effects.direction_asymmetry import asymmetric
 from hqpipe.effects.flow_saturation import saturate
 from hqpipe.effects.gain_drift import drifted
 from hqpipe.effects.integral_action import integrate, wound_up_for
+from hqpipe.effects.leakage_drift import leaked
 from hqpipe.effects.orifice_flow import balance, orifice
 from hqpipe.effects.position_dependent_stiffness import displaced, lean, stiffness, uneven
 from hqpipe.effects.transmission_compliance import softened
@@ -37,6 +38,7 @@ from hqpipe.kernels.augmented_columns import (
     K4,
     KI,
     LAG,
+    LEAK_DRIFT,
     MIDDLE,
     OFFSET,
     ORIFICE,
@@ -140,7 +142,8 @@ def held(p: np.ndarray, s: Signals, work: Work, trial: int) -> float:
         work.sequence[k] = wanted - here + offset
         work.stiff[k] = soft * stiffness(p[SLOPE], s.position[k] - p[MIDDLE])
         velocity = displaced(s.velocity[k], work.middling[k], p[COMPRESSION])
-        work.other[k] = work.stiff[k] * (p[K2] * (s.effort[k] - p[OFFSET] - even) + p[K3] * velocity)
+        leak = leaked(p[K2], p[LEAK_DRIFT], s.time[k])
+        work.other[k] = work.stiff[k] * (leak * (s.effort[k] - p[OFFSET] - even) + p[K3] * velocity)
     limit = 1.0 / max(p[WINDUP], 1e-300)
     low, high, start = -limit, limit, min(max(work.held[trial], -limit), limit)
     for _ in range(HELD_PASSES):

@@ -26,6 +26,7 @@ from hqpipe.kernels.augmented_columns import (
     K3,
     KI,
     LAG,
+    LEAK_DRIFT,
     LOAD,
     ORIFICE,
     RECOVERY,
@@ -62,8 +63,9 @@ BLOCK: Final = 384  # joints (32 quadrupeds): measured; the columns in use of a 
     SENT_ALIKE,
     SENT_LATE,
     SWINGING,
-) = range(18)
-LINKS: Final = 18
+    LEAKING,
+) = range(19)
+LINKS: Final = 19
 # columns that follow from a row of parameters
 (WHOLE, PART, SHARE, MEAN_SHARE, TOP, ONE_WAY, PER_S, RECOVERED, HALF, SOFT, LEAN, RELAXED, MEAN_RELAXED, EVEN) = range(
     14
@@ -107,6 +109,7 @@ def prepare(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         INTEGRATED: (KI,),
         LAGGED: (LAG,),
         SWINGING: (SPRINGY,),
+        LEAKING: (LEAK_DRIFT,),
         DEAD: (BAND,),
         SATURATED: (SATURATION,),
         ONE_SIDED: (ASYMMETRY, UNEVEN),

@@ -8,6 +8,7 @@ from numba import njit
 from hqpipe.effects.backlash import transmitted, wound_up
 from hqpipe.effects.command_delay import delayed
 from hqpipe.effects.coulomb_friction import coulomb, direction, kept_after, stuck
+from hqpipe.effects.leakage_drift import leaked
 from hqpipe.effects.load_dependent_friction import load_friction
 from hqpipe.effects.orifice_flow import balance, orifice
 from hqpipe.effects.position_dependent_stiffness import displaced, lean, stiffness
@@ -30,6 +31,7 @@ from hqpipe.kernels.augmented_columns import (
     K3,
     K4,
     LAG,
+    LEAK_DRIFT,
     LEAST_PASSED,
     LOAD,
     MIDDLE,
@@ -144,7 +146,8 @@ def _turn(p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, first: int,
         passed = 1.0
         if bent:
             passed = orifice(u, inner, p[ORIFICE], work.sagged[k], work.middling[k], lean(slope), p[AREAS])
-        change = k1 * u * passed - k2 * (inner - even) + k4 * impact(inner, u)
+        leak = leaked(k2, p[LEAK_DRIFT], s.time[k])
+        change = k1 * u * passed - leak * (inner - even) + k4 * impact(inner, u)
         change -= k3 * displaced(velocity, work.middling[k], p[COMPRESSION])
         change *= soft * stiffness(slope, s.position[k] - middle)
         turned = slid(p, turned, change, inner + change, velocity, work.slid[k])
@@ -169,7 +172,8 @@ def _take_up(p: np.ndarray, s: Signals, work: Work, opened: np.ndarray, half: fl
         passed = 1.0
         if bent:
             passed = orifice(u, effort, p[ORIFICE], work.sagged[k], work.middling[k], lean(slope), p[AREAS])
-        change = k1 * u * passed - k2 * (effort - even) + k4 * impact(effort, u)
+        leak = leaked(k2, p[LEAK_DRIFT], s.time[k])
+        change = k1 * u * passed - leak * (effort - even) + k4 * impact(effort, u)
         change -= k3 * displaced(velocity, work.middling[k], p[COMPRESSION])
         wound += soft * stiffness(slope, s.position[k] - middle) * change
         if rubbed:

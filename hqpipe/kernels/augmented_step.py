@@ -15,6 +15,7 @@ from numba import njit
 from hqpipe.effects.backlash import transmitted, wound_up
 from hqpipe.effects.coulomb_friction import kept_after
 from hqpipe.effects.integral_action import integrate
+from hqpipe.effects.leakage_drift import leaked
 from hqpipe.effects.orifice_flow import balance, orifice
 from hqpipe.effects.position_dependent_stiffness import displaced, exchanged, lean, stiffness
 from hqpipe.effects.stribeck_friction import sticking
@@ -39,6 +40,7 @@ from hqpipe.kernels.augmented_columns import (
     K4,
     KI,
     LAG,
+    LEAK_DRIFT,
     LIMIT,
     MIDDLE,
     ORIFICE,
@@ -119,7 +121,7 @@ def _joint(p: np.ndarray, memory: np.ndarray, torque: float, q_des: float, q: fl
     passed = orifice(u, effort, p[ORIFICE], memory[LOSS], memory[MEAN], lean(p[SLOPE]), p[AREAS])
     change = (
         p[K1] * u * passed
-        - p[K2] * (effort - balance(p[AREAS], p[ORIFICE]))
+        - leaked(p[K2], p[LEAK_DRIFT], now * dt) * (effort - balance(p[AREAS], p[ORIFICE]))
         - p[K3] * displaced(qd, memory[MEAN], p[COMPRESSION])
     )
     change += p[K4] * impact(effort, u)

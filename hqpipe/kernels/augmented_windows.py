@@ -5,7 +5,7 @@ The chain, in this order (names as in hqpipe.effects):
     clock     channel_skew (all inputs), command_delay (command) → position error e
     command   integral_action → position_bias → valve_delay → valve_lag → valve_deadband → flow_saturation →
               direction_asymmetry (with what unequal chambers add to it) → gain_drift → u
-    core      τ' = τ + S · (k1 φ u − k2 τ − k3 q̇ + k4 h(τ, u)),  φ = orifice_flow with supply_droop,
+    core      τ' = τ + S · (k1 φ u − k2 τ − k3 q̇ + k4 h(τ, u)),  φ = orifice_flow with supply_droop, k2 with leakage_drift,
               S = position_dependent_stiffness · transmission_compliance
     output    friction in front of the load cell, backlash, torque_bias: a seal rubs on the piston's side of the slack;
               where viscous friction holds the piston back, opening and speed come through its lag
@@ -23,6 +23,7 @@ from numba import njit
 from hqpipe.effects.backlash import transmitted, wound_up
 from hqpipe.effects.command_delay import delayed
 from hqpipe.effects.integral_action import integrate
+from hqpipe.effects.leakage_drift import leaked
 from hqpipe.effects.orifice_flow import balance, orifice
 from hqpipe.effects.position_dependent_stiffness import displaced, exchanged, lean, stiffness
 from hqpipe.effects.supply_droop import lacking, sag
@@ -46,6 +47,7 @@ from hqpipe.kernels.augmented_columns import (
     K4,
     KI,
     LAG,
+    LEAK_DRIFT,
     LIMIT,
     MIDDLE,
     MOTION,
@@ -114,7 +116,8 @@ def _opened(s: Signals, k: int) -> float:
 @njit(cache=True, nogil=True, inline="always")
 def shapes(p: np.ndarray) -> bool:
     """Whether the core differs from the base model's."""
-    return p[ORIFICE] != 0.0 or p[DROOP] != 0.0 or p[SLOPE] != 0.0 or p[GAP] != 0.0 or p[COMPLIANCE] != 0.0
+    bent = p[ORIFICE] != 0.0 or p[DROOP] != 0.0 or p[LEAK_DRIFT] != 0.0
+    return bent or p[SLOPE] != 0.0 or p[GAP] != 0.0 or p[COMPLIANCE] != 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -156,7 +159,8 @@ def _full(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
     inverse, slope, leaning, half = p[ORIFICE], p[SLOPE], lean(p[SLOPE]), 0.5 * p[GAP] * p[K3] / p[DT]
     soft, middle, compression = softened(k3, p[COMPLIANCE], p[DT]), p[MIDDLE], p[COMPRESSION]
     areas, even = p[AREAS], balance(p[AREAS], p[ORIFICE])
-    state = work.state
+    state, warming, dt = work.state, p[LEAK_DRIFT], p[DT]
+    began = s.time[s.first]
     for k in range(s.steps):
         opening, velocity, offset, row = work.opening[k], work.velocity[k], work.offset[k], out[k]
         loss, mean = work.loss[k], work.mean[k]
@@ -164,7 +168,8 @@ def _full(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
             u = opening[w]
             effort = transmitted(state[w], half)
             passed = orifice(u, effort, inverse, loss[w], mean[w], leaning, areas)
-            change = k1 * u * passed - k2 * (effort - even) - k3 * displaced(velocity[w], mean[w], compression)
+            leak = leaked(k2, warming, began[w] + k * dt)
+            change = k1 * u * passed - leak * (effort - even) - k3 * displaced(velocity[w], mean[w], compression)
             change += k4 * impact(effort, u)
             following = clip(state[w] + soft * stiffness(slope, offset[w] - middle) * change, limit)
             state[w] = following
@@ -184,7 +189,8 @@ def _slack(p: np.ndarray, s: Signals, work: Work, out: np.ndarray) -> None:
             u, velocity = work.opening[k, w], work.velocity[k, w]
             effort = transmitted(state - lost, half) + lost
             passed = orifice(u, effort, p[ORIFICE], work.loss[k, w], work.mean[k, w], leaning, p[AREAS])
-            change = p[K1] * u * passed - p[K2] * (effort - even)
+            leak = leaked(p[K2], p[LEAK_DRIFT], s.time[s.first[w]] + k * p[DT])
+            change = p[K1] * u * passed - leak * (effort - even)
             change -= p[K3] * displaced(velocity, work.mean[k, w], p[COMPRESSION])
             change += p[K4] * impact(effort, u)
             state = clip(state + soft * stiffness(p[SLOPE], work.offset[k, w] - p[MIDDLE]) * change, p[LIMIT])

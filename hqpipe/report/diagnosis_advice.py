@@ -18,6 +18,7 @@ MEANINGS = {
     "one_way_speed_limit": "one direction does not exceed a certain speed, whatever the command",
     "position_dependent_stiffness": "the gain changes with the position, as the oil volumes do",
     "gain_drift": "the gain changes in the course of a trial, as with warming oil",
+    "leakage_drift": "leakage changes in the course of a trial, as oil gets thinner with its temperature",
     "integral_action": "the controller on the machine integrates its error",
     "coulomb_friction": "dry friction opposes every motion",
     "stribeck_friction": "friction is larger near zero speed",
@@ -78,6 +79,8 @@ ADVICE = {
     "direction, and put the limit in the simulator.",
     "position_dependent_stiffness": "Schedule the gain with the position, or keep the slope in the simulator so that "
     "the policy learns it.",
+    "leakage_drift": "Warm the oil up before recording and log its temperature; a rate far beyond what the viscosity of the "
+    "oil does per kelvin points at seals. Vary the leakage over this range in training.",
     "gain_drift": "Warm the oil up before recording and log its temperature; vary the gain over this range in "
     "training.",
     "integral_action": "Read ki and the anti-windup from the controller's settings and put them in the simulator, or "

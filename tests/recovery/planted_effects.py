@@ -30,6 +30,7 @@ TYPICAL: dict[str, dict[str, float]] = {
     "flow_saturation": {"limit": 0.06},
     "direction_asymmetry": {"ratio": 0.2},
     "gain_drift": {"rate_per_s": 0.03},
+    "leakage_drift": {"rate_per_s": 0.08},
     "supply_droop": {"droop": 0.1, "recovery_s": 0.15},
     "orifice_flow": {"effort_max_nm": 900.0},
     "position_dependent_stiffness": {"slope_per_rad": 1.5, "unevenness": 0.02},
@@ -142,7 +143,7 @@ def simulate(
     mean_left = constant / DT * (1.0 - left)  # and on average over it
     half, share = number("valve_deadband", "half_width", 0.0), number("valve_deadband", "rounding", 0.0)
     widest, ratio = number("flow_saturation", "limit", np.inf), number("direction_asymmetry", "ratio", 0.0)
-    rate = number("gain_drift", "rate_per_s", 0.0)
+    rate, thinner = number("gain_drift", "rate_per_s", 0.0), number("leakage_drift", "rate_per_s", 0.0)
     droop, recovery = number("supply_droop", "droop", 0.0), number("supply_droop", "recovery_s", 1.0)
     most, slope = (
         number("orifice_flow", "effort_max_nm", np.inf),
@@ -210,7 +211,9 @@ def simulate(
         braked = k4 * np.where(inner * x < 0.0, np.abs(inner), 0.0) * x
         oiled = qd * (1.0 + compression * chambers)
         pulling = beyond(wound, slack)
-        wound = wound + np.maximum(1.0 + slope * (q - middle), 0.05) * (k1 * fed - k2 * inner - k3 * oiled + braked)
+        wound = wound + np.maximum(1.0 + slope * (q - middle), 0.05) * (
+            k1 * fed - k2 * np.exp(thinner * time[k]) * inner - k3 * oiled + braked
+        )
         grip = (
             dry + static + load * np.abs(beyond(wound, slack))
         )  # while a joint rests, friction holds against the change

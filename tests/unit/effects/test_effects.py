@@ -25,7 +25,8 @@ from hqpipe.effects.valve_deadband import deadband
 from hqpipe.effects.valve_lag import follow, lag_share, mean_share, swing
 from hqpipe.effects.viscous_friction import viscous
 
-# The rows of the layers actuator and sensing in the specification, with the parameters that the file format names.
+# The rows of the layers actuator and sensing in the specification, with the parameters that the file format names, and the
+# second thing that warm oil does.
 SPECIFIED = {
     "command_delay": ("actuator", ["delay_s"]),
     "valve_delay": ("actuator", ["delay_s"]),
@@ -37,6 +38,7 @@ SPECIFIED = {
     "direction_asymmetry": ("actuator", ["ratio"]),
     "position_dependent_stiffness": ("actuator", ["slope_per_rad"]),
     "gain_drift": ("actuator", ["rate_per_s"]),
+    "leakage_drift": ("actuator", ["rate_per_s"]),
     "integral_action": ("actuator", ["ki"]),
     "coulomb_friction": ("actuator", ["friction_nm", "asymmetry_nm"]),
     "stribeck_friction": ("actuator", ["static_nm", "velocity_rad_s", "exponent"]),
