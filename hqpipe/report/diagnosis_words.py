@@ -163,8 +163,9 @@ def percent(value: float) -> str:
 
 
 def parameter_name(name: str) -> str:
-    """A parameter's name without the unit at its end, which stands beside the value: ``delay_s`` → ``delay``."""
-    return words(_UNIT_SUFFIX.sub("", name)) or "value"
+    """A parameter's name without the unit at its end, which stands beside the value: ``delay_s`` → ``delay``, and
+    ``natural_hz`` → ``natural frequency``."""
+    return words(_UNIT_SUFFIX.sub("", re.sub(r"_hz$", "_frequency", name))) or "value"
 
 
 def then_text(parameter: Mapping[str, Any]) -> str:

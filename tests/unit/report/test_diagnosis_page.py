@@ -322,7 +322,14 @@ def test_parameters_carry_the_digits_of_their_interval(value, unit, ci95, expect
 
 @pytest.mark.parametrize(
     "name,expected",
-    [("delay_s", "delay"), ("nm_s_per_rad", "value"), ("slope_per_rad", "slope"), ("ki", "ki"), ("gap", "gap")],
+    [
+        ("delay_s", "delay"),
+        ("nm_s_per_rad", "value"),
+        ("slope_per_rad", "slope"),
+        ("ki", "ki"),
+        ("gap", "gap"),
+        ("natural_hz", "natural frequency"),
+    ],
 )
 def test_parameter_names_lose_their_unit(name, expected):
     assert parameter_name(name) == expected
