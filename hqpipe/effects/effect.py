@@ -99,7 +99,7 @@ class Derived:
     """A quantity that is reported beside the numbers of an effect and follows from them.
 
     Attributes:
-        name, unit: as in diagnosis.json. of: names of the numbers that it needs. function: of their values; none below 0.
+        name, unit: as in diagnosis.json. of: names of the numbers that it needs. function: of their values; never negative.
     """
 
     name: str

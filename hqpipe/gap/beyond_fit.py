@@ -1,4 +1,4 @@
-"""Held-out trials in which the machine does what it does in no fit trial: what is left there was never there to be fitted."""
+"""Held-out trials in which the machine does what it does in no fit trial: errors there come from motion that no fit saw."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def _line(log_set: LogSet, file: str, parts: Sequence[_Beyond], share: float) ->
         what = f"{names} leave the {signal} of the fit trials ({most.joint} {here:.3g} {unit}, there {then:.3g} {unit} at most)"
     return (
         f"{file}, held out: {what}; {share:.0%} of the error that is left in it lies in such moments. No fit has seen them, "
-        "and effects that act only there go without a name"
+        "so that effects which act only there cannot be named"
     )
 
 
@@ -130,7 +130,8 @@ def _of_joint(together: _Together, joint: JudgedJoint, window_s: float) -> Itera
         if not here.any():
             continue
         signals = {name: values[here] for name, values in _signals(heldout, middle).items()}
-        signals[TOGETHER] = np.interp(heldout.time[here], *together.heldout[file])
+        if file in together.heldout:  # sections of a recording may go by names of their own
+            signals[TOGETHER] = np.interp(heldout.time[here], *together.heldout[file])
         block = np.floor(heldout.time[here] / window_s).astype(np.int64)
         beyond, by = np.zeros(int(here.sum()), dtype=bool), {}
         for name, values in signals.items():

@@ -118,7 +118,8 @@ def _cause(cause: LayerCause, shrink: Shrink, i: int, compared: bool) -> dict[st
         if compared:
             entry["reference"] = None if number.reference is None else significant(number.reference)
         if len(cause.members) > 1:
-            own = {joint: n for joint, member in cause.members.items() for n in member.numbers if n.name == number.name}
+            key = number.name, number.unit
+            own = {j: n for j, member in cause.members.items() for n in member.numbers if (n.name, n.unit) == key}
             entry["joints"] = {j: {"value": significant(n.value), "ci95": _interval(n.ci95)} for j, n in own.items()}
         parameters[number.name] = entry
     return {

@@ -29,7 +29,7 @@ class LayerCause:
     """An effect of several joints that agree on its numbers.
 
     Attributes:
-        members: joint → what was found in it. numbers: that most of the joints have, pooled over these.
+        members: joint → what was found in it. numbers: that half of the joints have at least, pooled over these.
     """
 
     effect: str
@@ -63,7 +63,7 @@ def merge_causes(errors: LayerErrors, joints: LayerJoints, apart: Any = None) ->
             told = tuple(
                 reported(cause.effect, number)
                 for k, number in enumerate(known.numbers)
-                if k == 0 or not _without_end(models[joint.name], apart, cause.effect, number)
+                if k == 0 or not _may_be_infinite(models[joint.name], apart, cause.effect, number)
             )
             numbers = told + _derived(cause.effect, told)
             found.setdefault(cause.effect, {})[joint.name] = replace(known, numbers=numbers)
@@ -82,7 +82,7 @@ def _without_absent(model: JointModel, cause: JointCause) -> JointCause:
     return replace(cause, numbers=tuple(replace(number, reference=None) for number in cause.numbers))
 
 
-def _without_end(model: JointModel, layer: Any, effect: str, number: Number) -> bool:
+def _may_be_infinite(model: JointModel, layer: Any, effect: str, number: Number) -> bool:
     """Whether a number as it is reported may be infinite: a limit that the joint never meets."""
     given = getattr(model, "reported", None) or getattr(layer, "reported", None)
     told = [given(effect, number.name, x)[1] for x in (number.value, *number.ci95)] if given else []
@@ -135,8 +135,10 @@ def _batches(members: dict[str, JointCause]) -> list[list[str]]:
 def _near(a: JointCause, b: JointCause) -> bool:
     if [(n.name, n.unit) for n in a.numbers[:1]] != [(n.name, n.unit) for n in b.numbers[:1]]:
         return False
-    others = {(n.name, n.unit): n for n in b.numbers}
-    pairs = [(n, others[n.name, n.unit]) for n in a.numbers if (n.name, n.unit) in others]
+    others = {n.name: n for n in b.numbers}
+    pairs = [(n, others[n.name]) for n in a.numbers if n.name in others]
+    if any(one.unit != other.unit for one, other in pairs):
+        return False
     if pairs and not 1.0 / ALIKE <= abs(pairs[0][0].value) / max(abs(pairs[0][1].value), 1e-300) <= ALIKE:
         return False
     return all(agree([_estimate(x), _estimate(y)]) for x, y in pairs)
@@ -152,7 +154,7 @@ def _cause(effect: str, layer: str, members: dict[str, JointCause], machine: Seq
     numbers = [
         _pooled([n for cause in members.values() for n in cause.numbers if (n.name, n.unit) == key])
         for key, count in shown.items()
-        if count > MOST * len(members)
+        if count >= MOST * len(members)
     ]
     counted = Counter(name for cause in members.values() for name in dict.fromkeys(cause.confused_with))
     rivals = tuple(name for name, count in counted.most_common() if count > MOST * len(members))

@@ -71,7 +71,7 @@ def next_experiment(
         return None
     if beyond:
         trials = listed(list(beyond))
-        return f"put a trial that moves as {trials} among the fit trials: what is left lies where no fit trial was"
+        return f"add a fit trial with the same motion as {trials}: what is left lies where no fit trial was"
     head = "no effect of the library fits what is left"
     for row in depends_on:
         signal, joints = row["signal"], ", ".join(row["joints"])

@@ -90,8 +90,9 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
     """
     least = LEAST_SHARE * max(search.left_out(base) - floor_of(search), 0.0)
     while rest := sorted(known.names - base.names):
+        known, smaller = search.taken_apart(known, rest)
         square = search.left_out(known)
-        closes = {name: search.left_out(search.without(known, name)) - square for name in rest}
+        closes = {name: search.left_out(smaller[name]) - square for name in rest}
         large = {name: _is_sizeable(search, known, name) and search.does(known, name) >= least for name in rest}
         name = min(rest, key=lambda name: (large[name], name in search.shared and closes[name] >= 0.0, closes[name]))
         least_gain = 0.0 if name in search.shared else LEAST_GAIN
@@ -136,12 +137,12 @@ def _confirmed(search: Search, known: Known, base: Known) -> Known:
     least = LEAST_SHARE * max(without_any - floor, 0.0)
     while causes := _causes(search, known):
         closes, shown = {}, {}
+        known, smaller = search.taken_apart(known, causes)
+        with_all = _heldout_square(search, known)
         for name in causes:
-            smaller = search.without(known, name)
-            with_all = _heldout_square(search, known)
-            closes[name] = _heldout_square(search, smaller) - with_all
-            # What is worse than the base in all trials together is no model, however well it does in most of them.
-            usual = _usual_gain(search, smaller, known) if with_all < without_any else -1.0
+            closes[name] = _heldout_square(search, smaller[name]) - with_all
+            # What errs more than the base in all trials together is rejected even if it does well in most of them.
+            usual = _usual_gain(search, smaller[name], known) if with_all < without_any else -1.0
             borne_out = closes[name] > least or usual > LEAST_SHARE
             if name in search.shared:
                 borne_out |= closes[name] > 0.0 or usual > 0.0
@@ -160,8 +161,11 @@ def _usual_gain(search: Search, small: Known, large: Known) -> float:
     and says nothing of a cause that shows in these.
     """
     trial = search.model.heldout.trial
-    squares = [np.bincount(trial, search.model.error(k.solution.values, True) ** 2) for k in (small, large)]
     present = np.bincount(trial) > 0
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = [np.bincount(trial, search.model.error(k.solution.values, True) ** 2) for k in (small, large)]
+    if not np.isfinite(squares).all():
+        return -1.0
     small_squares, large_squares = (np.maximum(s[present], np.finfo(float).tiny) for s in squares)
     return float(np.expm1(np.mean(np.log(small_squares / large_squares))))
 

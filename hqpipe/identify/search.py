@@ -26,7 +26,9 @@ _MOST = 8  # effects in one joint; assumption: more cannot be told apart in one 
 _STARTS = 24  # combinations of starting values; assumption: more would be a search of its own
 _ROUNDS = 3  # of additions and exchanges; assumption: what still changes then is a draw
 _SAME = 1e-9  # of the squared error: a change below it is one of rounding
-_LOWER = 1e-3  # share of the squared error by which another minimum is lower; assumption: twice what ends a fit leaves
+_LOWER = (
+    1e-4  # share of the squared error by which another minimum is lower; what ends a fit, and priors, move it by less
+)
 _UNLIKELY = -3.0  # ln of odds below which an effect is left aside: 5 %
 _FARTHEST = 4.0  # starts away from neutral that the slope may suggest
 BASE_STARTS = 12  # combinations of starting values of base parameters that are tried
@@ -73,7 +75,7 @@ class Search:
     known: dict[Names, Known] = field(init=False, default_factory=dict)
     barred: set[str] = field(init=False, default_factory=set)
     shared: frozenset[str] = field(init=False, default=frozenset())
-    _left_out: dict[Names, float] = field(init=False, default_factory=dict)
+    _left_out: dict[tuple[Names, float], float] = field(init=False, default_factory=dict)
     _begun: set[tuple[Names, Names, float]] = field(init=False, default_factory=set)
     gains: dict[str, float] = field(init=False, default_factory=dict)
 
@@ -109,12 +111,21 @@ class Search:
         while (better := self._better(best)) is not None and better.names not in seen:
             seen.add(better.names)
             best = better
-        return best
+        return self.known[best.names]
+
+    def taken_apart(self, known: Known, names: Sequence[str]) -> tuple[Known, dict[str, Known]]:
+        """A set, fitted again where a part of it turned out better, and the set without each of some of its effects."""
+        while True:
+            smaller = {name: self.without(known, name) for name in names}
+            again = self._kept(known.names, known.solution)
+            if again is known:
+                return known, smaller
+            known = again
 
     def grown_by(self, known: Known, name: str) -> Known:
         """The set with one more effect, started from the set."""
         names = known.names | {name}
-        return self.known[names] if names in self.known else self._kept(names, self._refit(known, name))
+        return self._kept(names, self.known[names].solution if names in self.known else self._refit(known, name))
 
     def without(self, known: Known, name: str) -> Known:
         """The set without one of its effects: the best fit from the set itself, and from what was fitted before."""
@@ -149,9 +160,10 @@ class Search:
 
     def left_out(self, known: Known) -> float:
         """Sum of the squared errors of groups of fit samples, each predicted from the others."""
-        if known.names not in self._left_out:
-            self._left_out[known.names] = left_out_square(self.fitter, known.solution)
-        return self._left_out[known.names]
+        key = known.names, known.solution.square
+        if key not in self._left_out:
+            self._left_out[key] = left_out_square(self.fitter, known.solution)
+        return self._left_out[key]
 
     def rank_beside(self, best: Known) -> None:
         """Set the gains of all effects beside a set: of a fit where there is one, else of what the slope promises.
@@ -165,7 +177,7 @@ class Search:
             if name in best.names:
                 self.gains[name] = self.gain(best, self.without(best, name))
                 continue
-            larger = self.known.get(best.names | {name})
+            larger = self.grown_by(best, name) if best.names | {name} in self.known else None
             worth = 0.5 * promises.get(name, 0.0) / (best.covariance.noise * time)
             charge = 0.5 * len(effect.parameters) * float(np.log(max(independent, 1.0)))
             self.gains[name] = self.gain(larger, best) if larger else worth - charge + self.odds[name]
@@ -251,15 +263,14 @@ class Search:
         """A set with the better of a fit and of what is known of it; no worse than any part of it that is known."""
         if names not in self.known or solution.square < (1.0 - _LOWER) * self.known[names].solution.square:
             self.known[names] = self._known(names, solution)
-            self._left_out.pop(names, None)
         known = self.known[names]
-        parts = [k for k in self.known.values() if k.names < names and k.solution.square < known.solution.square]
+        least = (1.0 - _LOWER) * known.solution.square
+        parts = [k for k in self.known.values() if k.names < names and k.solution.square < least]
         if parts:
             part = min(parts, key=lambda k: k.solution.square)
             solution = self._fit(names, [part.solution.values], part.covariance.noise)
             if solution.square < known.solution.square:
                 self.known[names] = self._known(names, solution)
-                self._left_out.pop(names, None)
         return self.known[names]
 
     def _known(self, names: Names, solution: Solution) -> Known:

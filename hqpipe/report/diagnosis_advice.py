@@ -5,7 +5,7 @@ from __future__ import annotations
 MEANINGS = {
     "command_delay": "the command acts later than it was given",
     "valve_delay": "the valve acts later than the controller asks it to",
-    "valve_lag": "the valve's spool follows its command like a first-order filter",
+    "valve_lag": "the valve's spool follows its command with a lag",
     "valve_deadband": "commands smaller than the valve's overlap do nothing",
     "flow_saturation": "beyond a certain command the valve is fully open",
     "orifice_flow": "flow falls with the square root of the pressure that the load leaves over",

@@ -12,6 +12,7 @@ PACKAGE = __name__.split(".")[0]
 _ROOT = Path(__file__).resolve().parents[1]
 
 
+@cache
 def digest_of_sources(module: Path) -> str:
     """Hash of a module of the package and of all modules of it that the module imports, directly or through others.
 

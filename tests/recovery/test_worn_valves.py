@@ -20,7 +20,7 @@ from plant_logs import plant_logs
 
 WORN = {"valve": {"delay": 0.010, "overlap": 0.06, "bandwidth_hz": 12.0}}
 GAIN = 2.5  # valve opening per rad of the plant's position loop
-SETTLED = 1e-4  # share of the squared error: the prior of a number that does nothing moves a fit by less
+SETTLED = 2e-4  # share of the squared error: the prior of a number that does nothing moves a fit by less
 JOINTS = {"LFR": 0, "LHK": 8}
 RANDOM_SETS, LARGEST = 6, 5
 

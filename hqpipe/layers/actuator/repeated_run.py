@@ -8,7 +8,7 @@ from hqpipe.effects.layout import FIELDS
 from hqpipe.kernels.augmented_columns import ALL, BEHIND, COMMAND, FOLLOW, K3, KI, VISCOUS
 from hqpipe.kernels.augmented_fit import CHANGES, errors_of_windows
 from hqpipe.kernels.augmented_output import grips
-from hqpipe.kernels.augmented_signals import Signals, make_work
+from hqpipe.kernels.augmented_signals import Signals, Work, make_work
 
 _SETTINGS = np.array([owner == "setting" for owner, _ in FIELDS])
 _RELAXING = [VISCOUS, BEHIND, K3]  # columns that the lag of a rubbing piston hangs on
@@ -19,8 +19,8 @@ class RepeatedRun:
 
     def __init__(self, signals: Signals) -> None:
         self._signals = signals
-        self._work = make_work(signals)
-        self._out = np.empty((signals.steps, len(signals.first)))
+        self._work: Work | None = None  # made by the first run: most joints that are tried are never run
+        self._out = np.empty((0, 0))
         self._row: np.ndarray | None = None
 
     def errors(self, row: np.ndarray, velocity: np.ndarray, demand: np.ndarray, same: bool) -> np.ndarray:
@@ -30,6 +30,8 @@ class RepeatedRun:
             row: (WIDTH,). velocity, demand: (T,) of the signals. same: whether these are those of the call before.
         """
         signals = self._signals._replace(velocity=velocity, demand=demand)
+        if self._work is None:
+            self._work, self._out = make_work(signals), np.empty((signals.steps, len(signals.first)))
         inputs = ALL if self._row is None or not same else changed_inputs(self._row, row)
         self._row = None  # what a run that fails leaves is no start for the next
         self._work.held[:] = 0.0

@@ -193,9 +193,7 @@ class SpoolJoint:
 
 def spool(models, springy):
     """A lag of 20 ms in each joint, with 1/ζ² and its interval."""
-    parts = [
-        (number("time_constant_s", 0.02, 0.002, "s"), replace(number("damping_ratio", w, 0.1, "1"))) for w in springy
-    ]
+    parts = [(number("time_constant_s", 0.02, 0.002, "s"), number("damping_ratio", w, 0.1, "1")) for w in springy]
     found, errors = errors_of(
         *(made_up(m, 1.0, 0.5, causes=[cause("valve_lag", *p)]) for m, p in zip(models, parts, strict=True))
     )

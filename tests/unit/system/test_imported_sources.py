@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,20 +21,27 @@ SOURCES = {
 
 
 @pytest.fixture
-def toy(tmp_path, monkeypatch) -> Path:
+def toy(tmp_path, monkeypatch) -> Iterator[Path]:
     for name, text in SOURCES.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
     monkeypatch.setattr(imported_sources, "_ROOT", tmp_path)
     monkeypatch.setattr(imported_sources, "PACKAGE", "toy")
-    return tmp_path
+    yield tmp_path
+    forget()
+
+
+def forget():
+    """What was read, as in a new process."""
+    imported_sources._read.cache_clear()
+    digest_of_sources.cache_clear()
 
 
 def changed(folder: Path, name: str) -> bool:
     """Whether a change of one file changes what the loop rests on."""
     before = digest_of_sources(folder / "loop.py")
     (folder / name).write_text("WIDTH = 4\n")
-    imported_sources._read.cache_clear()
+    forget()
     return digest_of_sources(folder / "loop.py") != before
 
 

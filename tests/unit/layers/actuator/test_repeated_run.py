@@ -67,5 +67,5 @@ def test_a_change_of_the_core_alone_leaves_the_inputs_as_they_are(joint):
     for owner, name in FIELDS:
         if owner == "setting":
             moved = row.copy()
-            moved[slot(owner, name)] += 1.0
+            moved[slot(owner, name)] = 1.5
             assert changed_inputs(row, moved) == ALL
