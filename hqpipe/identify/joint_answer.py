@@ -17,7 +17,8 @@ error. An effect with less is of no use to a simulator. The cost: a real one tha
 LEAST_SHARE = 0.01
 """Square of what a cause does to the prediction, over the squared gap from the base's error to the noise: a tenth of the gap.
 What does less refines the law of another cause. It is not asked to close that share by itself: of a delay and a lag of like
-size either one can take most of the other's part. The cost: a real effect that small beside a large one is not named."""
+size either one can take most of the other's part. Of the held-out errors it is the share that a cause must close. The cost: a
+real effect that small beside a large one is not named."""
 LEAST_SIZE = 0.1
 """Size of a cause over what a data sheet of such a machine would give; assumption: a gain unequal by 1 % where 10 % are usual
 is none."""
@@ -81,9 +82,11 @@ def _causes(search: Search, known: Known) -> list[str]:
 
 
 def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
-    """The set without what closes too little of the gap, each of the others exchanged where that is as good.
+    """The set without what closes too little of the error or does too little beside the gap, each of the others exchanged where
+    that is as good.
 
-    What counts is the error on groups of fit samples, each predicted from the others.
+    What counts is the error on groups of fit samples, each predicted from the others. An effect that most joints of the machine
+    have need only not make it worse.
 
     Args:
         known: a set that the logs ask for. base: the context alone.

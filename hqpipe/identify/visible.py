@@ -13,8 +13,9 @@ from hqpipe.identify.search import Known, Search
 def least_visible(search: Search, known: Known, base: Known) -> dict[str, float]:
     """Named effect that a set lacks → how far its first number has to be from neutral to be named beside the set.
 
-    Each rule of the criterion asks for a share of the squared error. What an effect takes off it grows with the square of its
-    size, as far as the free numbers cannot do the same. Effects that the free numbers can imitate are left out.
+    The rules of the criterion ask for a share of the squared error, and for a share of the gap that the effect moves. Both grow
+    with the square of its size, the first as far as the free numbers cannot do the same. Effects that the free numbers can
+    imitate are left out.
 
     Args:
         known: the set that was kept. base: without causes.

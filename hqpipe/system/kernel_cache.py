@@ -17,7 +17,7 @@ _COMPILED = ("benchmark", "effects", "kernels", "layers", "plant", "sim")
 def set_folder() -> None:
     """Choose the folder for this process and its workers.
 
-    Where none can be written, numba has its own way: beside the sources, without looking at functions that are inlined.
+    Where none can be written, numba has its own way: beside the sources.
     """
     if VARIABLE not in os.environ:
         for folder in _candidates():
