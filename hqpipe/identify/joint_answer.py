@@ -195,8 +195,11 @@ def _probability(search: Search, best: Known, name: str) -> tuple[float, tuple[s
     for option in search.replaced(smaller, name):
         other = next(iter(option.names - smaller.names))
         against[other] = search.preference(option, best)
-        # With as many numbers, and errors as large, only what a data sheet says of their sizes tells the two apart.
-        if len(search.places(other)) == len(search.places(name)) and search.telling(option, best) > np.log(CONFUSED):
+        # With as many numbers, and errors as large, only what a data sheet says of their sizes tells the two apart; where the
+        # errors differ by less than a cause has to close, what the law leaves out may do it.
+        as_good = search.telling(option, best) > np.log(CONFUSED)
+        as_good = as_good or search.left_out(option) <= (1.0 + LEAST_GAIN) * search.left_out(best)
+        if len(search.places(other)) == len(search.places(name)) and as_good:
             twins.add(other)
     weights = {other: float(np.exp(min(value, 700.0))) for other, value in against.items()}
     total = 1.0 + sum(weights.values())
