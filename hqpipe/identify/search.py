@@ -101,8 +101,9 @@ class Search:
 
     def settled(self, best: Known) -> Known:
         """The set with the best of its fits in which each effect joins last: where a fit begins may decide where it ends."""
-        for name in sorted(best.names):
-            best = self._kept(best.names, self._refit(self.without(best, name), name))
+        if len(best.names) > 1:  # one effect alone joined last
+            for name in sorted(best.names):
+                best = self._kept(best.names, self._refit(self.without(best, name), name))
         return best
 
     def improved(self, best: Known) -> Known:
