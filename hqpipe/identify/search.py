@@ -27,7 +27,7 @@ _STARTS = 24  # combinations of starting values; assumption: more would be a sea
 _ROUNDS = 3  # of additions and exchanges; assumption: what still changes then is a draw
 _SAME = 1e-9  # of the squared error: a change below it is one of rounding
 _LOWER = (
-    1e-4  # share of the squared error by which another minimum is lower; what ends a fit, and priors, move it by less
+    1e-4  # share of the squared error by which another minimum is lower: fits end, and priors move them, within less
 )
 _UNLIKELY = -3.0  # ln of odds below which an effect is left aside: 5 %
 _FARTHEST = 4.0  # starts away from neutral that the slope may suggest
@@ -101,9 +101,10 @@ class Search:
 
     def settled(self, best: Known) -> Known:
         """The set with the best of its fits in which each effect joins last: where a fit begins may decide where it ends."""
-        if len(best.names) > 1:  # one effect alone joined last
-            for name in sorted(best.names):
-                best = self._kept(best.names, self._refit(self.without(best, name), name))
+        for name in sorted(best.names):
+            smaller = self.without(best, name)
+            if self._begins(best.names, smaller):
+                best = self._kept(best.names, self._refit(smaller, name))
         return best
 
     def improved(self, best: Known) -> Known:
@@ -126,14 +127,16 @@ class Search:
     def grown_by(self, known: Known, name: str) -> Known:
         """The set with one more effect, started from the set."""
         names = known.names | {name}
-        return self._kept(names, self.known[names].solution if names in self.known else self._refit(known, name))
+        if names in self.known:
+            return self._kept(names, self.known[names].solution)
+        self._begins(names, known)
+        return self._kept(names, self._refit(known, name))
 
     def without(self, known: Known, name: str) -> Known:
         """The set without one of its effects: the best fit from the set itself, and from what was fitted before."""
         names = known.names - {name}
-        if (names, known.names, known.solution.square) in self._begun:
+        if not self._begins(names, known):
             return self.known[names]
-        self._begun.add((names, known.names, known.solution.square))
         start = known.solution.values.copy()
         start[self.places(name)] = self.fitter.neutral[self.places(name)]
         starts = [start]
@@ -259,6 +262,13 @@ class Search:
 
     def _fit(self, names: Names, starts: Sequence[np.ndarray], noise: float) -> Solution:
         return self.fitter.fit(positions(self.model, list(names)), starts, noise)
+
+    def _begins(self, names: Names, origin: Known) -> bool:
+        """Whether a set is fitted from another one for the first time; a second fit would end where the first one did."""
+        key = (names, origin.names, origin.solution.square)
+        new = key not in self._begun
+        self._begun.add(key)
+        return new
 
     def _kept(self, names: Names, solution: Solution) -> Known:
         """A set with the better of a fit and of what is known of it; no worse than any part of it that is known."""

@@ -92,6 +92,7 @@ from hqpipe.kernels.augmented_links import (
     TOP,
     WHOLE,
 )
+from hqpipe.kernels.augmented_reset import counts, wake_block
 from hqpipe.kernels.augmented_ring import delayed_block
 from hqpipe.kernels.augmented_step import (
     FED,
@@ -106,19 +107,8 @@ from hqpipe.kernels.augmented_step import (
     SPOOL,
     TURNED,
     WOUND,
-    wake,
 )
 from hqpipe.kernels.laws import clip, impact
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _counts(m: np.ndarray, start: int, size: int) -> tuple[bool, bool]:
-    """Whether joints of a block have just been reset, and whether all have seen as many samples."""
-    first, asleep, others = m[SAMPLES, start], 0, 0
-    for i in range(start, start + size):
-        asleep += m[SAMPLES, i] == 0.0
-        others += m[SAMPLES, i] != first
-    return asleep > 0, others == 0
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -353,9 +343,9 @@ def augmented_batch(
     leak, speed = np.empty(block), np.empty_like(qd) if links[RELAXING] else qd
     for start in range(0, tau.shape[0], block):
         size = min(block, tau.shape[0] - start)
-        asleep, in_step = _counts(m, start, size)
+        asleep, in_step = counts(m, start, size)
         if asleep:
-            _wake_block(p, m, tau, q_des, q, qd, joints, start, size)
+            wake_block(p, m, tau, q_des, q, qd, joints, start, size)
         _command(p, d, links, m, q_des, q, u, start, size, in_step)
         if links[RELAXING]:
             _relaxed(d, m, qd, u, speed, start, size)
@@ -381,30 +371,3 @@ def augmented_batch(
         if links[RUBBING] or links[SLACK]:
             for i in range(size):
                 tau[start + i] = clip(transmitted(m[WOUND, start + i] - lost[i], d[HALF, i]), p[LIMIT, i])
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _wake_block(
-    p: np.ndarray,
-    m: np.ndarray,
-    tau: np.ndarray,
-    q_des: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
-    joints: int,
-    start: int,
-    size: int,
-) -> None:
-    """Memory of joints that have just been reset, as if each had been held where it is."""
-    for first in range(0, size, joints):
-        demand = 0.0
-        for i in range(first, first + joints):
-            k = start + i
-            demand += p[PER_SPEED, i] * abs(qd[k]) + p[PER_OPENING, i] * abs(q_des[k] - q[k])
-        for i in range(first, first + joints):
-            k = start + i
-            if m[SAMPLES, k] == 0.0:
-                row = m[:, k].copy()
-                wake(p[:, i].copy(), row, tau[k], q_des[k], q[k], qd[k], demand)
-                row[RING:SENT], row[SENT:] = q_des[k], row[SPOOL]
-                m[:, k] = row

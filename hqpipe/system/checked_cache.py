@@ -1,8 +1,9 @@
 """Compiled code comes from numba's cache only if it is whole and that of the function which is called.
 
 numba trusts what it finds: a cache file that was cut by a loss of power ends every later run, and two processes that first
-compile a function for different arguments at the same time may file one under the name of the other. To import this
-module is to have every such file compiled anew, and to do without a cache that cannot be written.
+compile a function for different arguments at the same time may file one under the name of the other. It also
+goes by the file of a function alone, though its code holds functions and constants of other files. To import this module is to
+have code compiled anew in all of these cases, and to do without a cache that cannot be written.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ _cache = Cache.__init__
 
 
 def cache(self: Cache, function: Any) -> None:
+    """Make the cache of a function, which holds for the present state of all files that the function rests on."""
     _cache(self, function)
     if function.__module__.split(".")[0] == PACKAGE:
         stamp = self._cache_file._source_stamp
