@@ -14,7 +14,6 @@ EFFECT = Effect(
     meaning="lost motion at reversal (chain slack), whole width",
     source="Nordin & Gutman, Automatica 38, 2002: dead-zone model of backlash",
     experiment="slow motion through zero torque in both directions",
-    stiffer=(1.0, 4.0),
 )
 
 

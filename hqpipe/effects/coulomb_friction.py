@@ -11,15 +11,13 @@ from numba import njit
 
 from hqpipe.effects.effect import ANGLE, EFFORT, FRICTION, SLIDING, Effect, Parameter
 
-OFFSETS = ("torque_bias", "position_bias")
-
 EFFECT = Effect(
     name="coulomb_friction",
     layer="actuator",
     stage="output",
     parameters=(
         Parameter("friction_nm", "N·m", EFFORT, 0.0, 20.0, (0.05, 0.2), anew=FRICTION),
-        Parameter("asymmetry_nm", "N·m", EFFORT, -10.0, 10.0, (0.0,), counts=False, yields_to=OFFSETS, anew=FRICTION),
+        Parameter("asymmetry_nm", "N·m", EFFORT, -10.0, 10.0, (0.0,), counts=False, anew=FRICTION),
         Parameter("presliding_rad", "rad", ANGLE, 5e-5, 0.3, (0.001,), counts=False, neutral=1e-3, anew=SLIDING),
     ),
     meaning="dry friction: friction + asymmetry when q rises, friction − asymmetry when it falls; asymmetry ≤ friction/2",

@@ -13,8 +13,6 @@ from hqpipe.effects.effect import NONE, Effect, Parameter
 
 MOST_UNEQUAL = 0.5  # a rod that leaves a third of the piston's area; larger ones are not built; assumption
 
-LEAST_UNEQUAL = 0.1  # piston to annulus area of 1.25, the smallest usual ratio (ISO 7181), gives 0.11
-
 EFFECT = Effect(
     name="direction_asymmetry",
     layer="actuator",
@@ -30,7 +28,6 @@ EFFECT = Effect(
             (0.0,),
             counts=False,
             beside="orifice_flow",
-            built_from=LEAST_UNEQUAL,
         ),
     ),
     meaning="different gain when extending and retracting: flow × (1 + ratio · sgn u)",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,11 +33,6 @@ SECOND, COMMAND, EFFORT, VELOCITY, SLOWNESS, FLOW, DAMPING, STIFFNESS, ANGLE, NO
 )
 
 
-SIMPLIFIED = (
-    0.012  # see Parameter; measured on withheld cases of a plant of its own equations (docs/theory/diagnosis.md)
-)
-
-
 @dataclass(frozen=True)
 class Parameter:
     """One number of an effect.
@@ -55,17 +50,14 @@ class Parameter:
             starts are those of the inverse, in multiples of one over the scale.
         squared: of an inverse, that the fit works on its square, as what it does has no slope at "absent" otherwise.
         counts: False for a shape parameter: it cannot show by itself that the effect is there.
-        simplified: standard deviation, as a share of the value, of what the effect's formula leaves out.
         neutral: value in the rows of joints without the effect; the first parameter's is 0.
         anew: what the loops compute anew when it changes, beside the core: where the friction points before each window
             (FRICTION), what travel leaves of that too (SLIDING), the command side (COMMAND_SIDE), the supply too
             (SUPPLY), or everything (ALL_INPUTS). None: by the effect's stage, COMMAND_SIDE up to "command", then CORE.
-        yields_to: effects that say the same of most logs; beside one of them this number stays at its start.
         beside: the effect without which this number does nothing; it is fitted only in a set that has both.
         modes: control modes in which it is fitted; in others it stays neutral.
         least: of an inverse torque, times the largest torque logged: below it in every joint the effect is no fault,
             because every machine has that much of it.
-        built_from: size from which a machine is likely to be built so, see `Effect.stands_for`.
     """
 
     name: str
@@ -78,13 +70,10 @@ class Parameter:
     squared: bool = False
     counts: bool = True
     least: float = 0.0
-    simplified: float = SIMPLIFIED
-    yields_to: tuple[str, ...] = ()
     beside: str | None = None
     modes: tuple[str, ...] = MODES
     neutral: float = 0.0
     anew: str | None = None
-    built_from: float = 0.0
 
     def told(self, fitted: float) -> float:
         """The number that the fit works on as it is reported; infinite where an inverse is 0."""
@@ -120,14 +109,10 @@ class Effect:
         meaning: one line.
         source: where the form comes from.
         experiment: what to record so that it shows.
-        modes: control modes whose logs can show it.
+        modes: control modes whose logs can show it; none where the base model's own coefficients take it up completely.
         effort_sources: kinds of torque measurement that it lies in front of; None if all.
-        absorbed: control modes in which the base model's own coefficients take it up completely.
-        stiffer: factors on k1 and k3 to start from: a base model that lacks the effect may have fitted them too low.
         machine: one set of parameters for the whole machine by nature.
         least_joints: how many joints a log needs to show it.
-        stands_for: effect that is named instead where a joint's logs cannot tell the two apart and a number of the other one
-            has the size that machines are built with (`Parameter.built_from`).
     """
 
     name: str
@@ -139,9 +124,6 @@ class Effect:
     experiment: str
     modes: tuple[str, ...] = MODES
     effort_sources: tuple[str, ...] | None = None
-    absorbed: tuple[str, ...] = field(default=())
-    stiffer: tuple[float, ...] = (1.0,)
     machine: bool = False
     least_joints: int = 1
-    stands_for: str | None = None
     derived: tuple[Derived, ...] = ()

@@ -27,7 +27,6 @@ EFFECT = Effect(
             0.2,
             (0.0,),
             counts=False,
-            yields_to=("direction_asymmetry",),
             anew=COMMAND_SIDE,
         ),
         Parameter(

@@ -12,5 +12,4 @@ EFFECT = Effect(
     meaning="the logged torque is offset",
     source="zero drift of load cells and pressure transducers (data sheets)",
     experiment="hang the leg freely in several poses and compare with its weight",
-    stands_for="direction_asymmetry",
 )

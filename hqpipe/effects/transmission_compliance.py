@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from hqpipe.effects.effect import POSITION, STIFFNESS, TORQUE, Effect, Parameter
+from hqpipe.effects.effect import STIFFNESS, Effect, Parameter
 
 EFFECT = Effect(
     name="transmission_compliance",
@@ -15,7 +15,6 @@ EFFECT = Effect(
     source="series elasticity; Pratt & Williamson, IROS 1995",
     experiment="a second encoder on the cylinder side",
     modes=(),
-    absorbed=(POSITION, TORQUE),
 )
 
 

@@ -6,9 +6,6 @@ from numba import njit
 
 from hqpipe.effects.effect import COMMAND, NONE, Effect, Parameter
 
-# Through the clearance of its lands a spool passes oil before it opens, so that the width is defined no better than
-# that; Merritt's order of magnitude, and what withheld cases show.
-CLEARANCE = 0.035  # of the width
 SHARP = 1e-300  # half width of a corner that has none
 
 EFFECT = Effect(
@@ -16,13 +13,12 @@ EFFECT = Effect(
     layer="actuator",
     stage="command",
     parameters=(
-        Parameter("half_width", "command", COMMAND, 0.0, 3.0, (0.05, 0.3, 0.8), simplified=CLEARANCE),
+        Parameter("half_width", "command", COMMAND, 0.0, 3.0, (0.05, 0.3, 0.8)),
         Parameter("rounding", "1", NONE, 0.0, 1.5, (0.1,), counts=False),
     ),
     meaning="overlap: small commands do nothing",
     source="Merritt, Hydraulic Control Systems, 1967: overlapped valve centre",
     experiment="slow motion of small amplitude, so that the command dwells around zero",
-    stiffer=(1.0, 3.0),
 )
 
 

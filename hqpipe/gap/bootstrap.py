@@ -25,9 +25,3 @@ def interval(samples: np.ndarray, confidence: float = 0.95) -> tuple[np.ndarray,
     tail = 50.0 * (1.0 - confidence)
     low, high = np.percentile(samples, [tail, 100.0 - tail], axis=0)
     return low, high
-
-
-def block_edges(windows: int, steps: int, dt: float) -> np.ndarray:
-    """First window of each block, for blocks of about 0.5 s; a short last block joins the one before."""
-    size = max(1, round(BLOCK_S / (steps * dt)))
-    return np.arange(0, max(windows - size, 0) + 1, size)

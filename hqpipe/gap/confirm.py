@@ -17,11 +17,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hqpipe.gap.base_fit import BaseFit
 from hqpipe.gap.defect import Defect
-from hqpipe.gap.joint_data import COMMAND_CHANNEL, LOGGED, MOVED, Split, joint_data
 from hqpipe.gap.repair import repairs
-from hqpipe.gap.set_fit import JointFitter, window_errors
 from hqpipe.gap.signs import with_signs
+from hqpipe.logs.columns import COMMAND_CHANNEL
 from hqpipe.logs.trajectory import LogSet, Trajectory
 
 SIGMAS = 3.0  # of the difference of two fits' errors, by the jackknife: less may be chance
@@ -43,21 +43,21 @@ def confirmed(defect: Defect, log_set: LogSet, steps: int, signless: Sequence[st
     """
     if defect.kind in TAKEN or not used(defect, log_set):
         return True
-    speed = LOGGED if defect.channel == "velocity" else MOVED
+    logged = defect.channel == "velocity"
     joints = defect.joints or log_set.joints
     columns = [log_set.joints.index(joint) for joint in joints]
-    windows = _Windows.of(log_set, columns, steps, speed, signless)
-    if not any(len(owner) for owner in windows.owner):
+    windows = _Windows.of(log_set, columns, steps, logged, signless)
+    if not any(len(fit.first) for fit in windows.fits):
         return True  # no window is left to tell
     if mended := repairs(defect, log_set):
-        inside = [np.isin(owner, _indices(windows.files, defect.trials)) for owner in windows.owner]
+        inside = [np.isin(fit.windows.trial, _indices(windows.files, defect.trials)) for fit in windows.fits]
         as_is = windows.errors()
         ratio = BETTER if defect.kind == "held_samples" else 1.0
-        options = [_Windows.of(option, columns, steps, speed, signless).errors() for option in mended]
+        options = [_Windows.of(option, columns, steps, logged, signless).errors() for option in mended]
         return any(_fell(option, as_is, inside, ratio) for option in options)
     if defect.rows:
         return _stand_out(defect, log_set, windows, joints)
-    return defect.kind != "rows_out_of_order" or not _ordered(defect, log_set, columns, steps, speed, signless)
+    return defect.kind != "rows_out_of_order" or not _ordered(defect, log_set, columns, steps, logged, signless)
 
 
 def used(defect: Defect, log_set: LogSet) -> bool:
@@ -68,50 +68,38 @@ def used(defect: Defect, log_set: LogSet) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Windows:
-    """The windows of some joints, per joint.
+    """The windows of some joints.
 
     Attributes:
-        files: of the trials that hold a window. data: what is fitted. owner: (W,) index of the trial of each window.
-        first: (W,) its first row in that trial. steps: rows that follow.
+        files: of the trials that hold a window. fits: of each joint; none where no trial holds one.
     """
 
     files: list[str]
-    data: list
-    owner: list[np.ndarray]
-    first: list[np.ndarray]
-    steps: int
+    fits: list[BaseFit]
 
     @classmethod
     def of(
-        cls, log_set: LogSet, columns: Sequence[int], steps: int, speed: str, signless: Sequence[str] = ()
+        cls, log_set: LogSet, columns: Sequence[int], steps: int, logged_speed: bool, signless: Sequence[str] = ()
     ) -> _Windows:
         log_set = with_signs(log_set, signless) if signless else log_set
         kept = [trial for trial in log_set.trials if trial.trajectory.samples > steps]
         parts = [trial.trajectory for trial in kept]
-        data, owner, first = [], [], []
-        for j in columns if parts else ():
-            data.append(joint_data(parts, parts, j, log_set.control_mode, steps, 0.0, speed=speed))
-            signals = data[-1].fit.signals
-            owner.append(np.searchsorted(signals.bounds, signals.first, side="right") - 1)
-            first.append(signals.first - signals.bounds[owner[-1]])
-        return cls([trial.file for trial in kept], data, owner, first, steps)
+        fits = [BaseFit.of(parts, j, log_set.control_mode, steps, logged_speed) for j in columns if parts]
+        return cls([trial.file for trial in kept], fits)
 
     def errors(self) -> list[np.ndarray]:
         """Per joint (W,) squared error of the base model fitted to all windows, in units of the output's mean square."""
-        return [_in_units(JointFitter(data).fit().fitted, data.fit) for data in self.data]
+        return [_in_units(fit.errors(), fit) for fit in self.fits]
 
     def errors_fitted_to(self, kept: list[np.ndarray]) -> list[np.ndarray]:
         """Likewise of every window, with the model fitted to some of them."""
-        found = []
-        for data, some in zip(self.data, kept, strict=True):
-            row = JointFitter(replace(data, fit=data.fit.only(some))).fit().row
-            found.append(_in_units(window_errors(row, data.fit), data.fit))
-        return found
+        return [_in_units(fit.errors(some), fit) for fit, some in zip(self.fits, kept, strict=True)]
 
 
-def _in_units(errors: np.ndarray, split: Split) -> np.ndarray:
-    size = float(np.mean(split.signals.target**2)) + np.finfo(float).tiny
-    return np.minimum(errors / size, RAN_AWAY)
+def _in_units(errors: np.ndarray, fit: BaseFit) -> np.ndarray:
+    if not len(errors):
+        return errors
+    return np.minimum(errors / (fit.mean_square + np.finfo(float).tiny), RAN_AWAY)
 
 
 def _fell(new: list[np.ndarray], old: list[np.ndarray], inside: list[np.ndarray], ratio: float) -> bool:
@@ -160,15 +148,16 @@ def _stand_out(defect: Defect, log_set: LogSet, windows: _Windows, joints: Seque
     """Whether a model of the windows that hold none of the defect's rows is far worse in those that do."""
     lengths = {trial.file: trial.trajectory.samples for trial in log_set.trials}
     touched = []
-    for joint, owner, first in zip(joints, windows.owner, windows.first, strict=True):
-        inside = np.zeros(len(owner), dtype=bool)
+    for joint, fit in zip(joints, windows.fits, strict=True):
+        first, last = fit.first, fit.first + fit.windows.samples + 1
+        inside = np.zeros(len(first), dtype=bool)
         for i, file in enumerate(windows.files):
             rows = defect.rows.get((file, joint), defect.rows.get((file, None)))
             if rows is None:
                 continue
             before = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=lengths[file]))])
-            mine = owner == i
-            inside[mine] = before[np.minimum(first[mine] + windows.steps + 1, lengths[file])] > before[first[mine]]
+            mine = fit.windows.trial == i
+            inside[mine] = before[np.minimum(last[mine], lengths[file])] > before[first[mine]]
         touched.append(inside)
     if any((~inside).sum() < FEW for inside in touched):
         return True  # nothing sound is left to fit
@@ -182,19 +171,19 @@ def _stand_out(defect: Defect, log_set: LogSet, windows: _Windows, joints: Seque
 
 
 def _ordered(
-    defect: Defect, log_set: LogSet, columns: Sequence[int], steps: int, speed: str, signless: Sequence[str]
+    defect: Defect, log_set: LogSet, columns: Sequence[int], steps: int, logged: bool, signless: Sequence[str]
 ) -> bool:
     """Whether the model fits the trials with the defect better than the same rows in a random order."""
     rng = np.random.default_rng(SEED)
     names = (defect.channel,) if defect.channel else tuple(log_set.trials[0].trajectory.channels())
     some = replace(log_set, trials=tuple(t for t in log_set.trials if t.file in defect.trials))
-    as_is = _Windows.of(some, columns, steps, speed, signless).errors()
+    as_is = _Windows.of(some, columns, steps, logged, signless).errors()
     if not as_is:
         return False
     chance = []
     for _ in range(ORDERS):
         trials = tuple(replace(t, trajectory=_mixed(t.trajectory, names, rng)) for t in some.trials)
-        random = _Windows.of(replace(some, trials=trials), columns, steps, speed, signless).errors()
+        random = _Windows.of(replace(some, trials=trials), columns, steps, logged, signless).errors()
         if not _less(as_is, random):
             return False
         chance.append(_logarithm(random))

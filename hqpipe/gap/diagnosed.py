@@ -13,22 +13,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hqpipe.actuators.augmented import Augmented
-from hqpipe.effects.layout import slot
 from hqpipe.errors import IdentificationError
-from hqpipe.gap.accuse import Accusation, accuse
 from hqpipe.gap.diagnosis import LARGEST
+from hqpipe.gap.fitted_joints import FittedJoints
 from hqpipe.gap.intake import take_in
-from hqpipe.gap.joint_data import CONTINUED, LATE, LOGGED, MOVED, joint_data
-from hqpipe.gap.row_model import FLOW, RowModel
-from hqpipe.gap.set_fit import JointFitter
-from hqpipe.gap.verdict import shortage
+from hqpipe.identify.found import Fitted, JointFound
+from hqpipe.identify.identify import identify
+from hqpipe.identify.least_squares import Fitter
+from hqpipe.identify.model import JointModel, LayerJoints, parameter_names, positions
+from hqpipe.identify.passing import PassingJoint
+from hqpipe.layers.actuator import Actuator
+from hqpipe.layers.actuator.joint import ActuatorJoint
+from hqpipe.layers.actuator.parameters import BASE_NAMES, LOGGED_SPEED
+from hqpipe.logs.end_stops import mark_end_stops
 from hqpipe.logs.split import fit_sections, hold_back
 from hqpipe.logs.trajectory import LogSet, Trajectory
 from hqpipe.sysid.fit_actuator import PerJoint, per_joint
 from hqpipe.sysid.free_run import WINDOW_S, require_channels, window_samples
 from hqpipe.sysid.windows import common_dt
 
-SPEED_LATE = slot("setting", "speed_late")  # chosen with the effects
 Effects = dict[str, tuple[str, ...]]
 
 
@@ -43,17 +46,16 @@ class Diagnosed:
         warnings: what was found and is not in the model.
     """
 
-    rows: RowModel
+    rows: FittedJoints
     actuator: Augmented
     effects: Effects
     warnings: tuple[str, ...] = ()
 
     def predict(self, trajectory: Trajectory, window: int) -> np.ndarray:
-        """(T, J) N·m, replayed as the diagnosis does, but for the speed.
+        """(T, J) N·m, from what is known up to each sample.
 
-        Where the diagnosis takes the change of position over the step that is predicted, the speed in the hydraulics is here
-        what the positions before it make expect. Two things still look further than other models do: friction at the output
-        that depends on speed uses the speed at the predicted sample, and an integrator starts from what the whole trial says.
+        Two things still look further than other models do: friction at the output that depends on speed uses the speed at the
+        predicted sample, and an integrator starts from what the whole trial says.
 
         Raises:
             IdentificationError: a channel is missing.
@@ -61,8 +63,7 @@ class Diagnosed:
         """
         require_channels(trajectory, ("effort", "position_command"), "replaying the model with diagnosed effects")
         self.actuator.check_dt(trajectory.dt)
-        known = replace(self.rows, speed=CONTINUED) if self.rows.speed == MOVED else self.rows
-        return known.predict(trajectory, window)
+        return self.rows.predict(trajectory, window)
 
 
 def fit_diagnosed(
@@ -89,6 +90,24 @@ def fit_diagnosed(
             "position control; hqpipe diagnose names the effects of other modes"
         )
     steps = window_samples(common_dt(log_set.fit), window_s)
+    chosen_on, fitted_to = _parts(log_set, steps, window_s, without)
+    limits = per_joint(effort_limit, log_set.joints, "effort_limit")
+    layer = Actuator(dict(zip(log_set.joints, map(float, limits), strict=True)))
+    found = identify(_all_joints(layer, chosen_on, window_s, without), workers=workers).found
+    models = _all_joints(layer, fitted_to, window_s, without).models
+    fits = [_refitted(one, model) for one, model in zip(found, models, strict=True)]
+    options = [FittedJoints.of(models, values) for values in zip(*fits, strict=True)]
+    better = np.argmin([_misfit(option, fitted_to, steps) for option in options], axis=0)
+    rows = FittedJoints.of(models, [fits[j][k] for j, k in enumerate(better)])
+    return Diagnosed(rows, rows.actuator(), _effects(found), tuple(_left_out(found)))
+
+
+def _parts(log_set: LogSet, steps: int, window_s: float, without: Sequence[str]) -> tuple[LogSet, LogSet]:
+    """What effects are chosen on, the end of every fit trial held out, and the whole fit trials.
+
+    Raises:
+        IdentificationError: no effects can be chosen for all joints.
+    """
     part = _in_windows(hold_back(log_set, LARGEST), steps, window_s)
     intake = take_in(part, window_s, without)
     if intake.signed.joints:
@@ -102,16 +121,13 @@ def fit_diagnosed(
         raise IdentificationError(
             f"{broken[0].reason}: a model of all joints needs sound logs of each; {broken[0].fix}"
         )
-    rotten = {t.file for t in part.trials} - {t.file for t in intake.log_set.trials}
-    log_set = replace(log_set, trials=tuple(t for t in log_set.trials if t.file not in rotten))
-    limit = per_joint(effort_limit, log_set.joints, "effort_limit")
-    found = accuse(intake.log_set, steps, without, effort_limit=limit, workers=workers)
-    reasons, _ = shortage(found.base.fit, found.heldout, np.array([state.data.noise for state in found.states]) ** 2)
-    if reasons:
-        raise IdentificationError(reasons[0])
-    speeds = dict.fromkeys((found.before.speed, LOGGED))
-    models = [_refitted(log_set, found, speed, steps, limit) for speed in speeds]
-    return min(models, key=lambda model: _misfit(model, fit_sections(log_set, LARGEST), steps))
+    left_out = {t.file for t in part.trials} - {t.file for t in intake.log_set.trials}
+    kept = [
+        trial
+        for trial in fit_sections(log_set, LARGEST).trials
+        if trial.file not in left_out and trial.trajectory.samples > steps
+    ]
+    return intake.log_set, mark_end_stops(replace(log_set, trials=tuple(kept)))[0]
 
 
 def _in_windows(log_set: LogSet, steps: int, window_s: float) -> LogSet:
@@ -124,41 +140,69 @@ def _in_windows(log_set: LogSet, steps: int, window_s: float) -> LogSet:
     return kept
 
 
-def _refitted(log_set: LogSet, found: Accusation, speed: str, steps: int, limit: np.ndarray) -> Diagnosed:
-    """The chosen sets, fitted to the whole fit trials from where the choice left them.
+def _all_joints(layer: Actuator, log_set: LogSet, window_s: float, without: Sequence[str]) -> LayerJoints:
+    """The joints of the layer, as soon as all can be judged."""
+    joints = layer.joints(log_set, window_s, without)
+    for name, reason in joints.left.items():
+        raise IdentificationError(f"{name}: {reason}: a model of all joints needs logs in which each of them moves")
+    return joints
 
-    Args:
-        speed: of `hqpipe.gap.joint_data.SPEEDS`. steps: samples per window. limit: (J,) N·m.
+
+def _refitted(found: JointFound, model: ActuatorJoint) -> tuple[np.ndarray, np.ndarray]:
+    """(P,) values of the chosen effects, fitted to the whole fit trials from where the choice left them.
+
+    Twice: with the speed that suits the torque, and with the logged one. The speed of the positions is noisier in a prediction
+    than in the fit, which knows the next position.
     """
-    trials = [t.trajectory for t in fit_sections(log_set, LARGEST).trials if t.trajectory.samples > steps]
-    rows, flow = [], tuple(found.after.rows[:, FLOW].T)
-    for j, state in enumerate(found.states):
-        row, noise = state.chosen.row.copy(), state.data.noise
-        row[SPEED_LATE] += LATE[speed] - LATE[found.before.speed]
-        data = joint_data(trials, trials, j, "position", steps, noise, float(limit[j]), speed, flow)
-        data.row[SPEED_LATE] = row[SPEED_LATE]
-        chosen = replace(state.chosen, row=row)
-        rows.append(JointFitter(data).fit(chosen.effects, [chosen]).row)
-    model = RowModel(log_set.joints, np.array(rows), "position", speed)
-    return Diagnosed(model, model.actuator(), _effects(found), tuple(_left_out(found)))
+    fitter, free = Fitter(model), positions(model, _chosen(found).effects)
+    start, noise = _same_values(found, model, fitter.neutral), model.noise[0] ** 2
+    fitted = fitter.fit(free, [start], noise).values
+    logged = BASE_NAMES.index(LOGGED_SPEED)
+    start = fitted.copy()
+    start[logged] = 1.0
+    if np.array_equal(start, fitted):
+        return fitted, fitted
+    return fitted, fitter.fit(free[free != logged], [start], noise).values
 
 
-def _misfit(model: Diagnosed, log_set: LogSet, steps: int) -> float:
-    """Mean squared error, free-running in the fit trials, with the speeds that the model is judged on."""
-    trials = [trial.trajectory for trial in log_set.fit]
-    errors = np.concatenate([(model.predict(t, steps) - t.effort)[1:] for t in trials])
-    with np.errstate(over="ignore", invalid="ignore"):
-        found = float(np.mean(errors**2))
-    return found if np.isfinite(found) else np.inf
+def _chosen(found: JointFound) -> Fitted:
+    """The joint with the effects that act all the time."""
+    return found.base if isinstance(found.model, PassingJoint) else found.named
 
 
-def _effects(found: Accusation) -> Effects:
-    named = dict.fromkeys(name for state in found.states for name in state.chosen.effects)
-    return {name: tuple(s.joint for s in found.states if name in s.chosen.effects) for name in named}
+def _same_values(found: JointFound, model: JointModel, neutral: np.ndarray) -> np.ndarray:
+    """(P,) numbers of the base and the chosen effects in the order of another model of the joint, the others `neutral`."""
+    chosen, values = _chosen(found), neutral.copy()
+    known = dict(zip(parameter_names(found.model), chosen.values, strict=True))
+    for k, (effect, name) in enumerate(parameter_names(model)):
+        if (effect in chosen.effects or not effect) and (effect, name) in known:
+            values[k] = known[effect, name]
+    return values
 
 
-def _left_out(found: Accusation) -> list[str]:
+def _misfit(model: FittedJoints, log_set: LogSet, steps: int) -> np.ndarray:
+    """(J,) mean squared error in the fit trials, free-running from what is known at each sample."""
+    squares, counts = np.zeros((2, len(model.joints)))
+    for t in (trial.trajectory for trial in log_set.fit):
+        with np.errstate(over="ignore", invalid="ignore"):
+            error = np.where(t.recorded, model.predict(t, steps) - t.effort, 0.0)
+            squares += (error**2).sum(axis=0)
+        counts += t.recorded[1:].sum(axis=0)
+    return np.where(np.isfinite(squares), squares / counts, np.inf)
+
+
+def _effects(found: Sequence[JointFound]) -> Effects:
+    named = dict.fromkeys(name for joint in found for name in _chosen(joint).effects)
+    return {name: tuple(joint.model.joint for joint in found if name in _chosen(joint).effects) for name in named}
+
+
+def _left_out(found: Sequence[JointFound]) -> list[str]:
+    """What acts for some time only."""
+    passing: dict[str, list[str]] = {}
+    for joint in found:
+        for cause in joint.causes if isinstance(joint.model, PassingJoint) else ():
+            passing.setdefault(cause.effect, []).append(joint.model.joint)
     return [
-        f"{cause.effect} in {', '.join(cause.joints)} acts for a part of the fit trials only and is left out"
-        for cause in found.passing
+        f"{effect} in {', '.join(joints)} acts for a part of the fit trials only and is left out"
+        for effect, joints in passing.items()
     ]

@@ -9,23 +9,23 @@ from typing import Any
 import numpy as np
 
 from hqpipe.errors import IdentificationError
-from hqpipe.gap.actuator_layer import diagnose_actuator, intake_of
 from hqpipe.gap.answer import not_identifiable
 from hqpipe.gap.diagnosis_files import FILE, TABLE, TRACES, Diagnosis, Row, errors_left, write_diagnosis
-from hqpipe.gap.intake import Intake
-from hqpipe.gap.joint_state import Progress
+from hqpipe.gap.intake import Intake, take_in
 from hqpipe.gap.layer_diagnosis import apply_layer, diagnose_layer
 from hqpipe.gap.layer_intake import position_checks
-from hqpipe.gap.levels import BLIND
-from hqpipe.gap.position_layer import POSITION, diagnose_position
+from hqpipe.gap.position_layer import diagnose_position
+from hqpipe.gap.position_record import PositionRecord, position_record
 from hqpipe.gap.routing import ACTUATOR, JOINT_MOTION, TORQUE, Route, has_law, route, route_since
-from hqpipe.gap.since import Earlier, EarlierLogs
-from hqpipe.gap.since_logs import earlier_logs
+from hqpipe.gap.since import EarlierLogs, EarlierModel
+from hqpipe.gap.since_intake import only_known
+from hqpipe.identify.identify import Progress
 from hqpipe.logs.end_stops import Travel, mark_end_stops
 from hqpipe.logs.trajectory import LogSet
 
 __all__ = ["FILE", "LARGEST", "TABLE", "TRACES", "Diagnosis", "Row", "diagnose", "errors_left", "write_diagnosis"]
 
+BLIND = 0.9  # of the squared error of holding the torque: a law that leaves more explains next to nothing; assumption
 LARGEST = 3_800_000  # samples × joints in memory: 5 min of twelve joints at 1 kHz, which takes 1.5 GB
 
 
@@ -37,7 +37,7 @@ def diagnose(
     effort_limit: np.ndarray | None = None,
     workers: int = 1,
     progress: Progress | None = None,
-    earlier: Earlier | EarlierLogs | None = None,
+    earlier: EarlierModel | EarlierLogs | None = None,
     travel: Travel | None = None,
 ) -> Diagnosis:
     """Say whether the error on the held-out trials exceeds the noise, where it is and what causes it.
@@ -57,7 +57,8 @@ def diagnose(
         UsageError: the record does not fit to the logs.
     """
     chosen = route_since(log_set) if isinstance(earlier, EarlierLogs) else route(log_set)
-    if isinstance(earlier, Earlier):
+    if isinstance(earlier, EarlierModel):
+        earlier.fits(log_set)
         chosen = Route(True)  # a model of the law from command to torque knows of no other layer
     elif earlier is not None:
         (earlier.fits if chosen.actuator else earlier.fits_layer)(log_set)
@@ -86,25 +87,21 @@ def _law_first(
     asked: _Question,
     effort_limit: np.ndarray | None,
     progress: Progress | None,
-    earlier: Earlier | EarlierLogs | None,
+    earlier: EarlierModel | EarlierLogs | None,
 ) -> Diagnosis:
     """The answer of the law from command to torque, or that of layer `name` where that law does not hold."""
-    record = earlier
+    record: PositionRecord | EarlierModel | None = None
     if isinstance(earlier, EarlierLogs):
-        told, progress = _part(progress, 0.0, "reference: "), _part(progress, 0.5)
         try:
-            record = earlier_logs(earlier.log_set, asked.window_s, asked.without, asked.workers, told, asked.travel)
+            record = position_record(earlier, asked.window_s, asked.without, asked.travel)
         except IdentificationError:
             if name is None:
                 raise
             return _layer_alone(name, log_set, asked, progress, earlier)
-    intake = intake_of(log_set, asked.window_s, asked.without, record, asked.travel)
-    question = (intake, log_set.joints, asked.without, effort_limit, asked.workers, progress)
-    first = (
-        diagnose_position(*question)
-        if record is None and log_set.control_mode == POSITION
-        else diagnose_actuator(*question, record)
-    )
+    elif earlier is not None:
+        record = earlier
+    intake = _taken_in(log_set, asked, record)
+    first = diagnose_position(intake, log_set.joints, asked.without, effort_limit, asked.workers, progress, record)
     if name is None or intake.reasons or not errs_as_persistence(first):
         return first
     then = earlier if isinstance(earlier, EarlierLogs) else None
@@ -113,6 +110,20 @@ def _law_first(
     except IdentificationError as error:
         return _with_warnings(first, [f"layer {name}: {error}"])
     return _in_its_place(first, second)
+
+
+def _taken_in(log_set: LogSet, asked: _Question, record: PositionRecord | EarlierModel | None) -> Intake:
+    """The log set looked through, in windows as long as those of an earlier record, without joints that this does not know."""
+    window_s = asked.window_s
+    if isinstance(record, PositionRecord) and window_s is None:
+        window_s = record.joints.window_s
+    intake = take_in(log_set, window_s, asked.without, asked.travel)
+    if isinstance(record, PositionRecord):
+        if asked.window_s is None:
+            intake = replace(intake, window=replace(intake.window, reason="as long as those of the reference"))
+        known, path = record.intake.log_set.joints, str(record.logs.log_set.path)
+        intake = only_known(intake, known, path)
+    return intake if record is None else replace(intake, warnings=(*intake.warnings, *record.warnings))
 
 
 def _of_layer(
@@ -137,7 +148,7 @@ def _layer_alone(
 ) -> Diagnosis:
     """The answer of a layer, its logs looked through as far as their channels allow."""
     if name == JOINT_MOTION and has_law(log_set):
-        intake = intake_of(log_set, None, asked.without)
+        intake = take_in(log_set, None, asked.without)
         if intake.reasons:
             return Diagnosis(
                 not_identifiable(intake.log_set, list(intake.warnings), intake.advice, earlier, intake.left_out)
@@ -190,10 +201,3 @@ def _lacking(log_set: LogSet, layers: Sequence[str], earlier: EarlierLogs | None
     lacking = {name: apply_layer(name).lacking(log_set) for name in layers}
     warnings = [*log_set.warnings, *(f"layer {name} needs {', '.join(what)}" for name, what in lacking.items())]
     return Diagnosis(not_identifiable(log_set, warnings, "record what is missing", earlier))
-
-
-def _part(progress: Progress | None, start: float, label: str = "") -> Progress | None:
-    """Progress of one of two halves."""
-    if progress is None:
-        return None
-    return lambda done, total, text: progress(start * total + 0.5 * done, total, f"{label}{text}")

@@ -16,14 +16,13 @@ import numpy as np
 from hqpipe.errors import IdentificationError
 from hqpipe.gap.confirm import confirmed
 from hqpipe.gap.defect import Defect
-from hqpipe.gap.joint_data import COMMAND_CHANNEL
 from hqpipe.gap.left_out import LeftOut, leave_out, of_joints, without_trials
 from hqpipe.gap.repair import repairs
 from hqpipe.gap.sanity import check_logs
 from hqpipe.gap.sanity_order import order_defects
 from hqpipe.gap.sensing import channel_warnings
 from hqpipe.gap.signs import SignedLogs, restore_efforts
-from hqpipe.logs.columns import joint_column
+from hqpipe.logs.columns import COMMAND_CHANNEL, joint_column
 from hqpipe.logs.end_stops import Travel, judged_windows, mark_end_stops
 from hqpipe.logs.findings import in_trials
 from hqpipe.logs.trajectory import LogSet

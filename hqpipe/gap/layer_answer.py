@@ -7,10 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.gap.answer import MIN_SHARE, UNLIKE, cause_entry, head
+from hqpipe.gap.answer import head, significant
 from hqpipe.gap.beyond_fit import BeyondFit
-from hqpipe.gap.causes import Cause
-from hqpipe.gap.considered import significant
 from hqpipe.gap.gap_entry import gap_entry, undeclared
 from hqpipe.gap.groups import scope_of
 from hqpipe.gap.joint_scale import pooled
@@ -22,11 +20,15 @@ from hqpipe.gap.layer_visible import visible_from
 from hqpipe.gap.left_out import LeftOut
 from hqpipe.gap.locate import Place, telling
 from hqpipe.gap.schema import validate_diagnosis
+from hqpipe.gap.second_channel import ScaleError
 from hqpipe.gap.shapley import Shrink
-from hqpipe.gap.since import EarlierLogs
+from hqpipe.gap.since import EarlierLogs, EarlierModel
 from hqpipe.identify.model import LayerJoints
+from hqpipe.layers.actuator.changes import MULTIPLIES
 from hqpipe.logs.trajectory import LogSet
 
+MIN_SHARE = 0.01  # signals that explain less of the gap are not listed
+UNLIKE = 3.0  # held-out over fitted RMSE beyond which the trials are unlike each other; assumption
 _BELIEVED = 0.5  # probability from which an effect is more likely there than not
 UNSIGNED_SURE = 0.99  # assumption: a torque of one sign in both directions of motion may still be that of a large load
 
@@ -41,10 +43,10 @@ def layer_content(
     unsigned: Sequence[str],
     places: tuple[list[Place], list[Place]],
     warnings: Sequence[str],
-    earlier: EarlierLogs | None,
+    earlier: EarlierLogs | EarlierModel | None,
     left_out: Sequence[LeftOut],
     withdrawn: Mapping[str, str],
-    scales: Sequence[Cause] = (),
+    scales: Sequence[ScaleError] = (),
     beyond: Sequence[BeyondFit] = (),
 ) -> dict[str, Any]:
     """The content of diagnosis.json.
@@ -58,7 +60,7 @@ def layer_content(
     rest = bool(evidence.rest.any())
     found = [_cause(cause, shrink, i, earlier is not None) for i, cause in enumerate(causes)]
     found = sorted(found, key=lambda c: (-c["shrink"], -c["probability"]))
-    found = [*_unsigned(unsigned, errors.names), *(cause_entry(one, log_set) for one in scales), *found]
+    found = [*_unsigned(unsigned, errors.names), *(error.content(errors.names) for error in scales), *found]
     depends = _depends_on(errors, evidence) if rest else []
     beyond = beyond if rest else ()
     content = head(log_set, verdict, earlier, left_out) | {
@@ -115,7 +117,7 @@ def _cause(cause: LayerCause, shrink: Shrink, i: int, compared: bool) -> dict[st
             "unit": number.unit,
             "ci95": _interval(number.ci95),
         }
-        if compared:
+        if compared and cause.effect not in MULTIPLIES:  # a ratio says itself what it refers to
             entry["reference"] = None if number.reference is None else significant(number.reference)
         if len(cause.members) > 1:
             key = number.name, number.unit

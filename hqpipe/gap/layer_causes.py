@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from hqpipe.effects import EFFECTS
-from hqpipe.gap.causes import MOST
 from hqpipe.gap.estimate import Z95, Estimate, agree
 from hqpipe.gap.groups import scope_of
 from hqpipe.gap.layer_errors import LayerErrors
@@ -20,6 +19,7 @@ from hqpipe.identify.found import JointCause, Number
 from hqpipe.identify.model import JointModel, LayerJoints
 
 SENSING = "sensing"
+MOST = 0.5  # share of a cause's joints that must not tell a rival from it; assumption
 ALIKE = 1.5  # between numbers told as one; assumption: what differs by more nobody would call the same
 _NEAR = 1e-3  # of the way to the value, from an end of an interval that is infinite in the form that is reported
 
@@ -109,11 +109,9 @@ def _derived(effect: str, told: Sequence[Number]) -> tuple[Number, ...]:
     return tuple(found)
 
 
-def unsigned_joints(joints: LayerJoints, then: LayerJoints | None = None) -> tuple[str, ...]:
-    """Joints whose torque lost its sign; beside an earlier record those where it has been lost since."""
-    before = unsigned_joints(then) if then is not None else ()
-    lost = (model.joint for model in joints.models if getattr(model, "unsigned", False))
-    return tuple(joint for joint in lost if joint not in before)
+def unsigned_joints(joints: LayerJoints) -> tuple[str, ...]:
+    """Joints whose torque lost its sign."""
+    return tuple(model.joint for model in joints.models if getattr(model, "unsigned", False))
 
 
 def layer_of(effect: str, layer: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,6 @@ from hqpipe.gap.answer import not_identifiable
 from hqpipe.gap.beyond_fit import beyond_fit
 from hqpipe.gap.cross_check import CrossCheck
 from hqpipe.gap.diagnosis_files import Diagnosis, Row
-from hqpipe.gap.joint_state import Progress
 from hqpipe.gap.layer_answer import layer_content
 from hqpipe.gap.layer_causes import merge_causes, shares, unsigned_joints
 from hqpipe.gap.layer_errors import LayerErrors, layer_errors
@@ -22,12 +21,11 @@ from hqpipe.gap.layer_verdict import weigh_layer
 from hqpipe.gap.layer_visible import unseen_changes
 from hqpipe.gap.left_out import LeftOut, of_joints
 from hqpipe.gap.locate import Place, locate
-from hqpipe.gap.second_channel import scale_causes, settle_offsets
-from hqpipe.gap.since import EarlierLogs
+from hqpipe.gap.second_channel import scale_errors, settle_offsets
+from hqpipe.gap.since import FAMILIAR, EarlierLogs, EarlierModel
 from hqpipe.gap.tally import ALL
-from hqpipe.gap.unchanged import AS_THEN, FAMILIAR
 from hqpipe.identify.found import JointCause, JointFound, LayerFound
-from hqpipe.identify.identify import identify
+from hqpipe.identify.identify import Progress, identify
 from hqpipe.identify.model import JointModel, LayerJoints
 from hqpipe.layers import LAYERS
 from hqpipe.logs.findings import listed
@@ -35,6 +33,8 @@ from hqpipe.logs.trajectory import LogSet
 from hqpipe.registry import load
 
 NOT_JUDGED = "not_judged"
+AS_THEN = "the reference missed its own logs by as much"
+MAY_BE_AS_THEN = "its interval holds what the reference says"
 _FIX = "record what the reason says is missing"
 
 
@@ -68,25 +68,39 @@ def diagnose_layer(
     if earlier is not None and hasattr(layer, "comparing"):
         layer = layer.comparing(log_set, earlier.log_set)
     try:
-        then = _earlier_joints(layer, name, earlier, window_s, without)
+        then = earlier_joints(layer, name, earlier, window_s, without)
         joints = layer.joints(log_set, then.window_s if then is not None and window_s is None else window_s, without)
     except IdentificationError as error:
         advice = error.fix or "record longer trials in which every joint moves, one of them held out"
         return Diagnosis(not_identifiable(log_set, [error.message, *warnings], advice, earlier, left_out))
     if then is not None:
-        joints = _known_then(joints, then, earlier)
+        joints = known_then(joints, then, earlier)
         if not joints.models:
             return Diagnosis(not_identifiable(log_set, [*joints.left.values(), *warnings], None, earlier, left_out))
     found = identify(joints, workers=workers, progress=progress, reference=then)
-    return layer_diagnosis(layer, log_set, found, then, earlier, left_out, warnings)
+    since = None if then is None else Since(earlier, familiar_errors(found, then), unsigned_joints(then))
+    return layer_diagnosis(layer, log_set, found, since, left_out, warnings)
+
+
+@dataclass(frozen=True, eq=False)
+class Since:
+    """What a diagnosis of changes knows of the earlier record.
+
+    Attributes:
+        record: the earlier logs or model. familiar: (J,) mean squared error that the machine as it was may have on new logs.
+        unsigned: joints whose torque had lost its sign there.
+    """
+
+    record: EarlierLogs | EarlierModel
+    familiar: np.ndarray
+    unsigned: tuple[str, ...] = ()
 
 
 def layer_diagnosis(
     layer: Any,
     log_set: LogSet,
     found: LayerFound,
-    then: LayerJoints | None = None,
-    earlier: EarlierLogs | None = None,
+    since: Since | None = None,
     left_out: Sequence[LeftOut] = (),
     warnings: Sequence[str] = (),
     checked: Sequence[CrossCheck] = (),
@@ -94,15 +108,16 @@ def layer_diagnosis(
     """The answer from what was found.
 
     Args:
-        layer: that gave the joints. then: joints of the earlier logs. checked: what a comparison with the pressures found.
+        layer: that gave the joints. since: where the question is what changed.
+        checked: what a comparison with the pressures found.
     """
     joints, withdrawn = found.joints, {}
     errors = layer_errors(found, log_set)
     logs = of_joints(log_set, errors.names)
     evidence = weigh_layer(errors)
-    if then is not None:
-        familiar = _familiar(found, then)
-        found, withdrawn = _only_changed(found, evidence.before <= familiar)
+    if since is not None:
+        familiar = since.familiar
+        found, withdrawn = _only_changed(found, evidence.before <= familiar, isinstance(since.record, EarlierModel))
         errors = layer_errors(found, log_set)
         changed = np.array([bool(joint.causes) for joint in found.found])
         evidence = weigh_layer(errors, np.where(changed, np.minimum(familiar, evidence.after), familiar))
@@ -120,21 +135,26 @@ def layer_diagnosis(
         evidence,
         causes,
         shares(errors, causes),
-        unsigned_joints(joints, then),
+        tuple(joint for joint in unsigned_joints(joints) if since is None or joint not in since.unsigned),
         places,
         [*warnings, *_warnings_of(found)],
-        earlier,
+        since and since.record,
         [*left_out, *gone],
         withdrawn,
-        scale_causes(checked, errors.names),
+        scale_errors(checked),
         beyond_fit(log_set, errors.joints, joints.window_s),
     )
     return Diagnosis(content, tuple(rows), layer_traces(errors, logs, joints))
 
 
-def _earlier_joints(
+def earlier_joints(
     layer: Any, name: str, earlier: EarlierLogs | None, window_s: float | None, without: Sequence[str]
 ) -> LayerJoints | None:
+    """The joints of earlier logs; None without them.
+
+    Raises:
+        UsageError: they lack what the layer needs. IdentificationError: no joint can be judged by them.
+    """
     if earlier is None:
         return None
     if lacking := layer.lacking(earlier.log_set):
@@ -154,8 +174,8 @@ def _earlier_joints(
         ) from error
 
 
-def _known_then(joints: LayerJoints, then: LayerJoints, earlier: EarlierLogs) -> LayerJoints:
-    """The joints that the earlier logs judge too."""
+def known_then(joints: LayerJoints, then: LayerJoints, earlier: EarlierLogs) -> LayerJoints:
+    """The joints that earlier logs judge too; others are left with the reason."""
     known = {model.joint: model for model in then.models}
     path = earlier.log_set.path
     new = {}
@@ -177,7 +197,7 @@ def _other_units(now: JointModel, then: JointModel) -> tuple[str, str] | None:
     return next((pair for pair in pairs if pair[0] != pair[1]), None)
 
 
-def _familiar(found: LayerFound, then: LayerJoints) -> np.ndarray:
+def familiar_errors(found: LayerFound, then: LayerJoints) -> np.ndarray:
     """(J,) mean squared error that the machine as it was may have on new logs without anything having changed.
 
     What it left on its own logs, which come first in the samples of the fit; more where the output moves more, and not less
@@ -194,17 +214,21 @@ def _familiar(found: LayerFound, then: LayerJoints) -> np.ndarray:
     return np.array(levels)
 
 
-def _only_changed(found: LayerFound, unchanged: np.ndarray) -> tuple[LayerFound, dict[str, str]]:
-    """Without the causes of joints that err no more than they did then, unless a number has changed for certain; and why, by
-    the names of these causes.
+def _only_changed(found: LayerFound, unchanged: np.ndarray, by_model: bool) -> tuple[LayerFound, dict[str, str]]:
+    """Without the causes of joints that are as they were; and why, by the names of these causes.
+
+    With earlier logs a joint has changed if it errs more than it did then or if a number has changed for certain. Beside a
+    model alone both are asked: its numbers had other motion to go by, which moves them by more than their intervals say.
 
     Args:
-        unchanged: (J,) True for such joints.
+        unchanged: (J,) True for joints that err no more than they did then. by_model: the earlier record is a model alone.
     """
     joints, reasons = [], {}
     for joint, familiar in zip(found.found, unchanged, strict=True):
-        same = familiar and not any(_has_changed(cause) for cause in joint.causes)
-        reasons |= {cause.effect: AS_THEN for cause in joint.causes if same}
+        certain = any(_has_changed(cause) for cause in joint.causes)
+        same = (familiar or not certain) if by_model else (familiar and not certain)
+        why = AS_THEN if familiar else MAY_BE_AS_THEN
+        reasons |= {cause.effect: why for cause in joint.causes if same}
         none = same or not joint.causes  # what is left without a cause is all: no number may move for nothing
         joints.append(replace(joint, named=joint.base, causes=(), without={}) if none else joint)
     return replace(found, found=tuple(joints)), reasons
@@ -212,7 +236,8 @@ def _only_changed(found: LayerFound, unchanged: np.ndarray) -> tuple[LayerFound,
 
 def _has_changed(cause: JointCause) -> bool:
     """Whether the interval of a number, which holds what differs from trial to trial, leaves out its earlier value."""
-    return any(not n.ci95[0] <= n.reference <= n.ci95[1] for n in cause.numbers if n.reference is not None)
+    earlier = ((n, 1.0 if n.reference is None else n.reference) for n in cause.numbers)  # a ratio is to what it was
+    return any(not n.ci95[0] <= value <= n.ci95[1] for n, value in earlier)
 
 
 def _rows(

@@ -14,12 +14,14 @@ import numpy as np
 
 from hqpipe.gap.bootstrap import BLOCK_S
 from hqpipe.gap.joint_scale import joint_scale
-from hqpipe.gap.regimes import FAST_PERCENTILE, REVERSAL_S, STILL_SHARE
 from hqpipe.gap.tally import ALL, Tally
 from hqpipe.identify.found import Fitted, JointFound, LayerFound
 from hqpipe.identify.model import Samples
 from hqpipe.logs.trajectory import LogSet
 
+STILL_SHARE = 0.02  # of the 99th percentile of |q̇|; assumption
+FAST_PERCENTILE = 80.0  # assumption: enough samples stay on either side
+REVERSAL_S = 0.02  # on each side of a change of direction; assumption
 RAN_AWAY = (
     10.0  # spreads of the joint that a prediction without a number counts; assumption: worse than any that has one
 )
@@ -155,7 +157,7 @@ class LayerErrors:
             [self.sums([s * i[r] for s, i in zip(squares, inside, strict=True)]) for r in range(len(regimes))], 2
         )
         count = np.stack([self.sums([i[r] for i in inside]) for r in range(len(regimes))], 2)
-        return Tally(regimes, square, count, count, self.trial_of_block)
+        return Tally(regimes, square, count, self.trial_of_block)
 
 
 def layer_errors(found: LayerFound, log_set: LogSet) -> LayerErrors:
@@ -170,7 +172,7 @@ def layer_errors(found: LayerFound, log_set: LogSet) -> LayerErrors:
 
 
 def _labels(s: Samples, whole: dict[str, tuple[float, float]]) -> dict[tuple[str, str], np.ndarray]:
-    """(family, regime) → (N,) bool: direction, reversal, speed, quarter of the trial; as in `hqpipe.gap.regimes`."""
+    """(family, regime) → (N,) bool: direction, reversal, speed, quarter of the trial."""
     speed = np.abs(s.velocity)
     still = speed <= STILL_SHARE * np.percentile(speed, 99.0)
     fast = speed > np.percentile(speed, FAST_PERCENTILE)

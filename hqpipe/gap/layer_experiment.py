@@ -17,6 +17,9 @@ _SUPPLY = frozenset({"voltage_sag", "torque_limit", "supply_droop", "flow_satura
 _PLAY = frozenset({"backlash", "transmission_compliance"})
 _GAINS = frozenset({"gain_error", "direction_asymmetry", "gain_drift"})
 _WARM = frozenset({"gain_drift", "leakage_drift"})
+_CHANGES = frozenset(
+    {"gain_change", "leakage_change", "velocity_coupling_change", "impact_change", "stiffness_change", "torque_scale"}
+)
 _BETWEEN: tuple[tuple[frozenset[str], str], ...] = (
     (_FRICTION, "slow triangles to and fro over the same range at two speeds, several times each"),
     (_FRICTION | _LOADED, "slow triangles over the same range without and with a known load, several times each"),
@@ -28,6 +31,10 @@ _BETWEEN: tuple[tuple[frozenset[str], str], ...] = (
     (
         _WARM,
         "the same motion in cold and in warm condition, with the temperature logged, holding a load still in between",
+    ),
+    (
+        _CHANGES | {"transmission_compliance"},
+        "hold a load with the command still, step it, and repeat the fast motion of the reference",
     ),
     (_GAINS, "steps of several sizes in both directions, with the gains of the drive stated in logset.yaml"),
 )

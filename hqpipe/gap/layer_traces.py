@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.gap.joint_data import COMMAND_CHANNEL
 from hqpipe.gap.layer_errors import JudgedJoint, LayerErrors
-from hqpipe.gap.traces import SPAN_S
 from hqpipe.identify.model import LayerJoints
+from hqpipe.logs.columns import COMMAND_CHANNEL
 from hqpipe.logs.trajectory import LogSet, Trajectory
 
+SPAN_S = 0.5  # shown at least
 _WINDOWS = 3.0  # shown at least
 _FREE_RUN = "free_run_rmse"  # metric of layers whose models run from the log at the start of each window
 _GAP = 1.5  # samples between two that are shown, from which on the line is broken

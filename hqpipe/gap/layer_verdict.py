@@ -11,13 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hqpipe.gap.answer import EXPLAINED
 from hqpipe.gap.bootstrap import block_weights
 from hqpipe.gap.layer_errors import LayerErrors
-from hqpipe.gap.search import MATERIAL
-from hqpipe.gap.verdict import FLOOR_MARGIN, MIN_EXPLAINED, SIGNIFICANCE, UNPREDICTED_MARGIN
 from hqpipe.identify.found import Fitted
 
+EXPLAINED = 0.25  # of the squared error above the noise may be left in an explained gap; assumption
+MATERIAL = 0.005  # of the output's RMS: a change of the error by less is no use to a simulator
+SIGNIFICANCE = 0.05  # over all joints together (Bonferroni)
+FLOOR_MARGIN = 1.05  # the floor itself is an estimate, good to a few per cent
+UNPREDICTED_MARGIN = 2.0  # assumption: the floor takes noise for white; coloured noise is off by less
+MIN_EXPLAINED = 0.05  # of the squared residual: less is no use to a simulator
 PREDICTABLE = 0.10  # of the squared gap that a flexible model may still predict in an explained one; assumption
 MOST = 0.25  # of the squared gap that may be left then: the causes halve the gap at least; assumption
 

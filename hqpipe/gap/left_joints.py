@@ -3,41 +3,57 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
+from hqpipe.actuators.augmented import Augmented
+from hqpipe.errors import IdentificationError
 from hqpipe.gap.intake import Intake
-from hqpipe.gap.joint_data import joint_data
-from hqpipe.gap.row_model import RowModel
-from hqpipe.gap.set_fit import JointFitter
+from hqpipe.identify.least_squares import Fitter
+from hqpipe.identify.search import base_solution
+from hqpipe.layers.actuator import Actuator
+from hqpipe.logs.trajectory import LogSet
 
 
-def whole_machine(
-    model: RowModel, intake: Intake, joints: Sequence[str], effort_limit: np.ndarray | None = None
-) -> RowModel | None:
-    """The model with the joints that were left out: without effects, fitted to what is sound of their logs.
+def whole_actuator(
+    actuator: Augmented, intake: Intake, joints: Sequence[str], effort_limit: np.ndarray | None = None
+) -> Augmented | None:
+    """The actuator with the joints that were left out: without effects, fitted to what is sound of their logs.
 
     Args:
-        model: of the joints that were answered. intake: of their logs. joints: of the machine, in order.
+        actuator: of the joints that were answered. intake: of their logs. joints: of the machine, in order.
         effort_limit: (J,) N·m, of `joints`.
 
     Returns:
         None where a joint has no sound logs, mended or of other trials, to fit it to.
     """
-    rows = dict(zip(model.joints, model.rows, strict=True))
-    for joint in (joint for joint in joints if joint not in rows):
-        logs = intake.spare.get(joint)
-        if logs is None:
+    rows = _all_rows(dict(zip(actuator.joints, actuator.parameters, strict=True)), intake, joints, effort_limit)
+    return None if rows is None else Augmented(tuple(joints), rows, actuator.dt)
+
+
+def _all_rows(
+    known: dict[str, np.ndarray], intake: Intake, joints: Sequence[str], effort_limit: np.ndarray | None
+) -> np.ndarray | None:
+    """(J, WIDTH) of all joints of the machine, see `whole_actuator`; known: joint → its row."""
+    limits = {} if effort_limit is None else dict(zip(joints, map(float, effort_limit), strict=True))
+    rows = []
+    for joint in joints:
+        row = known.get(joint)
+        if row is None and (logs := intake.spare.get(joint)) is not None:
+            row = _base_row(logs, intake.window.seconds, limits)
+        if row is None:
             return None
-        fit = [trial.trajectory for trial in logs.fit if trial.trajectory.samples > intake.steps]
-        if not fit:
-            return None
-        limit = np.inf if effort_limit is None else float(effort_limit[list(joints).index(joint)])
-        data = joint_data(fit, fit, 0, model.mode, intake.steps, 0.0, limit, model.speed)
-        rows[joint] = JointFitter(data).fit().row
-    spans = {list(joints).index(model.joints[j]): span for j, span in model.spans.items()}
-    return replace(model, joints=tuple(joints), rows=np.array([rows[joint] for joint in joints]), spans=spans)
+        rows.append(row)
+    return np.array(rows)
+
+
+def _base_row(logs: LogSet, window_s: float, limits: dict[str, float]) -> np.ndarray | None:
+    """(WIDTH,) the base of the only joint of the logs; None where it cannot be judged."""
+    try:
+        (joint,) = Actuator(limits).joints(logs, window_s).models
+    except IdentificationError:
+        return None
+    return joint.row(base_solution(Fitter(joint)).values)
 
 
 def plain_joints(intake: Intake, joints: Sequence[str], written: bool) -> list[str]:

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.gap.bootstrap import block_weights, interval
-from hqpipe.gap.tally import ALL, FREQUENCY, Tally
+from hqpipe.gap.tally import ALL, Tally
 
 CONCENTRATED = 1.2  # assumption: a regime is named if it holds 20 % more of the gap than of the samples
-BAND_CONCENTRATED = 2.0  # assumption: more for a frequency band, for restarting the windows moves energy
 TIME = "time_span"
 MAX_PLACES = 12
 MIN_SHARE = 0.02  # assumption: smaller places are left to residuals.csv
@@ -28,8 +27,7 @@ class Place:
         samples: how many samples the place holds.
         rmse: free-running error there, in the unit of the joint. normalised: over the joint's scale.
         lift_low: lower end of the 95 % interval of the share over the expected share. That is what the place
-            would hold if the joint's error did not care about the regime: its part of the samples, in a
-            frequency band its part of the error of holding the torque.
+            would hold if the joint's error did not care about the regime: its part of the samples.
         weight: how telling the place is, nats.
     """
 
@@ -78,13 +76,12 @@ def locate(sums: Tally, floor: np.ndarray, joints: tuple[str, ...], scale: np.nd
     relative, floor = sums.square / scale[:, None] ** 2, floor / scale**2
     square = (weights @ relative.reshape(blocks, -1)).reshape(-1, count_joints, regimes)
     count = (weights @ sums.count.reshape(blocks, -1)).reshape(-1, count_joints, regimes)
-    signal = (weights @ sums.signal.reshape(blocks, -1)).reshape(-1, count_joints, regimes)
     draws = shares(square, count, floor, groups)
     low, high = interval(draws)
-    lift = _lift(draws, signal, groups)
+    lift = _lift(draws, count, groups)
     total_square, total_count = sums.square.sum(axis=0), sums.count.sum(axis=0)
     share = shares(relative.sum(axis=0), total_count, floor, groups)
-    expected = _expected(share[:, :1], sums.signal.sum(axis=0), groups)
+    expected = _expected(share[:, :1], total_count, groups)
     weight = _weights(share, expected, groups)
     places = []
     for j, joint in enumerate(joints):
@@ -110,12 +107,12 @@ def locate(sums: Tally, floor: np.ndarray, joints: tuple[str, ...], scale: np.nd
     return sorted(places, key=lambda p: (-p.weight, p.joint, p.family, p.regime))
 
 
-def _lift(draws: np.ndarray, signal: np.ndarray, groups: list[list[int]]) -> np.ndarray:
+def _lift(draws: np.ndarray, count: np.ndarray, groups: list[list[int]]) -> np.ndarray:
     """(J, R) lower end of share over expected share, over the draws in which the joint has a gap at all."""
     lift = np.zeros(draws.shape[1:])
     for columns in groups:
         part = draws[..., columns]
-        expected = _expected(part.sum(axis=-1, keepdims=True), signal[..., columns], [list(range(len(columns)))])
+        expected = _expected(part.sum(axis=-1, keepdims=True), count[..., columns], [list(range(len(columns)))])
         known = expected > 0
         ratio = np.divide(part, expected, out=np.full(part.shape, np.nan), where=known)
         ratio[0] = np.where(known.any(axis=0), ratio[0], 0.0)
@@ -123,11 +120,11 @@ def _lift(draws: np.ndarray, signal: np.ndarray, groups: list[list[int]]) -> np.
     return lift
 
 
-def _expected(joint_share: np.ndarray, signal: np.ndarray, groups: list[list[int]]) -> np.ndarray:
-    """(…, J, R) the joint's share divided among the regimes of each family as `signal` is."""
-    expected = np.zeros_like(signal)
+def _expected(joint_share: np.ndarray, count: np.ndarray, groups: list[list[int]]) -> np.ndarray:
+    """(…, J, R) the joint's share divided among the regimes of each family as the samples are."""
+    expected = np.zeros(count.shape)
     for columns in groups:
-        part = signal[..., columns]
+        part = count[..., columns]
         total = part.sum(axis=-1, keepdims=True)
         part = np.divide(part, total, out=np.zeros_like(part), where=total > 0)
         expected[..., columns] = joint_share * part
@@ -168,8 +165,7 @@ def telling(places: list[Place], passing: Collection[str] = ()) -> list[Place]:
     for place in places:
         if place.share < MIN_SHARE:
             continue
-        needed = BAND_CONCENTRATED if place.family == FREQUENCY else CONCENTRATED
-        if place.family == ALL or place.lift_low > needed:
+        if place.family == ALL or place.lift_low > CONCENTRATED:
             named.append(place)
     times = [p for p in places if p.family == TIME and p.joint in passing]
     if times and not any(p.family == TIME for p in named[:MAX_PLACES]):

@@ -7,21 +7,26 @@ from dataclasses import replace
 
 import numpy as np
 
+from hqpipe.actuators.augmented import Augmented
 from hqpipe.errors import IdentificationError
 from hqpipe.gap.answer import not_identifiable
 from hqpipe.gap.diagnosis_files import Diagnosis
+from hqpipe.gap.fitted_joints import FittedJoints
 from hqpipe.gap.intake import LONGER, Intake
-from hqpipe.gap.joint_state import Progress
-from hqpipe.gap.layer_diagnosis import layer_diagnosis
-from hqpipe.gap.left_joints import plain_joints, whole_machine
-from hqpipe.gap.row_model import RowModel
+from hqpipe.gap.layer_diagnosis import Since, familiar_errors, known_then, layer_diagnosis
+from hqpipe.gap.left_joints import plain_joints, whole_actuator
+from hqpipe.gap.position_record import PositionRecord
 from hqpipe.gap.second_channel import measured
-from hqpipe.identify.found import LayerFound
-from hqpipe.identify.identify import identify
+from hqpipe.gap.since import EarlierModel
+from hqpipe.identify.change import Changed, KnownJoint
+from hqpipe.identify.found import JointFound, LayerFound
+from hqpipe.identify.identify import Progress, identify
+from hqpipe.identify.model import LayerJoints
 from hqpipe.identify.passing import PassingJoint
 from hqpipe.layers.actuator import Actuator
+from hqpipe.layers.actuator.joint import ActuatorJoint
 
-POSITION = "position"
+SENSOR = "torque_scale"  # changes what is logged and not the machine
 
 
 def diagnose_position(
@@ -31,36 +36,82 @@ def diagnose_position(
     effort_limit: np.ndarray | None = None,
     workers: int = 1,
     progress: Progress | None = None,
+    earlier: PositionRecord | EarlierModel | None = None,
 ) -> Diagnosis:
-    """The answer of the actuator layer in control mode position, without an earlier record of the machine.
+    """The answer of the actuator layer in control mode position.
 
     Args:
-        intake: of the logs. machine: joints of the logs as they came; `effort_limit`, N·m, is of these. The others are as in
+        intake: of the logs. machine: joints of the logs as they came; `effort_limit`, N·m, is of these.
+        earlier: a record of the same machine; then only what changed since is a cause. The others are as in
             `hqpipe.gap.diagnosis.diagnose`.
     """
     log_set, told = intake.log_set, [*intake.warnings, *intake.stops]
+    record = earlier.logs if isinstance(earlier, PositionRecord) else earlier
     if intake.reasons:
-        return Diagnosis(not_identifiable(log_set, told, intake.advice, None, intake.left_out))
+        return Diagnosis(not_identifiable(log_set, told, intake.advice, record, intake.left_out))
     limits = {} if effort_limit is None else dict(zip(machine, map(float, effort_limit), strict=True))
-    layer = Actuator(limits, intake.signed.joints)
+    layer = Actuator(
+        limits, intake.signed.joints, earlier.intake.log_set if isinstance(earlier, PositionRecord) else None
+    )
     try:
         joints = replace(layer.joints(log_set, intake.window.seconds, without), window_reason=intake.window.reason)
     except IdentificationError as error:
-        return Diagnosis(not_identifiable(log_set, [error.message, *told], error.fix or LONGER, None, intake.left_out))
-    found = identify(joints, workers=workers, progress=progress)
-    base, augmented = (_model(found, name) for name in ("base", "named"))
-    base, augmented = (whole_machine(one, intake, machine, effort_limit) for one in (base, augmented))
+        return Diagnosis(
+            not_identifiable(log_set, [error.message, *told], error.fix or LONGER, record, intake.left_out)
+        )
+    joints, then = _beside(joints, earlier)
+    if not joints.models:
+        return Diagnosis(not_identifiable(log_set, [*joints.left.values(), *told], LONGER, record, intake.left_out))
+    found = identify(joints, workers=workers, progress=progress, reference=then)
+    base, augmented = (
+        whole_actuator(_actuator(found, name), intake, machine, effort_limit) for name in ("base", "named")
+    )
     told += plain_joints(intake, machine, augmented is not None)
-    checked = measured(log_set, without)
-    answered = layer_diagnosis(layer, log_set, found, left_out=intake.left_out, warnings=told, checked=checked)
-    models = [model and model.actuator() for model in (base, augmented)]
-    return Diagnosis(answered.content, answered.table, answered.traces, *models, law=answered.content["gap"])
+    since = _since(found, earlier)
+    known = earlier.measured if isinstance(earlier, PositionRecord) else frozenset()
+    checked = [check for check in measured(log_set, without) if (check.effect, check.joint) not in known]
+    answered = layer_diagnosis(layer, log_set, found, since, intake.left_out, told, checked)
+    return Diagnosis(answered.content, answered.table, answered.traces, base, augmented, law=answered.content["gap"])
 
 
-def _model(found: LayerFound, name: str) -> RowModel:
-    """The machine with the base or the named causes of its joints; a simulator knows no causes that act for some time only."""
-    rows = [
-        joint.model.row((joint.base if isinstance(joint.model, PassingJoint) else getattr(joint, name)).values)
-        for joint in found.found
-    ]
-    return RowModel(tuple(joint.model.joint for joint in found.found), np.array(rows), POSITION)
+def _beside(
+    joints: LayerJoints, earlier: PositionRecord | EarlierModel | None
+) -> tuple[LayerJoints, LayerJoints | dict[str, KnownJoint] | None]:
+    """The joints that an earlier record knows, and what it says of them."""
+    if earlier is None:
+        return joints, None
+    if isinstance(earlier, PositionRecord):
+        return known_then(joints, earlier.joints, earlier.logs), earlier.joints
+    pairs = [earlier.beside(model) for model in joints.models]
+    models = tuple(model for model, _ in pairs)
+    return replace(joints, models=models), {model.joint: known for model, known in pairs}
+
+
+def _since(found: LayerFound, earlier: PositionRecord | EarlierModel | None) -> Since | None:
+    if earlier is None:
+        return None
+    if isinstance(earlier, PositionRecord):
+        return Since(earlier.logs, familiar_errors(found, earlier.joints), earlier.intake.signed.joints)
+    familiar = []
+    for joint in found.found:
+        part = joint.model.heldout if len(joint.model.heldout.time) else joint.model.fit
+        familiar.append(earlier.familiar(joint.model.joint, float(np.mean((part.output - part.held) ** 2))))
+    return Since(earlier, np.array(familiar))
+
+
+def _actuator(found: LayerFound, name: str) -> Augmented:
+    """The joints with their `base` or their `named` causes, for a simulator.
+
+    It knows no causes that act for some time only, and what a sensor shows is no part of it.
+    """
+    pairs = [_numbers(joint, name) for joint in found.found]
+    return FittedJoints.of([model for model, _ in pairs], [values for _, values in pairs]).actuator()
+
+
+def _numbers(joint: JointFound, name: str) -> tuple[ActuatorJoint, np.ndarray]:
+    """The joint as the logs have it, and its numbers."""
+    model, values = joint.model, getattr(joint, name).values
+    if isinstance(model, Changed):
+        numbers = model.then_values(values) if name == "base" else model.now_values(values, (SENSOR,))
+        return model.both.now, numbers
+    return model, joint.base.values if isinstance(model, PassingJoint) else values

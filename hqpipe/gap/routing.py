@@ -11,8 +11,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from hqpipe.errors import IdentificationError
-from hqpipe.gap.joint_data import COMMAND_CHANNEL
-from hqpipe.logs.columns import joint_column
+from hqpipe.logs.columns import COMMAND_CHANNEL, joint_column
 from hqpipe.logs.trajectory import LogSet
 
 ACTUATOR, SERVO, JOINT_MOTION, VALVE, TORQUE = "actuator", "servo", "joint_motion", "valve", "torque"
@@ -51,9 +50,9 @@ def route(log_set: LogSet) -> Route:
         if moved and fixed and source in GIVEN_BY_THE_DRIVE:
             # An electric drive, whose firmware makes the torque: there is no hydraulic law to ask for.
             return Route(False, moved)
-        if mode == "torque" and moved:
+        if mode == "torque":
             return Route(False, (TORQUE,))
-        return Route(True, moved if fixed and source is None and mode == "position" else ())
+        return Route(True, moved if fixed and source is None else ())
     layers = moved if {"effort", "current"} & set(channels) else ()
     if "effort" not in channels and ("position_command" in channels or _has_drive(log_set, channels)):
         layers = (*layers, SERVO)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,62 +12,65 @@ from hqpipe.actuators.augmented import Augmented
 from hqpipe.actuators.base import DT_TOLERANCE
 from hqpipe.actuators.files import FILE, load_actuator
 from hqpipe.actuators.hydraulic import Hydraulic
-from hqpipe.effects.layout import NOT_KNOWN, slot
+from hqpipe.effects import EFFECTS
+from hqpipe.effects.layout import BASE, NOT_KNOWN, neutral_row, slot, slots
 from hqpipe.errors import UsageError
-from hqpipe.gap.joint_data import LOGGED, JointData, Then
-from hqpipe.gap.levels import Levels
 from hqpipe.gap.model_files import COEFFICIENTS, POWERS, Left, digest, left_of, variances
-from hqpipe.gap.two_fits import two_fits
+from hqpipe.identify.change import KnownJoint
+from hqpipe.layers.actuator.joint import ActuatorJoint
 from hqpipe.logs.trajectory import LogSet
 
 LOGS, ACTUATOR = "logs", "actuator"
 MODE = "position"  # in the others the coefficients are no physics that could be compared one by one
+FAMILIAR = 1.25  # on the error that a record left on its own logs: other motion, other error; assumption
 
 
 @dataclass(frozen=True, eq=False)
-class Earlier:
-    """An earlier record.
+class EarlierModel:
+    """An earlier actuator model of the machine.
 
     Attributes:
-        path: as it is shown. kind: `LOGS` or `ACTUATOR`. sha256: of what is read of it.
-        mode: control mode. dt: sample time, s. joints: names. source: of the torque, where it is known.
-        speed: the speed that its coefficients belong to, of `SPEEDS`; None if the record does not say.
-        then: joint → what is known of it. bare: it knows coefficients alone; settings, and what two fits differ by, are then
-            those of the new logs.
-        window_s: of the free run that it was judged in; None for a model.
-        unsigned: joints whose torque had lost its sign. checked: what a second sensor showed, (effect, joint).
-        warnings: what to know of it. levels: see `hqpipe.gap.levels`; empty for a model.
+        path: as it is shown. sha256: of what is read of it. dt: sample time, s. joints: names.
+        rows: joint → (WIDTH,), NaN for what the model does not say. sd: joint → column → standard deviation.
+        left: joint → what it left on its own logs. warnings: what to know of it.
     """
 
     path: str
-    kind: str
     sha256: str
-    mode: str
     dt: float
     joints: tuple[str, ...]
-    speed: str | None
-    then: dict[str, Then]
-    source: str | None = None
-    window_s: float | None = None
-    unsigned: tuple[str, ...] = ()
-    checked: frozenset[tuple[str, str]] = frozenset()
+    rows: dict[str, np.ndarray]
+    sd: dict[str, dict[int, float]]
+    left: dict[str, Left]
     warnings: tuple[str, ...] = ()
-    bare: bool = False
-    levels: Levels = field(default_factory=dict)
 
     def header(self) -> dict[str, str]:
         """As in diagnosis.json."""
-        return {"path": self.path, "kind": self.kind, "sha256": self.sha256}
+        return {"path": self.path, "kind": ACTUATOR, "sha256": self.sha256}
 
     def fits(self, log_set: LogSet) -> None:
         """See `check_alike`."""
-        check_alike(log_set, self.path, self.mode, self.joints, self.dt, self.source)
+        check_alike(log_set, self.path, MODE, self.joints, self.dt)
 
-    def beside(self, data: Sequence[JointData]) -> list[JointData]:
-        """The joints of the new logs, each with what the record says of it."""
-        if not self.bare:
-            return [replace(d, then=self.then[d.joint], row=self.then[d.joint].row) for d in data]
-        return [_beside_bare(d, self.then[d.joint]) for d in data]
+    def beside(self, model: ActuatorJoint) -> tuple[ActuatorJoint, KnownJoint]:
+        """A joint of new logs with the settings of the model, and what this says of its numbers."""
+        row = self.rows[model.joint]
+        model = replace(model, neutral=np.where(np.isnan(row), model.neutral, row))
+        values, known = model.values_of(row)
+        columns = self.sd.get(model.joint, {})
+        sd = np.zeros(len(values))
+        for k, name in enumerate(BASE):
+            sd[k] = columns.get(slot("base", name), 0.0)
+        return model, KnownJoint(values, known, sd)
+
+    def familiar(self, joint: str, moves: float) -> float:
+        """Mean squared error that the model may have on new logs without anything having changed.
+
+        Args:
+            moves: mean squared error of holding the output there.
+        """
+        left = self.left.get(joint, Left(0.0, None))
+        return FAMILIAR * left.error * (moves / left.swing if left.swing else 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,17 +165,7 @@ def sample_time(log_set: LogSet) -> float:
     return float(np.median([trial.trajectory.dt for trial in log_set.trials]))
 
 
-def _beside_bare(data: JointData, then: Then) -> JointData:
-    """A joint beside coefficients alone: settings are those of the new logs, and so is what two fits differ by."""
-    row = np.where(np.isnan(then.row), data.row, then.row)
-    columns, covariance = two_fits(replace(data, row=row), then.effects)
-    for column, variance in zip(then.columns, np.diag(then.covariance), strict=True):
-        at = np.flatnonzero(columns == column)
-        covariance[at, at] = np.maximum(covariance[at, at], variance)
-    return replace(data, row=row, then=replace(then, row=row, columns=columns, covariance=covariance))
-
-
-def earlier_actuator(folder: Path, shown: str | None = None) -> Earlier:
+def earlier_actuator(folder: Path, shown: str | None = None) -> EarlierModel:
     """The record that an actuator model of fit-actuator or diagnose is.
 
     Args:
@@ -192,36 +185,24 @@ def earlier_actuator(folder: Path, shown: str | None = None) -> Earlier:
         )
     shown = shown or str(folder)
     fitted, left = variances(folder, model), left_of(folder, model)
-    effects = model.effects if isinstance(model, Augmented) else {}
-    then = {}
+    rows = {}
     for j, joint in enumerate(model.joints):
-        row = model.parameters[j].copy() if isinstance(model, Augmented) else _joint_space(model, j)
-        row[slot("setting", "held")] = NOT_KNOWN  # other logs begin in their own way
-        variance = fitted.get(joint, {})
-        names = tuple(name for name, joints in effects.items() if joint in joints)
-        columns = np.array(list(variance), dtype=np.int64)
-        covariance = np.diag(np.array(list(variance.values()), dtype=np.float64))
-        known = left.get(joint, Left(0.0, None))
-        then[joint] = Then(row, columns, covariance, known.error, known.swing, effects=names)
+        rows[joint] = model.parameters[j].copy() if isinstance(model, Augmented) else _joint_space(model, j)
+        rows[joint][slot("setting", "held")] = NOT_KNOWN  # other logs begin in their own way
+    sd = {joint: {column: float(np.sqrt(v)) for column, v in found.items()} for joint, found in fitted.items()}
     warnings = []
     if not fitted:
-        warnings.append(f"the reference {shown} has no intervals: it is taken to be as sure as these logs are")
+        warnings.append(f"the reference {shown} has no intervals: its coefficients are taken as exact")
     if any(left.get(joint, Left(0.0, None)).swing is None for joint in model.joints):
         warnings.append(
             f"the reference {shown} does not say how much its own logs moved: in livelier ones an error that it always had may "
             "pass for a change"
         )
-    speed = LOGGED if isinstance(model, Hydraulic) else None
-    return Earlier(
-        shown, ACTUATOR, digest(folder), MODE, model.dt, model.joints, speed, then, warnings=tuple(warnings), bare=True
-    )
+    return EarlierModel(shown, digest(folder), model.dt, model.joints, rows, sd, left, tuple(warnings))
 
 
 def _joint_space(model: Hydraulic, j: int) -> np.ndarray:
     """(WIDTH,) gains of a joint, effort limit and sample time; NaN where the model says nothing."""
-    from hqpipe.effects import EFFECTS
-    from hqpipe.effects.layout import neutral_row, slots
-
     row = np.full_like(neutral_row(), np.nan)
     for name in EFFECTS:
         row[slots(name)] = neutral_row()[slots(name)]

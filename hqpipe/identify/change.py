@@ -1,12 +1,13 @@
 """What changed between two records of one machine.
 
-Both records are one log with one set of numbers, and the effects that both ask for are part of it. Each candidate is then a
-deviation of the numbers in the later record: of an effect, or of the base.
+Both records are one log with one set of numbers. Each candidate is a deviation of the numbers in the later record, of an effect
+or of the base, or an effect that both records have. The search begins with what the earlier record asks for by itself. The
+numbers of an earlier model without logs stay where it put them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -14,8 +15,21 @@ import numpy as np
 
 from hqpipe.errors import UsageError, near_match
 from hqpipe.identify.found import JointCause, JointFound, LayerFound
-from hqpipe.identify.model import Effect, JointModel, LayerJoints, Parameter, Samples, all_parameters, positions
+from hqpipe.identify.model import (
+    Effect,
+    JointModel,
+    LayerJoints,
+    Parameter,
+    Ratio,
+    Samples,
+    all_parameters,
+    parameter_names,
+    positions,
+)
 
+_Z95 = 1.959963984540054  # of the normal distribution
+_MOST_RATIO = 20.0  # and one over it: what changed by more is another machine's; assumption
+_USUAL_RATIO = 0.3  # off one; assumption: wear and ageing change a coefficient by some ten per cent
 Searched = Callable[[Sequence[JointModel]], tuple[JointFound, ...]]
 
 
@@ -29,16 +43,71 @@ def changes_between(then: LayerJoints, now: LayerJoints, searched: Searched) -> 
         UsageError: a joint has no earlier record.
     """
     earlier = {model.joint: model for model in then.models}
+    _require_known(now, earlier)
+    before = searched([earlier[model.joint] for model in now.models])
+    changed = []
+    for found, model in zip(before, now.models, strict=True):
+        both = Both(found.model, model)
+        changed.append(
+            Changed(both, positions(both, ()), both.counted_now(found.full.values), known=found.full.effects)
+        )
+    return LayerFound(now, tuple(_with_references(joint) for joint in searched(changed)))
+
+
+@dataclass(frozen=True, eq=False)
+class KnownJoint:
+    """What an earlier model says of a joint.
+
+    Attributes:
+        values: (P,) of the parameters of the joint's model in the later record. known: (P,) whether the earlier model says it;
+            a number of the base that it does not know is fitted. sd: (P,) standard deviations of what it says; 0 where it is
+            taken as exact.
+    """
+
+    values: np.ndarray
+    known: np.ndarray
+    sd: np.ndarray
+
+
+def changes_since(then: Mapping[str, KnownJoint], now: LayerJoints, searched: Searched) -> LayerFound:
+    """The answer for logs beside an earlier model, whose causes are what changed.
+
+    Args:
+        then: joint → what the model says. now: joints of the logs. searched: the search over joint models.
+
+    Raises:
+        UsageError: the model lacks a joint.
+    """
+    _require_known(now, then)
+    changed = []
     for model in now.models:
-        if model.joint not in earlier:
+        known = then[model.joint]
+        fitted = np.flatnonzero(~known.known[: len(model.base)])
+        changed.append(Changed(Both(_WithoutSamples(model), model), fitted, known.values, known.sd))
+    return LayerFound(now, tuple(_with_references(joint) for joint in searched(changed)))
+
+
+def _require_known(now: LayerJoints, then: Mapping[str, object]) -> None:
+    for model in now.models:
+        if model.joint not in then:
             raise UsageError(
-                f"the reference has no logs of joint '{model.joint}'{near_match(model.joint, earlier)}",
+                f"the reference has no joint '{model.joint}'{near_match(model.joint, then)}",
                 field=model.joint,
                 fix="give a reference of the same machine",
             )
-    both = searched([Both(earlier[model.joint], model) for model in now.models])
-    changed = searched([Changed(joint.model, joint.full.effects, joint.full.values) for joint in both])
-    return LayerFound(now, tuple(_with_references(joint) for joint in changed))
+
+
+class _WithoutSamples:
+    """The model of a joint without any sample: the place of an earlier record that is a model alone."""
+
+    def __init__(self, model: JointModel) -> None:
+        none = np.zeros(0)
+        self.joint, self.unit, self.dt = model.joint, model.unit, model.dt
+        self.base, self.effects, self.notes, self.noise = model.base, model.effects, (), model.noise
+        self.fit = self.heldout = Samples((), np.zeros(0, dtype=np.int64), none, none, none, none, none)
+
+    def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
+        return np.zeros(0)
 
 
 @dataclass(eq=False)
@@ -62,6 +131,7 @@ class Both:
         self.fit, self.heldout, self.noise = _joined(self.then.fit, now.fit), now.heldout, now.noise
         together = getattr(now, "together", None)
         self._together = together(self.then) if together is not None else None
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
         return self.error_of(values, values, heldout)
@@ -72,7 +142,15 @@ class Both:
             return self._together.error(self._of_then(then), now, heldout)
         if heldout:
             return self.now.error(now, True)
-        return np.concatenate([self.then.error(self._of_then(then)), self.now.error(now)])
+        return np.concatenate([self._then_error(then), self.now.error(now)])
+
+    def _then_error(self, values: np.ndarray) -> np.ndarray:
+        """Of the earlier record; most of what is tried changes the numbers of the later one alone."""
+        if not len(self.then.fit.time):
+            return np.zeros(0)  # a model alone
+        if self._last is None or not np.array_equal(values, self._last[0]):
+            self._last = values.copy(), np.array(self.then.error(self._of_then(values)))
+        return self._last[1]
 
     def _of_then(self, values: np.ndarray) -> np.ndarray:
         """Numbers in the order of `now` as the model of the earlier record counts them; what that lacks is left out."""
@@ -84,6 +162,16 @@ class Both:
         found[places] = np.where(values[sources] == absent, found[places], values[sources])
         return found
 
+    def counted_now(self, values: np.ndarray) -> np.ndarray:
+        """Numbers of the earlier record's model in the order of the later one's; what this lacks is left out."""
+        refer = getattr(self.then, "referred_to", None)
+        if refer is not None:
+            values = refer(values, self.now)
+        places, sources, _ = self._matched
+        found = np.array([parameter.neutral for parameter in all_parameters(self.now)], dtype=np.float64)
+        found[sources] = values[places]
+        return found
+
     @cached_property
     def _neutral(self) -> np.ndarray:
         """(P,) of the parameters of `then`."""
@@ -93,96 +181,251 @@ class Both:
     def _matched(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Parameters that both models have, by name: places in `then`, places in `now`, and the number in `now` at which an
         effect is absent; NaN for the base."""
-        here = {name: k for k, name in enumerate(_names(self.now))}
-        pairs = [(k, here[name]) for k, name in enumerate(_names(self.then)) if name in here]
+        here = {name: k for k, name in enumerate(parameter_names(self.now))}
+        pairs = [(k, here[name]) for k, name in enumerate(parameter_names(self.then)) if name in here]
         places, sources = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
         parameters = all_parameters(self.now)
         absent = [parameters[k].neutral if k >= len(self.now.base) else np.nan for k in sources]
         return places, sources, np.array(absent, dtype=np.float64)
 
 
+class _Common:
+    """An effect that both records have: no change."""
+
+    in_both = True
+
+    def __init__(self, effect: Effect, places: Sequence[int]) -> None:
+        self.places = np.array(places, dtype=np.int64)
+        self._neutral = np.array([p.neutral for p in effect.parameters])
+        self.source = effect.name
+        self.effect = replace(
+            effect, name=f"{effect.name} in both records", named=False, context=True, excludes=frozenset()
+        )
+
+    def move(self, values: np.ndarray, own: np.ndarray) -> None:
+        values[self.places] += own - self._neutral
+
+
+class _Deviation:
+    """Some numbers of the later record that differ from the earlier one's."""
+
+    in_both = False
+
+    def __init__(
+        self, effect: Effect, places: Sequence[int], then: np.ndarray, parameters: Sequence[Parameter]
+    ) -> None:
+        """
+        Args:
+            effect: whose numbers they are; without parameters where they are of the base. places: (K,) of the numbers.
+            then: (P,) values of the earlier record. parameters: P of them.
+        """
+        self.places = np.array(places, dtype=np.int64)
+        self._low = np.array([parameters[i].low for i in places])
+        self._high = np.array([parameters[i].high for i in places])
+        own = effect.parameters
+        self.effect = replace(
+            effect, parameters=tuple(self._of(parameters[i], float(then[i]), not own) for i in places)
+        )
+
+    @staticmethod
+    def _of(p: Parameter, value: float, of_base: bool) -> Parameter:
+        """The deviation of a number; one that has no size of its own gets a third of its value.
+
+        An end at which an effect is absent is no bound: it may have gone, whatever the earlier number becomes in the fit.
+        """
+        spread = p.spread if np.isfinite(p.spread) else max(abs(value) / 3.0, 1e-9)
+        several = tuple(np.clip([-spread, 0.0, spread], p.low - value, p.high - value)) if of_base else ()
+        reach = p.high - p.low
+        low = -reach if not of_base and p.neutral == p.low else p.low - value
+        high = reach if not of_base and p.neutral == p.high else p.high - value
+        return replace(p, neutral=0.0, spread=spread, low=low, high=high, starts=several)
+
+    def move(self, now: np.ndarray, own: np.ndarray) -> None:
+        now[self.places] = np.clip(now[self.places] + own, self._low, self._high)
+
+    def referred(self, cause: JointCause, then: np.ndarray, sd: np.ndarray) -> JointCause:
+        """The cause with the numbers of both records in the place of their difference."""
+        numbers = []
+        ends = self._low, self._high
+        for number, before, unsure, low, high in zip(
+            cause.numbers, then[self.places], sd[self.places], *ends, strict=True
+        ):
+            reach = np.array([number.value, *_widened(number.value, number.ci95, unsure)])
+            value, *ci95 = np.clip(before + reach, low, high).tolist()
+            numbers.append(replace(number, value=value, ci95=tuple(ci95), reference=float(before)))
+        return replace(cause, numbers=tuple(numbers))
+
+
+class _Multiplied:
+    """Numbers of the base that a change multiplies by one ratio."""
+
+    in_both = False
+
+    def __init__(self, name: str, ratio: Ratio, names: Sequence[str]) -> None:
+        """
+        Args:
+            name: of the change. names: of the base parameters.
+        """
+        ends = 1.0 / _MOST_RATIO, _MOST_RATIO
+        number = Parameter("ratio", "1", 1.0, _USUAL_RATIO, *ends, (1.0 - _USUAL_RATIO, 1.0 + _USUAL_RATIO))
+        self.effect, self._multiply, self._alike_below = Effect(name, (number,)), ratio.multiply, ratio.alike_below
+        self.places = np.array([names.index(each) for each in ratio.names], dtype=np.int64)
+
+    def move(self, now: np.ndarray, own: np.ndarray) -> None:
+        self._multiply(now, float(own[0]))
+
+    def referred(self, cause: JointCause, then: np.ndarray, sd: np.ndarray) -> JointCause:
+        """The cause with what is unsure about the earlier record in its interval; a ratio says itself what it refers to."""
+        (number,) = cause.numbers
+        known = then[self.places] != 0.0
+        unsure = np.abs(sd[self.places][known] / then[self.places][known])
+        most = float(unsure.max()) * number.value if len(unsure) else 0.0
+        low, high = _widened(number.value, number.ci95, most)
+        alike = self._alike_below if number.value < 1.0 else ()
+        return replace(
+            cause,
+            numbers=(replace(number, ci95=(max(low, 0.0), high)),),
+            confused_with=tuple(dict.fromkeys((*cause.confused_with, *alike))),
+        )
+
+
 class Changed:
     """Two records of a joint with common numbers, and deviations of the later one as effects."""
 
-    def __init__(self, both: Both, common: Sequence[str], values: np.ndarray) -> None:
-        self.both, self.values = both, values
+    def __init__(
+        self,
+        both: Both,
+        fitted: np.ndarray,
+        values: np.ndarray,
+        sd: np.ndarray | None = None,
+        known: Collection[str] = (),
+    ) -> None:
+        """
+        Args:
+            fitted: (S,) places of the common numbers that are fitted again. values: (P,) of all. sd: (P,) standard deviations
+                of those that are not, where they are known. known: effects that the earlier record asks for by itself.
+        """
+        self.both = both
+        self.sd = np.zeros(len(values)) if sd is None else sd
         self.joint, self.unit, self.dt, self.noise, self.notes = both.joint, both.unit, both.dt, both.noise, both.notes
         self.fit, self.heldout = both.fit, both.heldout
-        self._shared = positions(both, list(common))
+        self._shared = fitted
         parameters = all_parameters(both)
+        self._low, self._high = (np.array([getattr(p, end) for p in parameters]) for end in ("low", "high"))
         self.base = tuple(replace(parameters[i], neutral=float(values[i]), starts=()) for i in self._shared)
-        self._moved: list[np.ndarray] = []
-        self.effects = tuple(self._candidates(parameters))
+        # With the logs of both records an effect that both have is a candidate, which the base is without.
+        self.values = values if not self._has_logs else _without_effects(values, len(both.base), parameters)
+        self._moves = [move for move in self._candidates(parameters) if move.effect.parameters]
+        self.effects = tuple(move.effect for move in self._moves)
+        self.begin = self._beginning(values, known)
 
-    def _candidates(self, parameters: Sequence[Parameter]) -> list[Effect]:
-        found = []
-        groups: dict[str, Sequence[str]] = getattr(self.both.now, "changes", {})
-        names = [p.name for p in self.both.base]
-        grouped = {name for group in groups.values() for name in group}
+    @property
+    def _has_logs(self) -> bool:
+        return len(self.both.then.fit.trial) > 0
+
+    def _beginning(self, values: np.ndarray, known: Collection[str]) -> tuple[frozenset[str], np.ndarray] | None:
+        """Effects that both records are likely to have, and values of all parameters with them; None without any."""
+        start = [parameter.neutral for parameter in all_parameters(self)]
+        at, names = len(self.base), []
+        for move in self._moves:
+            count = len(move.effect.parameters)
+            if isinstance(move, _Common) and move.source in known:
+                start[at : at + count] = values[move.places]
+                names.append(move.effect.name)
+            at += count
+        return (frozenset(names), np.array(start)) if names else None
+
+    def _candidates(self, parameters: Sequence[Parameter]) -> list[_Common | _Deviation | _Multiplied]:
+        found: list[_Common | _Deviation | _Multiplied] = []
+        names, now = [p.name for p in self.both.base], self.both.now
+        ratios: dict[str, Ratio] = getattr(now, "ratios", {})
+        found += [_Multiplied(name, ratio, names) for name, ratio in ratios.items()]
+        groups: dict[str, Sequence[str]] = getattr(now, "changes", {})
         for name, group in groups.items():
-            found.append(self._deviation(Effect(name, (), common=True), [names.index(g) for g in group], parameters))
-        for k, name in enumerate(names):
-            if name not in grouped:
-                found.append(self._deviation(Effect(f"change of {name}", (), False, name), [k], parameters))
+            places = [names.index(each) for each in group]
+            found.append(_Deviation(Effect(name, (), common=True), places, self.values, parameters))
+        alone = (
+            [] if ratios else [k for k, name in enumerate(names) if all(name not in group for group in groups.values())]
+        )
+        for k in alone:
+            effect = Effect(f"change of {names[k]}", (), False, names[k])
+            found.append(_Deviation(effect, [k], self.values, parameters))
         for effect in self.both.effects:
             places = positions(self.both, [effect.name])[len(names) :]
-            found.append(self._deviation(effect, list(places), parameters))
-        return [effect for effect in found if effect.parameters]
-
-    def _deviation(self, effect: Effect, places: list[int], parameters: Sequence[Parameter]) -> Effect:
-        """Of some numbers in the later record; those that have no size of their own get a third of their value."""
-        if places:
-            self._moved.append(np.array(places, dtype=np.int64))
-        moved = []
-        for i in places:
-            p, value = parameters[i], float(self.values[i])
-            spread = p.spread if np.isfinite(p.spread) else max(abs(value) / 3.0, 1e-9)
-            several = () if effect.parameters else tuple(np.clip([-spread, 0.0, spread], p.low - value, p.high - value))
-            moved.append(replace(p, neutral=0.0, spread=spread, low=p.low - value, high=p.high - value, starts=several))
-        return replace(effect, parameters=tuple(moved))
+            if self._has_logs:
+                found.append(_Common(effect, list(places)))
+            found.append(_Deviation(effect, list(places), self.values, parameters))
+        return found
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
+        return self.both.error_of(self.then_values(values), self.now_values(values), heldout)
+
+    def then_values(self, values: np.ndarray) -> np.ndarray:
+        """(P,) numbers of the earlier record, in the order of the later one's model."""
         then = self.values.copy()
         then[self._shared] = values[: len(self._shared)]
-        now, at = then.copy(), len(self._shared)
-        for places in self._moved:
-            now[places] += values[at : at + len(places)]
-            at += len(places)
-        return self.both.error_of(then, now, heldout)
+        self._moved(then, values, True)
+        return then
+
+    def now_values(self, values: np.ndarray, besides: Sequence[str] = ()) -> np.ndarray:
+        """(P,) numbers of the later record; besides: changes that are left out of them."""
+        now = self.then_values(values)
+        self._moved(now, values, False, besides)
+        return now
+
+    def _moved(self, found: np.ndarray, values: np.ndarray, in_both: bool, besides: Sequence[str] = ()) -> None:
+        """Numbers with what both records, or the later one alone, have of the candidates; in place, within their bounds."""
+        at = len(self._shared)
+        for move in self._moves:
+            count = len(move.effect.parameters)
+            if move.in_both == in_both and move.effect.name not in besides:
+                move.move(found, values[at : at + count])
+            at += count
+        np.clip(found, self._low, self._high, out=found)
+
+    def unchanged(self, values: np.ndarray) -> np.ndarray:
+        """Values with what both records have, and no change."""
+        found = values.copy()
+        at = len(self.base)
+        for move in self._moves:
+            count = len(move.effect.parameters)
+            if not move.in_both:
+                found[at : at + count] = [p.neutral for p in move.effect.parameters]
+            at += count
+        return found
 
     def before(self, effect: str, values: np.ndarray) -> np.ndarray:
-        """Numbers of an effect in the earlier record."""
-        then = self.values.copy()
-        then[self._shared] = values[: len(self._shared)]
-        for candidate, places in zip(self.effects, self._moved, strict=True):
-            if candidate.name == effect:
-                return then[places]
-        raise KeyError(effect)
+        """Numbers of an effect in the earlier record; 1 for what is counted as a ratio to it."""
+        move = next(move for move in self._moves if move.effect.name == effect)
+        return np.ones(1) if isinstance(move, _Multiplied) else self.then_values(values)[move.places]
+
+    def referred(self, cause: JointCause, values: np.ndarray) -> JointCause:
+        """A cause with the numbers of both records."""
+        move = next(move for move in self._moves if move.effect.name == cause.effect)
+        return move.referred(cause, self.then_values(values), self.sd)
+
+
+def _without_effects(values: np.ndarray, base: int, parameters: Sequence[Parameter]) -> np.ndarray:
+    """Values (P,) of which the first are of the base, those of all effects neutral."""
+    return np.array([*values[:base], *(parameter.neutral for parameter in parameters[base:])], dtype=np.float64)
+
+
+def _widened(value: float, ci95: tuple[float, float], sd: float) -> tuple[float, float]:
+    """An interval of a difference with what is unsure about the earlier record in it."""
+    low, high = ci95
+    return (
+        value - float(np.hypot(value - low, _Z95 * sd)),
+        value + float(np.hypot(high - value, _Z95 * sd)),
+    )
 
 
 def _with_references(found: JointFound) -> JointFound:
     """The joint with the numbers of both records in its causes; its base has those of the earlier record throughout."""
     changed = found.model
-    causes = tuple(_with_reference(changed, cause, found.kept.values) for cause in found.causes)
-    values = found.kept.values.copy()
-    values[len(changed.base) :] = 0.0
+    causes = tuple(changed.referred(cause, found.kept.values) for cause in found.causes)
+    values = changed.unchanged(found.kept.values)
     base = replace(found.base, values=values, error=changed.error(values), heldout=changed.error(values, True))
     return replace(found, causes=causes, base=base)
-
-
-def _with_reference(changed: Changed, cause: JointCause, values: np.ndarray) -> JointCause:
-    numbers = []
-    for number, then in zip(cause.numbers, changed.before(cause.effect, values), strict=True):
-        then = float(then)
-        low, high = (then + end for end in number.ci95)
-        numbers.append(replace(number, value=then + number.value, ci95=(low, high), reference=then))
-    return replace(cause, numbers=tuple(numbers))
-
-
-def _names(model: JointModel) -> list[tuple[str, str]]:
-    """(effect, parameter) of all parameters in the order of the values; no effect for the base."""
-    own = [("", parameter.name) for parameter in model.base]
-    return own + [(effect.name, parameter.name) for effect in model.effects for parameter in effect.parameters]
 
 
 def _joined(first: Samples, second: Samples) -> Samples:

@@ -10,7 +10,7 @@ from threading import Lock
 
 import numpy as np
 
-from hqpipe.identify.change import changes_between
+from hqpipe.identify.change import KnownJoint, changes_between, changes_since
 from hqpipe.identify.found import JointFound, LayerFound
 from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.minor_causes import without_minor_causes
@@ -27,7 +27,11 @@ _WEIGHT = 3.0  # joints that the expectation counts as, beside the other joints 
 
 
 def identify(
-    joints: LayerJoints, *, workers: int = 1, progress: Progress | None = None, reference: LayerJoints | None = None
+    joints: LayerJoints,
+    *,
+    workers: int = 1,
+    progress: Progress | None = None,
+    reference: LayerJoints | Mapping[str, KnownJoint] | None = None,
 ) -> LayerFound:
     """Find the effects of every joint.
 
@@ -38,8 +42,11 @@ def identify(
     Args:
         joints: of one layer. workers: joints at a time; the answer does not depend on it.
         progress: called with (done, total, text).
-        reference: the same joints in an earlier record of the machine; then causes are what changed since.
+        reference: the same joints in an earlier record of the machine, its logs or what a model of it says; then causes are
+            what changed since.
     """
+    if isinstance(reference, Mapping):
+        return changes_since(reference, joints, lambda models: _searched(models, workers, progress))
     if reference is not None:
         starts = iter((0.0, 0.5))  # the joints are searched for what both records ask for, then for what changed
         return changes_between(

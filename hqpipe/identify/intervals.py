@@ -21,6 +21,9 @@ from hqpipe.identify.search import Known, Search
 
 _LEVEL = 0.975  # one-sided, of a 95 % interval
 _FAR = 50.0  # ln of odds beyond which nothing changes
+_PRIOR_HOLDS = (
+    0.5  # of the variance beforehand, that samples leave at most if they say something of a number; assumption
+)
 _SINGULAR = 1e-10  # of the largest eigenvalue: what the samples do not show stays as it is
 
 
@@ -38,19 +41,27 @@ def half_widths(search: Search, known: Known) -> np.ndarray:
 
 
 def _between(fitter: Fitter, known: Known) -> np.ndarray:
-    """(F,) from the scatter of fits without one of the trials; 0 where there is one trial alone."""
+    """(F,) from the scatter of fits without one of the trials.
+
+    A fit says nothing of a number that the rest of the trials leave as uncertain as it was beforehand, as of one that only one
+    trial shows; where fewer than two fits say something of a number, its scatter is not known and counts as 0.
+    """
     solution, trial = known.solution, fitter.model.fit.trial
     present = np.unique(trial)
     if len(present) < 2:
         return np.zeros(len(solution.free))
     columns, error, values = solution.jacobian, solution.error, solution.values
-    steps = []
+    steps, seen = [], []
     for left_out in present:
         rest = trial != left_out
-        steps.append(_step(fitter, known, solution.free, values, columns[rest], error[rest]))
-    count = len(present)
-    deviation = np.sqrt((count - 1.0) / count * np.sum((np.array(steps) - np.mean(steps, axis=0)) ** 2, axis=0))
-    return _factor(count - 1) * deviation
+        step, shown = _step(fitter, known, solution.free, values, columns[rest], error[rest])
+        steps.append(step)
+        seen.append(shown)
+    count = np.sum(seen, axis=0)
+    mean = np.sum(np.where(seen, steps, 0.0), axis=0) / np.maximum(count, 1)
+    square = np.sum(np.where(seen, (np.array(steps) - mean) ** 2, 0.0), axis=0)
+    half = np.array([_factor(int(n) - 1) for n in count]) * np.sqrt((count - 1.0) / np.maximum(count, 1) * square)
+    return np.where(count > 1, half, 0.0)
 
 
 def _law(search: Search, known: Known) -> np.ndarray:
@@ -80,16 +91,19 @@ def _share(search: Search, known: Known, larger: Known) -> float:
 
 def _step(
     fitter: Fitter, known: Known, free: np.ndarray, values: np.ndarray, columns: np.ndarray, error: np.ndarray
-) -> np.ndarray:
-    """(F,) of one step of least squares with priors."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """(F,) of one step of least squares with priors, and (F,) whether the samples say more of a number than its prior."""
     spread = fitter.spread[free]
     sized = np.isfinite(spread)
-    prior = np.where(sized, known.covariance.noise / spread**2, 0.0)
+    prior = np.where(sized, known.covariance.noise / np.where(sized, spread, 1.0) ** 2, 0.0)
     away = np.where(sized, (values - fitter.neutral)[free], 0.0)
     normal = columns.T @ columns + np.diag(prior)
     scale = lengths(normal)
     slope = (columns.T @ error + prior * away) / scale
-    return -np.linalg.lstsq(normal / np.outer(scale, scale), slope, rcond=_SINGULAR)[0] / scale
+    unit = normal / np.outer(scale, scale)
+    step = -np.linalg.lstsq(unit, slope, rcond=_SINGULAR)[0] / scale
+    variance = np.diag(np.linalg.pinv(unit, rcond=_SINGULAR, hermitian=True)) / scale**2
+    return step, ~sized | (variance * prior < _PRIOR_HOLDS)
 
 
 def _factor(freedom: int) -> float:

@@ -6,7 +6,7 @@ prediction is bit for bit that of the model without it. So one compiled predicti
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -58,6 +58,20 @@ class Effect:
     common: bool = False
 
 
+@dataclass(frozen=True)
+class Ratio:
+    """What may change in a base by one ratio, now over then.
+
+    Attributes:
+        names: base parameters that stand for it. multiply: changes the values (P,) in place to those of the ratio.
+        alike_below: effects that do to the output what a ratio below 1 does.
+    """
+
+    names: tuple[str, ...]
+    multiply: Callable[[np.ndarray, float], None]
+    alike_below: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Samples:
     """The samples on which a joint is judged, masked ones left out; in the order of time within each trial.
@@ -93,7 +107,9 @@ class JointModel(Protocol):
         noise: (fit, held-out) root mean square that sensor noise alone leaves in the error of a perfect model.
         notes: what an answer should say of this joint, one sentence each.
 
-    It may have `changes`: cause → names of the base parameters that change with it from one record of the machine to another.
+    It may have `changes`: cause → names of the base parameters that change with it from one record of the machine to another;
+    or `ratios`: cause → `Ratio`, where all of what may change in its base goes by ratios.
+    It may have `begin`: names of effects that the joint is likely to have, and values (P,) with them.
     It may have `remarks(causes, values)`: what the numbers of a fit say beside the causes' parameters, one sentence each.
     """
 
@@ -119,6 +135,12 @@ class JointModel(Protocol):
 def all_parameters(model: JointModel) -> tuple[Parameter, ...]:
     """Base parameters, then those of all effects in their order: the order of `values`."""
     return (*model.base, *(parameter for effect in model.effects for parameter in effect.parameters))
+
+
+def parameter_names(model: JointModel) -> list[tuple[str, str]]:
+    """(effect, parameter) of all parameters in the order of the values; no effect for the base."""
+    own = [("", parameter.name) for parameter in model.base]
+    return own + [(effect.name, parameter.name) for effect in model.effects for parameter in effect.parameters]
 
 
 def positions(model: JointModel, effects: Sequence[str]) -> np.ndarray:

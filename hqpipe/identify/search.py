@@ -91,13 +91,22 @@ class Search:
 
     def run(self) -> Known:
         """The set that no addition, removal or exchange improves."""
-        best = self.base
+        best = self._begun_with()
         for _ in range(_ROUNDS):
             before = best.names
             best = self.settled(self.improved(self._grown(best)))
             if best.names == before:
                 break
         return best
+
+    def _begun_with(self) -> Known:
+        """The set that a model offers to begin with, without what is not needed of it; else the base."""
+        begin = getattr(self.model, "begin", None)
+        if begin is None:
+            return self.base
+        names, values = begin
+        first = self._kept(names, self._fit(names, [values], self.base.covariance.noise))
+        return self.improved(first) if self.gain(first, self.base) > 0.0 else self.base
 
     def settled(self, best: Known) -> Known:
         """The set with the best of its fits in which each effect joins last: where a fit begins may decide where it ends."""

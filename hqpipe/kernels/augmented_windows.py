@@ -30,7 +30,6 @@ from hqpipe.effects.supply_droop import lacking, sag
 from hqpipe.effects.transmission_compliance import softened
 from hqpipe.effects.valve_lag import follow, lag_share, mean_share
 from hqpipe.kernels.augmented_columns import (
-    ALL,
     AREAS,
     CLEAR,
     COMMAND,
@@ -62,9 +61,9 @@ from hqpipe.kernels.augmented_columns import (
     TORQUE,
     WINDUP,
 )
-from hqpipe.kernels.augmented_command import command_side, held, piston_lag, shape_opening
+from hqpipe.kernels.augmented_command import command_side, piston_lag, shape_opening
 from hqpipe.kernels.augmented_output import follow_along, friction, grips, move, rub, rubs, slid, slide, unloaded
-from hqpipe.kernels.augmented_signals import Signals, Work, lag_behind, lay_out, make_work
+from hqpipe.kernels.augmented_signals import Signals, Work, lag_behind, lay_out
 from hqpipe.kernels.laws import clip, impact
 
 
@@ -265,13 +264,3 @@ def simulate(p: np.ndarray, s: Signals, work: Work, out: np.ndarray, inputs: int
         rub(p, s, work, out)
     else:
         _plain(p, s, work, out, p[OFFSET])
-
-
-@njit(cache=True, nogil=True)
-def integrator_starts(p: np.ndarray, s: Signals) -> np.ndarray:
-    """(trials,) what the integrator of a row holds at the start of each trial, in the unit of the command."""
-    work, found = make_work(s), np.empty(s.bounds.shape[0] - 1)
-    simulate(p, s, work, np.empty((s.steps, s.first.shape[0])), ALL)
-    for trial in range(found.shape[0]):
-        found[trial] = held(p, s, work, trial)
-    return found

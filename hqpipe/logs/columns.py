@@ -28,6 +28,9 @@ CHANNELS = {
     "pressure_b": "Pa",
 }
 
+COMMAND_CHANNEL = {"position": "position_command", "torque": "effort_command", "valve": "valve_command"}
+"""Control mode → channel that is commanded."""
+
 PARTIAL = ("current", "duty")
 """Channels that some joints may have and others not, as drives of different makes do; such a column is kept as it is."""
 

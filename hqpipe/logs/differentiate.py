@@ -1,4 +1,4 @@
-"""Joint velocity for logs that hold positions only."""
+"""Joint velocity from positions."""
 
 from __future__ import annotations
 
@@ -29,3 +29,12 @@ def differentiate(position: np.ndarray, dt: float) -> np.ndarray:
 def window_s(dt: float) -> float:
     """Length of the window that `differentiate` uses, s."""
     return max(_MIN_SAMPLES, int(round(_SPAN_S / dt)) | 1) * dt
+
+
+def step_speed(position: np.ndarray, dt: float) -> np.ndarray:
+    """(T,) mean speed from each sample to the next, rad/s; its sum is the travel, whatever the encoder's resolution.
+
+    Args:
+        position: (T,) rad. dt: sample time, s.
+    """
+    return np.append(np.diff(position), position[-1] - position[-2]).astype(np.float64) / dt

@@ -27,11 +27,6 @@ def unit_of(unit: str, kind: str | None) -> str:
     return _LINEAR.get(unit, unit) if kind == PRISMATIC else unit
 
 
-def depends_on_kind(unit: str) -> bool:
-    """Whether joints that turn and joints that slide have different units for it."""
-    return unit in _LINEAR
-
-
 def completed(kinds: Mapping[str, str], joints: Sequence[str]) -> dict[str, str]:
     """Joint → kind of all joints where it is known of some: those that are not named turn. Empty where none is known."""
     return {joint: kinds.get(joint, REVOLUTE) for joint in joints} if kinds else {}

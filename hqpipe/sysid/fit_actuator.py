@@ -20,10 +20,9 @@ from hqpipe.sysid.posterior import Known, posterior_of
 from hqpipe.sysid.problem import COEFFICIENTS, HELD, LOWER, UPPER, Problem
 from hqpipe.sysid.results import Coefficient, FitResult, JointFit
 from hqpipe.sysid.sections import sections_of
-from hqpipe.sysid.solve import Solution, solve
+from hqpipe.sysid.solve import Solution, first_guess, solve
 from hqpipe.sysid.windows import Windows, cut_windows, joint_data
 
-_SPANS = (1, 5, 20)  # samples; first guesses, of which the best in the free run is taken
 _ON_BOUND = 1e-9
 _FEW_WINDOWS = 20  # assumption: with fewer, neither coefficients nor errors are to be trusted
 _FEWEST_WINDOWS = 5  # assumption: the scatter between fewer windows says nothing about an interval
@@ -133,7 +132,7 @@ def _fit_group(problem: Problem, noise: np.ndarray) -> tuple[Solution | None, Jo
     one_step = problem.one_step(1) if free.any() else np.zeros(4)
     solution = None
     if free.any():
-        guess = _first_guess(problem, free)
+        guess = first_guess(problem, free)
         reasons |= inseparable(problem.evaluate(guess, problem.measured_starts()), free)
         free = np.array([name not in reasons for name in COEFFICIENTS])
     if free.any():
@@ -181,17 +180,6 @@ def _assumed_k4(problem: Problem, k: np.ndarray) -> Range:
     errors = [scale * np.abs(data.error).max() for scale, data in zip(problem.scale[:, 3], problem.joints, strict=True)]
     high = float(k[1] / max(*errors, 1e-9))
     return Range(0.0, high, "assumption: at the largest error of the logs an impact at most doubles the leakage")
-
-
-def _first_guess(problem: Problem, free: np.ndarray) -> np.ndarray:
-    starts = problem.measured_starts()
-    spans = [span for span in _SPANS if span <= problem.windows.samples // 2] or [1]
-    guesses = [np.where(free, problem.one_step(span), 0.0) for span in spans]
-    costs = [problem.evaluate(guess, starts).cost for guess in guesses]
-    costs = [cost if np.isfinite(cost) else np.inf for cost in costs]
-    if min(costs) == np.inf:  # k4 large enough to make the free run diverge
-        return np.where(np.arange(4) == COEFFICIENTS.index("k4"), 0.0, guesses[-1])
-    return guesses[int(np.argmin(costs))]
 
 
 def _two_passes(problem: Problem, guess: np.ndarray, free: np.ndarray, noise: np.ndarray) -> Solution:

@@ -103,6 +103,19 @@ class Problem:
         self.evaluate(k, self.measured_starts())
         return [r[np.isfinite(r)] for r in self._residuals]
 
+    def window_errors(self, k: np.ndarray) -> list[np.ndarray]:
+        """(W,) mean squared error of each window, restarted from the log, per joint; infinite where it runs away."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            self.evaluate(k, self.measured_starts())
+            squares = [np.where(d.observed, r**2, 0.0) for d, r in zip(self.joints, self._residuals, strict=True)]
+            means = [
+                np.array(
+                    [x[a + 1 : b + 1].sum() / max(d.observed[a + 1 : b + 1].sum(), 1) for a, b in self.windows.bounds]
+                )
+                for d, x in zip(self.joints, squares, strict=True)
+            ]
+        return [np.where(np.isfinite(mean), mean, np.inf) for mean in means]
+
     def held(self) -> list[np.ndarray]:
         """Errors of the predicted samples if the torque at every window's start stayed, per joint, N·m."""
         bounds = self.windows.bounds

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hqpipe.sysid.problem import LOWER, UPPER, Evaluation, Problem
+from hqpipe.sysid.problem import COEFFICIENTS, LOWER, UPPER, Evaluation, Problem
 
 _MAX_EVALUATIONS = 100
 _TOLERANCE = 1e-9  # relative fall of the cost, and relative step
 _DAMPING = 1e-3
 _DAMPING_MAX = 1e12
+_SPANS = (1, 5, 20)  # samples; first guesses, of which the best in the free run is taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,3 +61,15 @@ def solve(problem: Problem, k: np.ndarray, starts: list[np.ndarray], free: np.nd
         if fall <= _TOLERANCE * at.cost or small.all():
             return Solution(k, starts, at, True)
     return Solution(k, starts, at, False)
+
+
+def first_guess(problem: Problem, free: np.ndarray) -> np.ndarray:
+    """(4,) coefficients from differences over a few samples; free: (4,) bool, the others are 0."""
+    starts = problem.measured_starts()
+    spans = [span for span in _SPANS if span <= problem.windows.samples // 2] or [1]
+    guesses = [np.where(free, problem.one_step(span), 0.0) for span in spans]
+    costs = [problem.evaluate(guess, starts).cost for guess in guesses]
+    costs = [cost if np.isfinite(cost) else np.inf for cost in costs]
+    if min(costs) == np.inf:  # k4 large enough to make the free run diverge
+        return np.where(np.arange(4) == COEFFICIENTS.index("k4"), 0.0, guesses[-1])
+    return guesses[int(np.argmin(costs))]

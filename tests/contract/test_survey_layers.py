@@ -80,7 +80,7 @@ def test_motion_is_asked_where_the_torque_is_that_of_the_drive(mode, source, bas
     expected = evaluated and (mode == "position" or base == "fixed")
     assert any(x.layer == "joint_motion" and x.evaluated for x in found) == expected
     chosen = route(replace(logs, trials=trials))
-    of_loop = ("torque",) if mode == "torque" and not expected and base != "floating" and not extra else ()
+    of_loop = ("torque",) if mode == "torque" and not expected else ()
     assert chosen.layers == (("joint_motion",) if expected else of_loop)
     assert chosen.actuator == (not expected and not of_loop)
     assert any(x.layer == "actuator" and x.evaluated for x in found) != expected

@@ -6,7 +6,7 @@ import pytest
 from planted_effects import TYPICAL, leaking, logs_of
 
 from hqpipe.gap.diagnosis import diagnose
-from hqpipe.gap.since_logs import earlier_logs
+from hqpipe.gap.since import EarlierLogs
 
 
 def size(*names):
@@ -16,7 +16,7 @@ def size(*names):
 @pytest.fixture(scope="module")
 def earlier():
     """A machine whose second joint has a deadband."""
-    return earlier_logs(logs_of([{}, size("valve_deadband")]), 0.1)
+    return EarlierLogs(logs_of([{}, size("valve_deadband")]))
 
 
 def since(earlier, effects, seed=1, **kwargs):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from control_mode_truth import JOINTS, NOISE, log_set
 
 from hqpipe.gap.diagnosis import diagnose
+from hqpipe.gap.since import EarlierLogs
 
 SAMPLE_S = 1e-3
 
@@ -75,3 +78,21 @@ def test_without_torque_no_effect_of_the_load_is_considered():
     content = diagnose(log_set("valve")).content
     names = {row["effect"] for row in content["effects_considered"]}
     assert "valve_lag" in names and not {"orifice_flow", "transmission_compliance"} & names
+
+
+def floating(**effect):
+    """The logs of a force loop on a base that moves."""
+    return replace(log_set("torque", **effect), base="floating")
+
+
+@pytest.mark.parametrize("earlier", [False, True])
+def test_a_force_loop_on_a_floating_base_is_judged_by_its_command(earlier):
+    record = EarlierLogs(floating()) if earlier else None
+    content = diagnose(floating(deadband=6.0), earlier=record).content
+    assert only_cause(content, "valve_deadband")["half_width"]["value"] == pytest.approx(6.0, rel=0.05)
+    assert content["gap"]["layer"] == "actuator" and ("reference" in content) == earlier
+
+
+def test_a_deadband_that_a_force_loop_always_had_is_no_change():
+    content = diagnose(floating(deadband=6.0), earlier=EarlierLogs(floating(deadband=6.0, seed=2))).content
+    assert content["verdict"] == "no_gap" and content["causes"] == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from planted_effects import TYPICAL, logs_of
 
@@ -64,3 +65,35 @@ def test_single_effect_is_the_only_cause(effect):
     assert content["verdict"] == "explained"
     assert named(content) == {(effect, logs.joints[:1])}
     assert content["causes"][0]["confused_with"] == []
+
+
+@pytest.mark.parametrize(("flow", "by_opening"), [((1.0, 0.0), 0.0), ((0.0, 2.0), 1.0)])
+def test_a_sagging_supply_is_felt_by_speeds_or_by_openings(flow, by_opening):
+    logs = logs_of([size("supply_droop")] * 3, seconds=SECONDS, flow=flow)
+    content = diagnose(logs).content
+    assert named(content) == {("supply_droop", logs.joints)} and content["verdict"] == "explained"
+    assert parameter(content, "supply_droop", "by_opening") == pytest.approx(by_opening, abs=0.05)
+    assert parameter(content, "supply_droop", "recovery_s") == pytest.approx(0.15, rel=0.2)
+
+
+def test_a_limit_that_only_large_jumps_reach_is_found():
+    logs = logs_of([{"flow_saturation": {"limit": 0.14}}, {}], seconds=8.0)
+    for trial in logs.fit:
+        error = np.abs(trial.trajectory.position_command - trial.trajectory.position)[:, 0]
+        assert np.mean([part.max() > 0.14 for part in np.split(error, 80)]) < 0.3
+    content = diagnose(logs).content
+    assert named(content) == {("flow_saturation", logs.joints[:1])}
+    assert parameter(content, "flow_saturation", "limit") == pytest.approx(0.14, rel=0.01)
+
+
+def test_a_limit_that_the_fit_trials_hardly_reach_is_unknown_with_the_reason():
+    """Four of 80 windows to fit, and a held-out trial that it spoils."""
+    content = diagnose(logs_of([{"flow_saturation": {"limit": 0.14}}], seconds=8.0)).content
+    assert content["verdict"] == "unknown" and content["causes"] == []
+    assert any("No fit has seen them" in text for text in content["warnings"])
+
+
+@pytest.mark.parametrize(("stall", "causes"), [(900.0, {("orifice_flow", ("LFR",))}), (20000.0, set())])
+def test_a_load_that_every_valve_feels_is_no_fault(stall, causes):
+    logs = logs_of([{"orifice_flow": {"effort_max_nm": stall}}, {}], seconds=SECONDS, noise=0.1)
+    assert named(diagnose(logs).content) == causes

@@ -5,10 +5,7 @@ from __future__ import annotations
 import pytest
 from single_joint_truth import LIMITED_PUMP, WEAK_SUPPLY, Machine, write_logs
 
-from hqpipe.gap.accuse import prepare
 from hqpipe.gap.diagnosis import diagnose
-from hqpipe.gap.intake import take_in
-from hqpipe.gap.joint_data import LOGGED, MOVED
 
 SHORT = {"seconds": 6.0, "trials": 3}
 ROD = {"area_b": 3.2e-4}
@@ -54,15 +51,6 @@ def test_short_logs_of_a_sagging_supply_get_no_wrong_name(tmp_path, seed):
     content = diagnose(write_logs(tmp_path, seconds=6.0, trials=2, seed=seed, **WEAK_SUPPLY)).content
     assert "orifice_flow" in names(content)
     assert names(content) <= {"orifice_flow", "supply_droop", "valve_lag", "command_delay"}
-
-
-def test_the_speed_is_chosen_beside_what_the_effects_explain(tmp_path):
-    """The valve alone would leave the wrong speed, whose half sample looks like an offset."""
-    logs = take_in(write_logs(tmp_path, seconds=6.0, trials=2, seed=4, **WEAK_SUPPLY), None)
-    speeds = [
-        prepare(logs.log_set, names, logs.steps, logs.signed, None)[1] for names in ((), ("orifice_flow", "valve_lag"))
-    ]
-    assert speeds == [LOGGED, MOVED]
 
 
 def test_sag_beside_overlap(tmp_path):

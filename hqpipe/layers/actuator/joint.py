@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from hqpipe.effects import EFFECTS
 from hqpipe.effects.layout import BASE, slot
-from hqpipe.identify.model import Effect, Parameter, Samples
-from hqpipe.kernels.augmented_fit import residual_windows
+from hqpipe.identify.model import Effect, Parameter, Ratio, Samples, all_parameters
+from hqpipe.kernels.augmented_errors import residual_windows
 from hqpipe.layers.actuator.parameters import (
     BASE_NAMES,
     BY_OPENING,
@@ -36,6 +37,7 @@ class ActuatorJoint:
         joint, unit, dt, base, effects, fit, heldout, noise, notes: see there.
         places: owner and name of each parameter of the effects of the loops. records: of the fit and the held-out trials.
         neutral: (WIDTH,) a row of the loops without effects, settings filled in. shapes: (C, N) of each, see `shapes`.
+        shape_scale: (C,) what they were divided by. ratios: what may have changed since an earlier record, see there.
         draws: rad/s of flow per speed and per position error of this joint. units: of its effort and position.
         unsigned: whether its torque had lost its sign, which was restored.
     """
@@ -53,6 +55,8 @@ class ActuatorJoint:
     records: tuple[Record, Record]
     neutral: np.ndarray
     shapes: tuple[np.ndarray, np.ndarray]
+    shape_scale: np.ndarray
+    ratios: Mapping[str, Ratio]
     draws: tuple[float, float]
     units: tuple[str, str]
     unsigned: bool = False
@@ -108,10 +112,35 @@ class ActuatorJoint:
         row[self._columns] = own
         return row
 
+    def values_of(self, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(P,) numbers of a row of the loops, and (P,) whether it says them; NaN in a row stands for what is not known.
+
+        A row does not say how much of the logged speed it was driven with, as a simulator has only one speed.
+        """
+        parameters = all_parameters(self)
+        values = np.array([parameter.neutral for parameter in parameters], dtype=np.float64)
+        known = np.ones(len(values), dtype=bool)
+        known[[_LOGGED, _SPEED_LATE, _PRESLIDING]] = False
+        values[: len(BASE)] = row[_BASE]
+        if np.isfinite(row[_TURN]):
+            values[_PRESLIDING] = row[_TURN]
+        own = len(self.base) + np.arange(len(self.places))
+        opening = own == self._opening
+        values[own[~opening]] = row[self._columns]
+        values[own[opening]] = float(np.nan_to_num(row[_FLOW[1]]) != 0.0)
+        return np.clip(values, [p.low for p in parameters], [p.high for p in parameters]), known
+
+    def referred_to(self, values: np.ndarray, other: ActuatorJoint) -> np.ndarray:
+        """The same joint as the model of another record counts it: its shapes have a mean square of their own."""
+        found = values.copy()
+        found[len(self.base) + len(self.places) :] *= other.shape_scale / self.shape_scale
+        return found
+
     def reported(self, effect: str, name: str, value: float) -> tuple[str, float, str]:
         """Name, value and unit of a number in the form of diagnosis.json."""
-        parameter = next((p for p in EFFECTS[effect].parameters if p.name == name), None)
-        if parameter is None:  # a share
+        own = EFFECTS[effect].parameters if effect in EFFECTS else ()
+        parameter = next((p for p in own if p.name == name), None)
+        if parameter is None:  # a share, or a ratio to an earlier record
             return name, value, "1"
         unit = reported_unit(parameter.unit, self.units)
         return name, parameter.told(value), unit

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from hqpipe.effects.layout import BASE, neutral_row, slot
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import LayerJoints
+from hqpipe.layers.actuator.changes import RATIOS
 from hqpipe.layers.actuator.joint import ActuatorJoint
 from hqpipe.layers.actuator.parameters import base_parameters, effects_of
 from hqpipe.layers.actuator.record import Record, draws_of, record_of
@@ -33,12 +35,19 @@ class Actuator:
 
     NAME = "actuator"
 
-    def __init__(self, effort_limit: Mapping[str, float] | None = None, unsigned: Collection[str] = ()) -> None:
+    def __init__(
+        self,
+        effort_limit: Mapping[str, float] | None = None,
+        unsigned: Collection[str] = (),
+        earlier: LogSet | None = None,
+    ) -> None:
         """
         Args:
             effort_limit: joint → N·m at which it saturates. unsigned: joints whose torque had lost its sign.
+            earlier: logs to whose signals the sizes of all numbers refer, so that both records count them alike; None for
+                those that are judged.
         """
-        self.effort_limit, self.unsigned = effort_limit or {}, frozenset(unsigned)
+        self.effort_limit, self.unsigned, self.earlier = effort_limit or {}, frozenset(unsigned), earlier
 
     def lacking(self, log_set: LogSet) -> list[str]:
         """Columns that the logs do not have."""
@@ -66,11 +75,10 @@ class Actuator:
         dt = float(np.median([t.trajectory.dt for t in log_set.trials]))
         steps = window_samples(dt, window.seconds, log_set.path)
         models, left = [], {}
-        draws = draws_of(
-            [t.trajectory for t in log_set.fit], [log_set.kinds.get(n) == PRISMATIC for n in log_set.joints]
-        )
+        draws = self._draws(log_set)
         for j, name in enumerate(log_set.joints):
-            model = self._joint(log_set, j, steps, draws, {*without, *(BLURRED if name in self.unsigned else ())})
+            barred = {*without, *(BLURRED if name in self.unsigned else ())}
+            model = self._joint(log_set, j, steps, draws, barred)
             if isinstance(model, str):
                 left[name] = model
             else:
@@ -96,7 +104,7 @@ class Actuator:
             return f"only {records[0].windows} windows of {steps} samples away from its end stops"
         if reason := at_rest(fit, j):
             return reason
-        size = sizes_of(fit, j, draws[0])
+        size = self._sizes(log_set, j, draws[0])
         effects, places = effects_of(size, len(log_set.joints), log_set.effort_source, barred)
         units = (unit_of("N·m", kind), unit_of("rad", kind))
         row = self._neutral(log_set, j, size)
@@ -105,6 +113,7 @@ class Actuator:
             # A base that lacks an effect may leak too little; the floor is the least that noise leaves.
             keep = 1.0 - max(first["k2"], leak)
             noise = size.noise * float(np.sqrt(1.0 + np.mean(keep ** (2.0 * records[0].step))))
+            shapes, scale = free_run_shapes(records, size, first)
             return ActuatorJoint(
                 joint=name,
                 unit=units[0],
@@ -118,7 +127,9 @@ class Actuator:
                 places=places,
                 records=records,
                 neutral=row,
-                shapes=free_run_shapes(records, size, first),
+                shapes=shapes,
+                shape_scale=scale,
+                ratios={name: ratio for name, ratio in RATIOS.items() if name not in barred},
                 draws=(float(draws[0][j]), float(draws[1][j])),
                 units=units,
                 unsigned=name in self.unsigned,
@@ -126,6 +137,26 @@ class Actuator:
 
         guess = _best_guess(model, records[0])
         return model(_fitted(model(guess)), guess["k2"])
+
+    def _draws(self, log_set: LogSet) -> tuple[np.ndarray, np.ndarray]:
+        """(J,) rad/s of flow per speed and per position error of each joint."""
+        logs = self.earlier or log_set
+        slides = [logs.kinds.get(name) == PRISMATIC for name in logs.joints]
+        by_speed, by_opening = draws_of([t.trajectory for t in logs.fit], slides)
+        at = [logs.joints.index(name) for name in log_set.joints]
+        return by_speed[at], by_opening[at]
+
+    def _sizes(self, log_set: LogSet, j: int, draws: np.ndarray) -> Sizes:
+        """Sizes that the numbers of joint `j` refer to; the noise is always that of the logs that are judged."""
+        own = sizes_of([t.trajectory for t in log_set.fit], j, draws)
+        if self.earlier is None:
+            return own
+        then, k = [t.trajectory for t in self.earlier.fit], self.earlier.joints.index(log_set.joints[j])
+        if at_rest(then, k):
+            return own
+        everywhere = np.ones(len(self.earlier.joints))
+        everywhere[[self.earlier.joints.index(name) for name in log_set.joints]] = draws
+        return replace(sizes_of(then, k, everywhere), noise=own.noise)
 
     def _neutral(self, log_set: LogSet, j: int, size: Sizes) -> np.ndarray:
         """(WIDTH,) a row of the loops without effects."""

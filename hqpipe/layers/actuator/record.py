@@ -10,6 +10,7 @@ import numpy as np
 from hqpipe.identify.model import Samples
 from hqpipe.kernels.augmented_columns import POSITION
 from hqpipe.kernels.augmented_signals import Signals
+from hqpipe.logs.differentiate import step_speed
 from hqpipe.logs.end_stops import judged_windows
 from hqpipe.logs.trajectory import Trajectory, Trial, recording_of
 
@@ -75,7 +76,7 @@ def record_of(trials: Sequence[Trial], j: int, steps: int, draws: tuple[np.ndarr
     if not logs:
         return _empty(steps)
     bounds = np.cumsum([0, *(t.samples for t in logs)])
-    starts = [_starts(t, j, steps) for t in logs]
+    starts = [window_starts(t, j, steps) for t in logs]
     first = np.concatenate([s + begun for s, begun in zip(starts, bounds, strict=False)]).astype(np.int64)
     names = [recording_of(trial) for trial in trials]
     files = tuple(dict.fromkeys(names))
@@ -93,7 +94,7 @@ def record_of(trials: Sequence[Trial], j: int, steps: int, draws: tuple[np.ndarr
         mode=POSITION,
         command=_joined(logs, lambda t: t.position_command[:, j]),
         position=_joined(logs, lambda t: t.position[:, j]),
-        velocity=_joined(logs, lambda t: _moved(t.position[:, j], t.dt)),
+        velocity=_joined(logs, lambda t: step_speed(t.position[:, j], t.dt)),
         effort=effort,
         time=_joined(logs, lambda t: t.time - t.time[0] + t.start),
         demand=_joined(logs, lambda t: np.abs(t.velocity) @ draws[0]),
@@ -140,7 +141,8 @@ def _alike(values: np.ndarray, slides: Sequence[bool]) -> np.ndarray:
     return np.where(slide, np.median(turning) / np.where(slide, size, 1.0), 1.0)
 
 
-def _starts(t: Trajectory, j: int, steps: int) -> np.ndarray:
+def window_starts(t: Trajectory, j: int, steps: int) -> np.ndarray:
+    """(W,) first samples of the complete windows of a trial in which joint `j` is judged, see `record_of`."""
     starts = np.arange(0, t.samples - steps, steps)
     free = judged_windows(t, steps)
     if free is not None:
@@ -150,11 +152,6 @@ def _starts(t: Trajectory, j: int, steps: int) -> np.ndarray:
     seen = t.recorded[:, j]
     total = np.concatenate([[0.0], np.cumsum(seen)])
     return starts[seen[starts] & ((total[starts + steps + 1] - total[starts]) / (steps + 1) > RECORDED)]
-
-
-def _moved(position: np.ndarray, dt: float) -> np.ndarray:
-    """Mean speed from each sample to the next, rad/s; its sum is the travel, whatever the encoder's resolution."""
-    return np.append(np.diff(position), position[-1] - position[-2]).astype(np.float64) / dt
 
 
 def _joined(logs: Sequence[Trajectory], pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 
 from hqpipe.effects.layout import FIELDS
 from hqpipe.kernels.augmented_columns import ALL, BEHIND, COMMAND, FOLLOW, K3, KI, VISCOUS
-from hqpipe.kernels.augmented_fit import CHANGES, errors_of_windows
+from hqpipe.kernels.augmented_errors import CHANGES, errors_of_windows
 from hqpipe.kernels.augmented_output import grips
 from hqpipe.kernels.augmented_signals import Signals, Work, make_work
 

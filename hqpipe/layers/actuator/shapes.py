@@ -52,17 +52,20 @@ def shapes_of(size: Sizes, unit: str) -> tuple[Effect, ...]:
 
 def free_run_shapes(
     records: tuple[Record, Record], size: Sizes, first: Mapping[str, float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """(C, N) what each shape adds to the torque in a free run of the fit and the held-out samples, of mean square 1 in the fit.
+) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
+    """What each shape adds to the torque in a free run.
 
     Args:
         first: coefficient → value, of which those of leakage and impacts count.
+
+    Returns:
+        (C, N) of the fit and the held-out samples, of mean square 1 in the fit; and (C,) what they were divided by for that.
     """
     whole = max(float(records[0].signals.time.max(initial=0.0)), np.finfo(float).tiny)
     fit, heldout = (_summed(record, size, whole, first) for record in records)
     scale = np.sqrt(np.mean(fit**2, axis=1, keepdims=True))
     scale[scale == 0.0] = 1.0
-    return fit / scale, heldout / scale
+    return (fit / scale, heldout / scale), scale[:, 0]
 
 
 def _columns(record: Record, size: Sizes, whole: float) -> list[np.ndarray]:

@@ -22,6 +22,7 @@ from hqpipe.layers.joint_motion.motion import Motion
 
 NEAR = 2  # joints away whose products of two are offered; assumption: what lies further away changes slowly with them
 SAMPLES_PER_TERM = 5  # independent ones; assumption: fewer would fit noise in spite of the prior
+_ROUNDING = float(np.finfo(np.float64).eps)  # of the square of a term: what joints at rest leave of it is no motion
 MOST_TERMS = 150  # assumption: an error then costs as much as the rest of the model; an arm of seven joints has 120
 
 Angle = tuple[np.ndarray, Motion, bool]
@@ -205,7 +206,8 @@ def ridge_of(terms: np.ndarray, own: np.ndarray, output: np.ndarray) -> float:
     """λ of the greatest restricted likelihood (Patterson & Thompson 1971): variance of the error over that of a coefficient.
 
     Args:
-        terms: (M, K). own: (M, C) columns whose coefficients are free. output: (M,).
+        terms: (M, K) of about unit size wherever the machine moves. own: (M, C) columns whose coefficients are free.
+            output: (M,).
     """
     span, _ = np.linalg.qr(own)
     output = output - span @ (span.T @ output)
@@ -216,7 +218,7 @@ def ridge_of(terms: np.ndarray, own: np.ndarray, output: np.ndarray) -> float:
     along = (vectors[:, held].T @ (terms.T @ output)) ** 2 / values[held]
     rest = max(float(output @ output - along.sum()), 0.0)
     count = len(output) - own.shape[1]
-    options = values[-1] * np.geomspace(1e-8, 1e4, 61)
+    options = np.maximum(values[-1] * np.geomspace(1e-8, 1e4, 61), _ROUNDING * len(terms))
 
     def deviance(ridge: float) -> float:
         growth = 1.0 + values[held] / ridge

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from hqpipe.effects import EFFECTS
 from hqpipe.effects.layout import NOT_IN_THE_LOOP, neutral_row, slot, slots
-from hqpipe.gap.joint_data import cut
 from hqpipe.kernels.augmented_columns import ALL, MODES
 from hqpipe.kernels.augmented_signals import make_work
 from hqpipe.kernels.augmented_windows import simulate
 from hqpipe.logs.trajectory import Trajectory
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "kernels"))
+from signal_windows import windows_of
 
 BASE = {
     "position": {"k1": 540.0, "k2": 0.05, "k3": 21.6, "k4": 0.36},
@@ -47,7 +52,7 @@ def output(p, signals):
 @pytest.mark.parametrize("name", [name for name in EFFECTS if name not in NOT_IN_THE_LOOP])
 def test_neutral_effect_is_no_effect(motion, mode, name):
     """The first parameter at zero switches the effect off, whatever its shape parameters say."""
-    signals = cut([motion], 0, mode, 100).signals
+    signals = windows_of([motion], 0, 100, mode)
     row = neutral_row()
     for key, value in BASE[mode].items():
         row[slot("base", key)] = value

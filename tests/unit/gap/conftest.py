@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.logs.trajectory import LogSet, Trajectory, Trial
 
 DT = 1e-3
@@ -92,22 +91,3 @@ def make_logs() -> Callable[..., LogSet]:
         )
 
     return make
-
-
-@pytest.fixture
-def right_model() -> Callable[[LogSet], Hydraulic]:
-    """The model that the synthetic machine follows where nothing is planted."""
-
-    def build(log_set: LogSet) -> Hydraulic:
-        return Hydraulic.build(
-            log_set.joints,
-            dt=DT,
-            k1=GAIN,
-            k2=LEAK,
-            k3=DRAG,
-            k4=0.0,
-            sprocket_radius=1.0,
-            effort_limit=np.inf,
-        )
-
-    return build

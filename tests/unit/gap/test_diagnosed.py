@@ -11,9 +11,10 @@ from planted_logs import STEPS, logs_of, size
 from hqpipe.effects import EFFECTS
 from hqpipe.effects.layout import neutral_row, slot, slots
 from hqpipe.errors import IdentificationError, UsageError
-from hqpipe.gap.accuse import accuse
 from hqpipe.gap.diagnosed import fit_diagnosed
-from hqpipe.gap.joint_data import LOGGED, MOVED
+from hqpipe.gap.fitted_joints import FittedJoints
+from hqpipe.identify.identify import identify
+from hqpipe.layers.actuator import Actuator
 from hqpipe.logs.split import hold_back
 
 KEPT = ("command_delay", "valve_deadband", "backlash", "torque_bias")
@@ -58,24 +59,26 @@ def test_held_out_trials_have_no_say(logs, found):
 
 
 def test_the_whole_of_the_fit_trials_sets_the_numbers(logs, found):
-    chosen = accuse(hold_back(logs), STEPS, WITHOUT).after.rows
+    chosen = identify(Actuator().joints(hold_back(logs), 0.1, WITHOUT)).found
+    before = FittedJoints.of([joint.model for joint in chosen], [joint.named.values for joint in chosen])
     delay = slot("command_delay", "delay_s")
-    assert 0.0 < abs(chosen[0, delay] - found.rows.rows[0, delay]) < 0.2 * chosen[0, delay]
+    first, again = (model.rows[0, delay] for model in (before, found.rows))
+    assert 0.0 < abs(first - again) < 0.2 * first
     whole = logs.fit[0].trajectory
-    assert (error(found.rows, whole) < error(replace(found.rows, rows=chosen), whole)).all()
+    assert (error(found.rows, whole) < error(before, whole)).all()
 
 
 def test_a_speed_that_was_filtered_is_replaced_by_what_the_positions_say(logs, found):
     """The logged one is kept where it is right: what two steps make expect of the next is noisier."""
-    assert found.rows.speed == LOGGED
+    assert (found.rows.logged_speed > 0.9).all()
     late = tuple(
         replace(t, trajectory=replace(t.trajectory, velocity=np.roll(t.trajectory.velocity, LATE_ROWS, axis=0)))
         for t in logs.trials
     )
     other = fit_diagnosed(replace(logs, trials=late), without=WITHOUT)
-    assert other.rows.speed == MOVED and other.effects == found.effects
+    assert (other.rows.logged_speed < 0.1).all() and other.effects == found.effects
     assert (error(other, late[1].trajectory) < 2.0 * NOISE).all()
-    logged = replace(other, rows=replace(other.rows, speed=LOGGED))
+    logged = replace(other.rows, logged_speed=np.ones(len(logs.joints)))
     assert (error(logged, late[1].trajectory) > 2.0 * NOISE).any()
 
 
@@ -97,6 +100,29 @@ def test_joints_are_matched_by_name_and_other_rates_refused(logs, found):
         found.predict(replace(trial, position_command=None), STEPS)
 
 
+def test_a_supply_that_joints_share_sags_by_the_flow_of_all():
+    sagging = logs_of([size("supply_droop")] * 3, seconds=9.0, noise=NOISE)
+    found = fit_diagnosed(sagging, without=[name for name in EFFECTS if name != "supply_droop"])
+    assert found.effects == {"supply_droop": sagging.joints}
+    assert (error(found, sagging.heldout[0].trajectory) < 1.3 * NOISE).all()
+
+
+def test_an_effect_of_some_time_is_told_and_left_out():
+    plain = logs_of([{}, {}], seconds=24.0, noise=NOISE, seed=4)
+
+    def offset(t):
+        effort = t.effort.copy()
+        late = (t.time >= 5.0) & (t.time < 10.0) | (t.time >= 18.5) & (t.time < 21.0)
+        effort[late, 0] += 60.0
+        return replace(t, effort=effort)
+
+    passing = replace(plain, trials=tuple(replace(x, trajectory=offset(x.trajectory)) for x in plain.trials))
+    found = fit_diagnosed(passing, without=WITHOUT)
+    (told,) = found.warnings
+    assert told == f"torque_bias in {plain.joints[0]} acts for a part of the fit trials only and is left out"
+    assert found.effects == {} and found.rows.rows[0, BIAS] == 0.0
+
+
 def test_what_cannot_be_done_says_why(logs):
     with pytest.raises(IdentificationError, match="control mode is torque"):
         fit_diagnosed(replace(logs, control_mode="torque"))
@@ -110,3 +136,8 @@ def test_what_cannot_be_done_says_why(logs):
     size_only = replace(trial, trajectory=replace(trial.trajectory, effort=np.abs(trial.trajectory.effort)))
     with pytest.raises(IdentificationError, match="has lost its sign"):
         fit_diagnosed(replace(logs, trials=(size_only, *logs.heldout)))
+    command = trial.trajectory.position_command.copy()
+    command[:, 2] = trial.trajectory.position[:, 2]
+    followed = replace(trial, trajectory=replace(trial.trajectory, position_command=command))
+    with pytest.raises(IdentificationError, match="LFK: its commanded position is its position in every sample"):
+        fit_diagnosed(replace(logs, trials=(followed, *logs.heldout)))

@@ -11,7 +11,7 @@ import pytest
 from layer_cases import cause, held, layer_found, layer_joints, log_set, made_up, number, toy
 
 from hqpipe.gap.diagnosis_files import FILE, TABLE, TRACES, write_diagnosis
-from hqpipe.gap.layer_diagnosis import _known_then, layer_diagnosis
+from hqpipe.gap.layer_diagnosis import Since, familiar_errors, known_then, layer_diagnosis
 from hqpipe.gap.layer_experiment import next_experiment
 from hqpipe.gap.schema import read_diagnosis
 from hqpipe.gap.since import EarlierLogs
@@ -161,12 +161,26 @@ def test_a_lost_sign_is_a_cause_of_its_own():
     assert content["verdict"] == "explained"
 
 
+def answered(now, found, then):
+    """diagnosis.json of what was found to have changed since the joints of `then`."""
+    since = Since(EarlierLogs(log_set(then)), familiar_errors(found, layer_joints(then)))
+    return layer_diagnosis(None, log_set(now), found, since).content
+
+
+def test_a_sign_that_was_lost_before_is_no_change():
+    then, now = (toy("hip", seed, seconds=6.0) for seed in (11, 1))
+    now.unsigned = True
+    found = identify(layer_joints([now]), reference=layer_joints([then]))
+    for known, causes in (((), {("unsigned_sensor", ("hip",))}), (("hip",), set())):
+        since = Since(EarlierLogs(log_set([then])), np.zeros(1), known)
+        assert named(layer_diagnosis(None, log_set([now]), found, since).content) == causes
+
+
 def test_only_what_changed_since_is_a_cause():
     then = [toy("hip", 11, coulomb_friction=0.6), toy("foot", 13)]
     now = [toy("hip", 1, coulomb_friction=0.9), toy("foot", 3, viscous_friction=0.4)]
     past, present = layer_joints(then), layer_joints(now)
-    found = layer_diagnosis(None, log_set(now), identify(present, reference=past), past, EarlierLogs(log_set(then)))
-    content = found.content
+    content = answered(now, identify(present, reference=past), then)
     assert named(content) == {("coulomb_friction", ("hip",)), ("viscous_friction", ("foot",))}
     parameters = {item["effect"]: item["parameters"] for item in content["causes"]}
     friction = parameters["coulomb_friction"]["friction_nm"]
@@ -181,9 +195,7 @@ def test_a_joint_that_errs_as_it_did_has_not_changed():
     found = identify(present, reference=past)
     (joint,) = found.found
     claimed = replace(joint, causes=(cause("coulomb_friction", number("friction_nm", 0.61, 0.01, reference=0.6)),))
-    content = layer_diagnosis(
-        None, log_set([now]), replace(found, found=(claimed,)), past, EarlierLogs(log_set([then]))
-    ).content
+    content = answered([now], replace(found, found=(claimed,)), [then])
     assert content["verdict"] == "no_gap" and content["causes"] == []
     reasons = {row["effect"]: row["reason"] for row in content["effects_considered"]}
     assert reasons["coulomb_friction"] == "the reference missed its own logs by as much"
@@ -192,9 +204,7 @@ def test_a_joint_that_errs_as_it_did_has_not_changed():
 def test_nothing_changed_although_the_model_misses_the_machine():
     then, now = ([held(replace_unknown(seed))] for seed in (11, 1))
     past, present = layer_joints(then), layer_joints(now)
-    content = layer_diagnosis(
-        None, log_set(now), identify(present, reference=past), past, EarlierLogs(log_set(then))
-    ).content
+    content = answered(now, identify(present, reference=past), then)
     assert content["verdict"] == "no_gap" and content["causes"] == []
     assert content["gap"]["before"] > 2.0 * content["gap"]["noise_floor"]
 
@@ -212,10 +222,10 @@ def test_numbers_in_other_units_are_not_compared():
     then, now = toy("hip", 11), toy("hip", 1)
     then.unit = "A"
     past = layer_joints([then])
-    joints = _known_then(layer_joints([now]), past, EarlierLogs(log_set([then])))
+    joints = known_then(layer_joints([now]), past, EarlierLogs(log_set([then])))
     assert joints.models == () and "N·m here and in A in the reference" in joints.left["hip"]
     then.unit, then.base = now.unit, (replace(now.base[0], unit="s²"), *now.base[1:])
-    joints = _known_then(layer_joints([now]), past, EarlierLogs(log_set([then])))
+    joints = known_then(layer_joints([now]), past, EarlierLogs(log_set([then])))
     assert "kg·m² here and in s² in the reference" in joints.left["hip"]
 
 

@@ -48,7 +48,14 @@ SHAPE = np.zeros((2000, 1))
         ({"mode": "torque", "effort_command": SHAPE, "source": "current"}, Route(False, ("joint_motion",))),
         ({"mode": "torque", "effort_command": SHAPE, "source": "current", "base": None}, Route(False, ("torque",))),
         ({"mode": "torque", "effort_command": SHAPE, "source": "load_cell"}, Route(False, ("torque",))),
-        ({"mode": "torque", "effort_command": SHAPE, "source": "load_cell", "base": "floating"}, Route(True)),
+        (
+            {"mode": "torque", "effort_command": SHAPE, "source": "load_cell", "base": "floating"},
+            Route(False, ("torque",)),
+        ),
+        (
+            {"mode": "torque", "effort_command": SHAPE, "source": "current", "base": "floating"},
+            Route(False, ("torque",)),
+        ),
         ({"mode": "valve", "valve_command": SHAPE, "effort": None}, Route(False, ("valve",))),
     ],
 )
@@ -66,6 +73,8 @@ def test_duty_and_supply_stand_for_the_command(logs):
 def test_what_changed_is_asked_of_the_motion_where_the_command_is_a_torque(logs):
     torque = changed(logs, "torque", "load_cell", effort_command=SHAPE)
     assert route(torque) == Route(False, ("torque",)) and route_since(torque) == Route(False, ("joint_motion",))
+    free = replace(torque, base="floating")
+    assert route(free) == route_since(free) == Route(False, ("torque",)), "a joint of it moves by more than its torque"
 
 
 def law(after, persistence=1.0):

@@ -9,9 +9,11 @@ import pytest
 from plant_logs import broken
 from planted_logs import logs_of
 
-from hqpipe.gap.causes import Cause
+from hqpipe.effects import EFFECTS
 from hqpipe.gap.cross_check import CrossCheck
-from hqpipe.gap.second_channel import CERTAIN, measured, scale_causes, settle_offsets
+from hqpipe.gap.layer_causes import LayerCause
+from hqpipe.gap.second_channel import CERTAIN, measured, scale_errors, settle_offsets
+from hqpipe.identify.found import JointCause
 
 JOINTS = ("LFR", "LFP", "LFK", "RFR", "RFP", "RFK")
 
@@ -25,21 +27,31 @@ def bias(joint):
 
 
 def cause(effect, joints, *rivals):
-    return Cause(effect, joints, "joint", 0.8, {}, rivals)
+    members = {joint: JointCause(effect, 0.8, (), rivals) for joint in joints}
+    return LayerCause(effect, EFFECTS[effect].layer, "joint", members, (), rivals)
 
 
 def test_joints_with_one_scale_are_one_cause():
-    found = scale_causes([scale("LFR", 1.10), scale("LFP", 0.9), scale("LFK", 1.105), bias("LFP")], JOINTS)
-    assert [(c.effect, c.joints, c.scope) for c in found] == [
-        ("torque_scale", ("LFR", "LFK"), "group"),
-        ("torque_scale", ("LFP",), "joint"),
-    ]
-    assert all(c.probability == CERTAIN for c in found)
-    ratio = found[0].parameters["ratio"]
+    found = scale_errors([scale("LFR", 1.10), scale("LFP", 0.9), scale("LFK", 1.105), bias("LFP")])
+    assert [error.joints for error in found] == [("LFR", "LFK"), ("LFP",)]
+    ratio = found[0].ratio
     assert ratio.value == pytest.approx(1.1025, abs=1e-3) and ratio.low < ratio.value < ratio.high
     assert ratio.high - ratio.low < 0.02, "two joints know it better than one"
-    assert found[1].parameters["ratio"].low == pytest.approx(0.9 - np.hypot(0.01, 1.96 * 0.0025 * 0.9), abs=1e-5)
-    assert scale_causes([], JOINTS) == []
+    assert found[1].ratio.low == pytest.approx(0.9 - np.hypot(0.01, 1.96 * 0.0025 * 0.9), abs=1e-5)
+    assert scale_errors([]) == []
+
+
+def test_a_scale_is_a_cause_that_closes_no_part_of_the_gap():
+    (error,) = scale_errors([scale("LFR", 1.10), scale("LFK", 1.105)])
+    content = error.content(JOINTS)
+    assert (content["effect"], content["joints"], content["scope"]) == ("torque_scale", ["LFR", "LFK"], "group")
+    assert content["probability"] == CERTAIN and content["layer"] == EFFECTS["torque_scale"].layer
+    assert content["shrink"] == 0.0 and content["shrink_ci95"] == [0.0, 0.0] and content["confused_with"] == []
+    ratio = content["parameters"]["ratio"]
+    assert ratio["unit"] == "1" and ratio["value"] == pytest.approx(error.ratio.value, rel=1e-5)
+    assert ratio["ci95"] == pytest.approx([error.ratio.low, error.ratio.high], rel=1e-5)
+    (lone,) = scale_errors([scale("LFP", 0.9)])
+    assert lone.content(JOINTS)["scope"] == "joint"
 
 
 def test_confirmed_offset_of_the_sensor_has_no_rival_left():

@@ -13,10 +13,9 @@ from hqpipe.actuators.augmented import Augmented
 from hqpipe.actuators.files import save_actuator
 from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.actuators.stiff_pd import StiffPD
-from hqpipe.effects.layout import neutral_row, slot
+from hqpipe.effects.layout import NOT_KNOWN, neutral_row, slot
 from hqpipe.errors import UsageError
-from hqpipe.gap.joint_data import LOGGED
-from hqpipe.gap.since import check_alike, earlier_actuator
+from hqpipe.gap.since import FAMILIAR, check_alike, earlier_actuator
 
 JOINTS = ("LFR", "LFP")
 RADIUS = 0.2
@@ -42,11 +41,12 @@ def hydraulic(**changes):
 def test_the_paper_s_coefficients_become_joint_space(tmp_path):
     save_actuator(hydraulic(), tmp_path)
     found = earlier_actuator(tmp_path)
-    row = found.then["LFP"].row
+    row = found.rows["LFP"]
     gains = [row[slot("base", name)] for name in ("k1", "k2", "k3", "k4")]
     assert gains == pytest.approx([540.0, 0.06, 21.6, 0.36])
-    assert row[slot("setting", "effort_limit")] == 900.0 and found.speed == LOGGED
-    assert found.header().keys() == {"path", "kind", "sha256"} and found.kind == "actuator"
+    assert row[slot("setting", "effort_limit")] == 900.0
+    assert found.header().keys() == {"path", "kind", "sha256"} and found.header()["kind"] == "actuator"
+    assert np.isnan(row[slot("coulomb_friction", "presliding_rad")]), "the model does not say it"
     assert "no intervals" in found.warnings[0] and "how much its own logs moved" in found.warnings[1]
 
 
@@ -59,20 +59,21 @@ def test_intervals_of_the_fit_are_in_joint_space_too(tmp_path):
     ]
     (tmp_path / "fit.json").write_text(json.dumps({"per_joint": {"fits": fits}}))
     found = earlier_actuator(tmp_path)
-    then = found.then["LFR"]
-    assert then.columns.tolist() == [slot("base", "k1")] and not found.warnings
-    assert np.sqrt(then.covariance[0, 0]) == pytest.approx(1000.0 / 2 / 1.96 * RADIUS**2, rel=1e-3)
-    assert (then.familiar, then.swing) == (16.0, 1600.0)
+    assert found.sd["LFR"] == {slot("base", "k1"): pytest.approx(1000.0 / 2 / 1.96 * RADIUS**2, rel=1e-3)}
+    assert (found.left["LFR"].error, found.left["LFR"].swing) == (16.0, 1600.0) and not found.warnings
+    assert found.familiar("LFR", 1600.0) == FAMILIAR * 16.0
+    assert found.familiar("LFR", 3200.0) == 2.0 * FAMILIAR * 16.0, "it errs more where the output moves more"
 
 
 def test_a_diagnosed_model_brings_its_effects(tmp_path):
     rows = np.tile(neutral_row(), (2, 1))
     rows[:, slot("base", "k1")] = 540.0
     rows[1, slot("valve_lag", "time_constant_s")] = 0.01
+    rows[:, slot("setting", "held")] = 2.0
     save_actuator(Augmented(JOINTS, rows, 1e-3), tmp_path)
     found = earlier_actuator(tmp_path)
-    assert found.then["LFR"].effects == () and found.then["LFP"].effects == ("valve_lag",)
-    np.testing.assert_array_equal(found.then["LFP"].row, rows[1])
+    rows[:, slot("setting", "held")] = NOT_KNOWN  # other logs begin in their own way
+    np.testing.assert_array_equal([found.rows[joint] for joint in JOINTS], rows)
 
 
 def test_a_model_without_coefficients_is_refused(tmp_path):

@@ -7,20 +7,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from planted_logs import data_of, logs_of, size
-from test_worth import DELAY, RUB, Rest, cause, joint
+from layer_cases import layer_found, log_set, made_up, toy
+from planted_logs import logs_of, size
+from tallies import JOINTS, tally
 
 from hqpipe.effects import EFFECTS
 from hqpipe.gap.diagnosis import diagnose, write_diagnosis
 from hqpipe.gap.gap_entry import gap_entry, undeclared
-from hqpipe.gap.joint_data import by_opening, by_speed
 from hqpipe.gap.joint_scale import MIN_EXCITATION, joint_scale, pooled
+from hqpipe.gap.layer_errors import layer_errors
 from hqpipe.gap.locate import locate, telling
-from hqpipe.gap.noise import repeats
-from hqpipe.gap.replay import replay
 from hqpipe.gap.schema import read_diagnosis
-from hqpipe.gap.tally import tally
-from hqpipe.gap.worth import drop_outweighed
+from hqpipe.layers.actuator.record import draws_of
 from hqpipe.logs.joint_kinds import PRISMATIC, REVOLUTE
 
 KEPT = ("command_delay", "valve_lag", "valve_deadband", "coulomb_friction")
@@ -82,30 +80,21 @@ def test_a_machine_in_mixed_units_is_answered_as_in_one(logs, found, declared, t
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_the_place_does_not_depend_on_units(seed, make_logs, right_model):
-    logs = make_logs(joints=3, effect=lambda e, v, t: e * np.where((np.arange(3) == 1) & (v > 0), 0.8, 1.0))
-    sums = tally([replay(t, right_model(logs), 0.1) for t in logs.heldout])
+def test_the_place_does_not_depend_on_units(seed):
+    sums = tally(1, ("direction", "extending"), 400.0)
+    sums.square[:, 2] *= 3.0
     unit = 10.0 ** np.random.default_rng(seed).uniform(-4, 4, 3)
     other = replace(sums, square=sums.square * unit[:, None] ** 2)
     floor, scale = np.full(3, 4.2), np.array([50.0, 80.0, 20.0])
-    a, b = locate(sums, floor, logs.joints, scale), locate(other, floor * unit**2, logs.joints, scale * unit)
+    a, b = locate(sums, floor, JOINTS, scale), locate(other, floor * unit**2, JOINTS, scale * unit)
     assert [(p.joint, p.regime) for p in telling(a)] == [(p.joint, p.regime) for p in telling(b)]
     assert [p.share for p in telling(a)] == pytest.approx([p.share for p in telling(b)])
-    assert [p.normalised for p in a] == pytest.approx([p.normalised for p in b])
+    normalised = [{(p.joint, p.family, p.regime): p.normalised for p in places} for places in (a, b)]
+    assert normalised[0] == pytest.approx(normalised[1])
     first = b[0]
-    assert first.rmse == pytest.approx(a[0].rmse * unit[logs.joints.index(first.joint)])
-    plain = locate(other, floor * unit**2, logs.joints, np.ones(3))
+    assert first.rmse == pytest.approx(a[0].rmse * unit[JOINTS.index(first.joint)])
+    plain = locate(other, floor * unit**2, JOINTS, np.ones(3))
     assert [p.share for p in plain if p.family == "all"] != pytest.approx([p.share for p in b if p.family == "all"])
-
-
-@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
-def test_a_name_is_weighed_over_its_joints_whatever_their_units(unit):
-    """Joint a speaks for the name and joint b against it; in the errors' own units the larger numbers would decide."""
-    errors = {(): 100.0, (RUB,): 10.0}, {(): 11.0 * unit**2, (RUB,): 10.0 * unit**2}
-    states = [joint("a", errors[0], (RUB,)), joint("b", errors[1], (RUB,), scale=unit)]
-    kept = drop_outweighed(states, [cause(RUB, "a", "b")], np.array([1.0, unit**2]), Rest(a=0.9, b=0.9))
-    assert [s.chosen.effects for s in kept] == [(RUB,), (RUB,)]
-    assert DELAY not in kept[0].chosen.effects
 
 
 def test_a_scale_is_the_spread_about_the_mean_and_no_less_than_noise_makes():
@@ -118,14 +107,14 @@ def test_a_scale_is_the_spread_about_the_mean_and_no_less_than_noise_makes():
     assert pooled(np.array([4.0, 9.0, 5.0]), np.array([2.0, 3.0, np.inf])) == pytest.approx(np.sqrt(2.0 / 3.0))
 
 
-def test_the_scale_of_a_joint_comes_from_its_fit_trials(logs):
-    data = data_of(logs, 0)
-    louder = tuple(
-        replace(t, trajectory=replace(t.trajectory, effort=9.0 * t.trajectory.effort)) if t.split == "heldout" else t
-        for t in logs.trials
-    )
-    assert data_of(replace(logs, trials=louder), 0).scale == data.scale
-    assert data.scale == pytest.approx(logs.fit[0].trajectory.effort[:, 0].std())
+def test_the_scale_of_a_joint_comes_from_its_fit_trials():
+    model = toy("hip", 0, seconds=6.0)
+    louder = replace(model.heldout, output=9.0 * model.heldout.output)
+    expected = np.std(model.fit.output)
+    for heldout in (model.heldout, louder):
+        model.heldout = heldout
+        errors = layer_errors(layer_found(made_up(model, 1.0, 1.0)), log_set([model]))
+        assert errors.scale == pytest.approx([expected])
 
 
 def entry(kinds, scale, joints=("swing", "boom")):
@@ -156,20 +145,9 @@ def test_the_flow_of_mixed_joints_counts_them_alike(logs):
     slides = [False, True, True]
     other = [t.trajectory for t in in_other_units(logs).fit]
     one = [t.trajectory for t in logs.fit]
-    assert by_speed(one) == by_speed(one, [True] * 3) == (1.0, 0.0)
-    weight = by_speed(other, slides)[0]
+    assert all(np.array_equal(w, np.ones(3)) for w in (draws_of(one, [True] * 3)[0], draws_of(one, [False] * 3)[0]))
+    weight, opened = draws_of(other, slides)
     speed = np.sqrt(np.mean(np.concatenate([t.velocity for t in other]) ** 2, axis=0))
     assert weight[0] == 1.0 and weight[1:] * speed[1:] == pytest.approx(np.full(2, speed[0]))
-    opened = by_opening(other, "position", slides)[1]
     error = np.sqrt(np.mean(np.concatenate([t.position_command - t.position for t in other]) ** 2, axis=0))
     assert opened * error == pytest.approx(np.full(3, opened[0] * error[0]))
-
-
-def test_trials_repeat_a_command_joint_by_joint():
-    command = np.sin(np.arange(200)[:, None] / [9.0, 7.0]) * [1.0, 1e-9]
-
-    def trial(values):
-        return SimpleNamespace(trajectory=SimpleNamespace(position_command=values))
-
-    assert repeats([trial(command), trial(command.copy())]) == [(0, 1)]
-    assert repeats([trial(command), trial(command + [0.0, 1e-10])]) == [], "another command of the joint in small units"

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from toy_joint import ToyJoint
 
-from hqpipe.errors import UsageError
 from hqpipe.identify.found import JointFound
 from hqpipe.identify.identify import _weighed_again, identify
 from hqpipe.identify.model import LayerJoints
@@ -19,8 +18,8 @@ def _layer(*models):
     return LayerJoints("joint_motion", "rmse", 0.1, "", tuple(models))
 
 
-def _found(*models, reference=None, workers=1) -> tuple[JointFound, ...]:
-    return identify(_layer(*models), workers=workers, reference=_layer(*reference) if reference else None).found
+def _found(*models, workers=1) -> tuple[JointFound, ...]:
+    return identify(_layer(*models), workers=workers).found
 
 
 def _names(joint: JointFound) -> list[str]:
@@ -141,63 +140,6 @@ def _with_third_trial(model, other):
 
     model.fit, model._fit = _joined(model.fit, other.fit), np.concatenate([model._fit, other._fit], axis=1)
     return model
-
-
-class TestChanges:
-    def test_nothing_changed(self):
-        truth = {"coulomb_friction": 0.3}
-        (joint,) = _found(ToyJoint(truth=truth, seed=1), reference=[ToyJoint(truth=truth, seed=2)])
-        assert _names(joint) == []
-
-    def test_grown_friction_is_named_beside_what_it_was(self):
-        (joint,) = _found(
-            ToyJoint(truth={"coulomb_friction": 0.5, "spring": 0.4}, seed=1),
-            reference=[ToyJoint(truth={"coulomb_friction": 0.3, "spring": 0.4}, seed=2)],
-        )
-        assert _names(joint) == ["coulomb_friction"]
-        (number,) = joint.causes[0].numbers
-        assert number.reference == pytest.approx(0.3, abs=0.02)
-        assert number.value == pytest.approx(0.5, abs=0.02)
-        assert number.ci95[0] < 0.5 < number.ci95[1]
-        assert np.mean(joint.named.heldout**2) < 0.5 * np.mean(joint.base.heldout**2)
-
-    def test_a_new_effect_has_a_neutral_reference(self):
-        (joint,) = _found(ToyJoint(truth={"spring": 0.4}, seed=1), reference=[ToyJoint(seed=2)])
-        assert _names(joint) == ["spring"]
-        assert joint.causes[0].numbers[0].reference == pytest.approx(0.0, abs=0.02)
-
-    def test_a_base_number_that_changed_is_no_name(self):
-        (joint,) = _found(ToyJoint(truth={"offset": 0.4}, seed=1), reference=[ToyJoint(seed=2)])
-        assert _names(joint) == []
-        assert joint.shapes["offset"] > 0.5
-
-    def test_a_base_number_with_a_name_is_named(self):
-        now = ToyJoint(truth={"inertia": 1.3}, seed=1)
-        now.changes = {"payload": ("inertia",)}
-        (joint,) = _found(now, reference=[ToyJoint(seed=2)])
-        assert _names(joint) == ["payload"]
-        assert joint.causes[0].numbers[0].value == pytest.approx(1.3, abs=0.02)
-
-    def test_an_effect_that_the_reference_cannot_show_is_left_out_there(self):
-        truth = {"coulomb_friction": 0.3, "spring": 0.4}
-        then = ToyJoint(truth={**truth, "coulomb_friction": 0.0}, seed=2)
-        whole, then.effects = then.error, then.effects[1:]
-        then.error = lambda values, heldout=False: whole(np.insert(values, len(then.base), 0.0), heldout)
-        (joint,) = _found(ToyJoint(truth=truth, seed=1), reference=[then])
-        assert joint.model.both.then is then
-        assert not {"spring", "viscous_friction", "payload"} & set(_names(joint))
-        assert np.sqrt(np.mean(joint.full.heldout**2)) < 0.11
-
-    def test_progress_grows_once_over_both_searches(self):
-        seen = []
-        joints = [[ToyJoint(str(j), seed=seed + j, seconds=4.0) for j in range(2)] for seed in (1, 5)]
-        now, then = (_layer(*models) for models in joints)
-        identify(now, reference=then, progress=lambda done, total, text: seen.append((done, total)))
-        assert seen == [(0.5, 2), (1.0, 2), (1.5, 2), (2.0, 2)]
-
-    def test_a_joint_without_a_reference_is_refused(self):
-        with pytest.raises(UsageError, match="no logs of joint 'knee'"):
-            _found(ToyJoint("knee"), reference=[ToyJoint("hip")])
 
 
 def test_the_order_of_a_set_does_not_decide_which_effect_is_tried_first():

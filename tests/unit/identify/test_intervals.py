@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from toy_joint import ToyJoint
 
+from hqpipe.identify.change import _joined
 from hqpipe.identify.identify import prior_odds
-from hqpipe.identify.intervals import half_widths
+from hqpipe.identify.intervals import _between, half_widths
 from hqpipe.identify.search import Search
 
 
@@ -25,6 +26,40 @@ def test_a_number_that_differs_between_trials_is_less_certain():
     second = other.fit.trial == 1
     other.fit.output[second] += 0.2 * np.sign(other.fit.velocity[second])
     assert _half(other)[0] > 3.0 * _half(same)[0]
+
+
+def _resting(model, *trials):
+    """The joint, at rest in some of its trials."""
+    for trial in trials:
+        rows = model.fit.trial == trial
+        model._fit[:, rows] = 0.0
+        model.fit.output[rows] = model.noise[0] * np.random.default_rng(trial).standard_normal(rows.sum())
+    return model
+
+
+def _of_four_trials(**kwargs):
+    one, two = (ToyJoint(truth={"coulomb_friction": 0.3}, seed=seed, **kwargs) for seed in (3, 4))
+    one.fit, one._fit = _joined(one.fit, two.fit), np.concatenate([one._fit, two._fit], axis=1)
+    return one
+
+
+def test_a_number_that_one_trial_alone_shows_is_as_sure_as_that_trial_makes_it():
+    """Fits without it say nothing of the number: where they leave it is no scatter."""
+    model = _resting(_of_four_trials(), 1, 2, 3)
+    half, value = _half(model)
+    assert value == pytest.approx(0.3, abs=0.02) and half < 0.03
+    search = Search(model, prior_odds(model, {}, 0))
+    known = search.grown_by(search.base, "coulomb_friction")
+    place = int(np.flatnonzero(known.solution.free == search.places("coulomb_friction")[0])[0])
+    assert _between(search.fitter, known)[place] == 0.0
+
+
+def test_a_number_that_some_trials_show_scatters_as_it_does_among_these():
+    wide, narrow = (_resting(_of_four_trials(), 2, 3) for _ in range(2))
+    second = wide.fit.trial == 1
+    wide.fit.output[second] += 0.2 * np.sign(wide.fit.velocity[second])
+    assert _half(wide)[0] > 3.0 * _half(narrow)[0]
+    assert _half(narrow)[0] < 0.2, "two trials agree, and the others have no say"
 
 
 @pytest.mark.parametrize("unknown", ["quadratic", "cubic"])

@@ -10,11 +10,11 @@ import numpy as np
 
 from hqpipe.effects import EFFECTS
 from hqpipe.effects.layout import neutral_row, slot
-from hqpipe.gap.joint_data import LOGGED, cut
 from hqpipe.logs.trajectory import Trajectory
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "recovery"))
 import planted_effects as planted
+from signal_windows import windows_of
 
 DIRECT = ("supply_droop",)  # its column holds the loss per speed itself
 ALONE = tuple(name for name in planted.TYPICAL if name != "supply_droop")  # the supply is shared: data of its own
@@ -56,6 +56,6 @@ def drooping(noise: float = 0.0, seconds: float = 4.0) -> Trajectory:
 def signals_of(effect: str | None, noise: float = 0.0, seconds: float = 4.0):
     """Windows of the joint with one planted effect (None: the sound one)."""
     if effect == "supply_droop":
-        return cut([drooping(noise, seconds)], 0, "position", STEPS, speed=LOGGED).signals
+        return windows_of([drooping(noise, seconds)], 0, STEPS, logged_speed=True)
     j = len(ALONE) if effect is None else ALONE.index(effect)
-    return cut([trial(noise, seconds)], j, "position", STEPS, speed=LOGGED).signals
+    return windows_of([trial(noise, seconds)], j, STEPS, logged_speed=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from augmented_rows import planted, row
+from signal_windows import windows_of
 
 from hqpipe.effects.layout import slot
-from hqpipe.gap.joint_data import LOGGED, cut
-from hqpipe.kernels.augmented_fit import residual_windows
+from hqpipe.kernels.augmented_errors import residual_windows
 from hqpipe.kernels.augmented_step import MEMORY, RING_LENGTH, augmented_row
 
 SENSING = ("channel_skew", "torque_bias")  # no part of the machine
@@ -33,7 +33,7 @@ def stepped(rows, t):
 
 def windowed(p, t, j):
     """(T − 1,) the same as one long window."""
-    signals = cut([t], j, "position", t.samples - 1, speed=LOGGED).signals
+    signals = windows_of([t], j, t.samples - 1, logged_speed=True)
     return (residual_windows(p, signals) + signals.target[1:])[:, 0]
 
 

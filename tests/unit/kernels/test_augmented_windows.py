@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from augmented_rows import EXACT, STEPS, planted, row, signals_of, trial
 from scipy.signal import lfilter
+from signal_windows import windows_of
 
 from hqpipe.effects import EFFECTS
 from hqpipe.effects.layout import NOT_IN_THE_LOOP, slot
-from hqpipe.gap.joint_data import LOGGED, MOVED, cut
 from hqpipe.kernels.actuator_step import HYDRAULIC
 from hqpipe.kernels.augmented_columns import ALL, MODES
-from hqpipe.kernels.augmented_fit import residual_windows
+from hqpipe.kernels.augmented_errors import residual_windows
 from hqpipe.kernels.augmented_signals import make_work
 from hqpipe.kernels.augmented_windows import simulate
 from hqpipe.kernels.free_run import free_run
@@ -44,7 +44,7 @@ def test_row_without_effects_is_the_plain_model():
     p[slot("setting", "effort_limit")] = 400.0
     expected = free_run(HYDRAULIC, gains, t.effort, t.position_command, t.position, t.velocity, STEPS)
     for j in (0, 3, len(t.joints) - 1):
-        signals = cut([t], j, "position", STEPS, speed=LOGGED).signals
+        signals = windows_of([t], j, STEPS, logged_speed=True)
         at = signals.first[None, :] + np.arange(1, STEPS + 1)[:, None]
         np.testing.assert_allclose(predicted(p, signals), expected[at, j], atol=EXACT)
     assert np.abs(expected).max() == 400.0, "the limit must be reached"
@@ -66,7 +66,7 @@ def test_an_integrator_that_ran_before_the_log_began_is_found_where_it_stands(ot
     """The same with effects that bend the opening or its flow, so that the balance of a linear valve would be wrong."""
     effects = {name: planted.TYPICAL[name] for name in ("integral_action", *others)}
     late = planted.trajectory(planted.simulate(6.0, [effects], 0.0, 9)).section(2000, 6000)
-    signals = cut([late], 0, "position", STEPS).signals
+    signals = windows_of([late], 0, STEPS)
     rest = row({name: planted.TYPICAL[name] for name in others})
     assert rms(residual_windows(row(effects), signals)) < 1e-3 < 1e-4 * rms(residual_windows(rest, signals))
 
@@ -74,7 +74,7 @@ def test_an_integrator_that_ran_before_the_log_began_is_found_where_it_stands(ot
 def test_an_integrator_is_found_where_it_stands_on_a_sagging_supply():
     effects = {name: planted.TYPICAL[name] for name in ("integral_action", "supply_droop")}
     late = planted.trajectory(planted.simulate(6.0, [effects] * 3, 0.0, 9)).section(2000, 6000)
-    signals = cut([late], 0, "position", STEPS).signals
+    signals = windows_of([late], 0, STEPS)
     rest = row({"supply_droop": planted.TYPICAL["supply_droop"]})
     after = slice(round(5 * planted.TYPICAL["supply_droop"]["recovery_s"] / planted.DT) // STEPS, None)
     left, without = (residual_windows(p, signals)[:, after] for p in (row(effects), rest))
@@ -87,7 +87,7 @@ def test_effects_together_predict_independent_data():
     sizes["flow_saturation"]["limit"] = 0.1
     sizes["position_dependent_stiffness"] |= {"exchange": 0.02, "compression": 0.3}
     data = planted.trajectory(planted.simulate(4.0, [sizes, sizes], 0.0, 5, middle=0.1))
-    signals = cut([data], 0, "position", STEPS, speed=LOGGED).signals
+    signals = windows_of([data], 0, STEPS, logged_speed=True)
     assert rms(residual_windows(row(sizes, middle=0.1), signals)) < EXACT
     for name in names:
         fewer = {key: value for key, value in sizes.items() if key != name}
@@ -101,7 +101,7 @@ def test_friction_acts_at_the_speed_of_its_sample():
     t = planted.trajectory(planted.Planted(time, q[:, None], q[:, None], qd[:, None], np.zeros((2000, 1))))
     friction = row({"viscous_friction": {"nm_s_per_rad": 20.0}}, k1=0.0, k2=1.0, k3=0.0, k4=0.0)
     friction[slot("setting", "speed_late")] = 0.5
-    means = cut([t], 0, "position", STEPS, speed=MOVED).signals
+    means = windows_of([t], 0, STEPS)
     at = means.first[None, :] + np.arange(1, STEPS + 1)[:, None]
     np.testing.assert_allclose(predicted(friction, means), -20.0 * qd[at], atol=20.0 * 2.4 * 64.0 * planted.DT**2)
 
@@ -123,7 +123,7 @@ def test_order_of_the_command_side(first, second):
     left = {}
     for order in (pair, pair[::-1]):
         data = planted.trajectory(planted.simulate(2.0, [sizes], 0.0, 7, order=order))
-        left[order] = rms(residual_windows(row(sizes), cut([data], 0, "position", STEPS).signals))
+        left[order] = rms(residual_windows(row(sizes), windows_of([data], 0, STEPS)))
     assert left[pair] < EXACT
     assert left[pair[::-1]] > 1.0
 
@@ -131,7 +131,7 @@ def test_order_of_the_command_side(first, second):
 @pytest.mark.parametrize("rubbing", ["coulomb_friction", "viscous_friction", "load_dependent_friction"])
 def test_friction_lies_in_front_of_backlash_and_bias_behind_it(rubbing):
     sizes = {name: planted.TYPICAL[name] for name in ("backlash", rubbing, "torque_bias")}
-    signals = cut([planted.trajectory(planted.simulate(3.0, [sizes], 0.0, 8))], 0, "position", STEPS).signals
+    signals = windows_of([planted.trajectory(planted.simulate(3.0, [sizes], 0.0, 8))], 0, STEPS)
     assert rms(residual_windows(row(sizes), signals)) < 1.0
     moved = {**sizes, "torque_bias": {"nm": 0.0}}
     assert rms(residual_windows(row(moved), signals)) > 10.0
@@ -141,12 +141,11 @@ def test_slack_chain_passes_no_friction():
     time = 1e-3 * np.arange(1000)
     travel, nothing = 1e-3 * time[:, None], np.zeros((1000, 1))
     speed = np.full_like(travel, 1e-3)
-    signals = cut(
-        [Trajectory(time, ("j",), travel, speed, effort=nothing, position_command=travel)], 0, "position", STEPS
-    )
+    t = Trajectory(time, ("j",), travel, speed, effort=nothing, position_command=travel)
+    signals = windows_of([t], 0, STEPS)
     rubbing = {"viscous_friction": {"nm_s_per_rad": 2000.0}}
-    assert np.abs(predicted(row(rubbing), signals.signals)).min() > 0.0
-    assert np.abs(predicted(row({**rubbing, "backlash": {"gap": 0.1}}), signals.signals)).max() == 0.0
+    assert np.abs(predicted(row(rubbing), signals)).min() > 0.0
+    assert np.abs(predicted(row({**rubbing, "backlash": {"gap": 0.1}}), signals)).max() == 0.0
 
 
 def test_windows_do_not_depend_on_each_other():
@@ -162,8 +161,8 @@ def test_windows_do_not_depend_on_each_other():
 
 def test_trials_do_not_leak_into_each_other():
     t = trial()
-    alone = predicted(row(planted.TYPICAL), cut([t], 0, "position", STEPS).signals)
-    both = predicted(row(planted.TYPICAL), cut([t, t], 0, "position", STEPS).signals)
+    alone = predicted(row(planted.TYPICAL), windows_of([t], 0, STEPS))
+    both = predicted(row(planted.TYPICAL), windows_of([t, t], 0, STEPS))
     half = alone.shape[1]
     np.testing.assert_allclose(both[:, :half], alone, atol=1e-9)
     np.testing.assert_allclose(both[:, half:], alone, atol=1e-9)
@@ -204,7 +203,7 @@ SIZES = {
 
 @pytest.mark.parametrize("mode,effect", CASES)
 def test_every_effect_changes_the_output_of_its_modes(other_modes, mode, effect):
-    signals = cut([other_modes], 0, mode, STEPS).signals
+    signals = windows_of([other_modes], 0, STEPS, mode)
     size = {effect: SIZES[mode][effect]}
     change = predicted(row(size, **BASE[mode]), signals) - predicted(row({}, **BASE[mode]), signals)
     assert np.isfinite(change).all()
@@ -212,7 +211,7 @@ def test_every_effect_changes_the_output_of_its_modes(other_modes, mode, effect)
 
 
 def test_torque_mode_is_a_first_order_force_loop(other_modes):
-    signals = cut([other_modes], 0, "torque", STEPS).signals
+    signals = windows_of([other_modes], 0, STEPS, "torque")
     found = predicted(row({}, **BASE["torque"]), signals)
     for w, first in enumerate(signals.first):
         torque = signals.effort[first]
@@ -247,7 +246,7 @@ def between_springs(oil, transmission, damping):
         k4=0.0,
     )
     model[slot("setting", "speed_late")] = 0.5
-    return cut([t], 0, "position", STEPS, speed=MOVED).signals, model
+    return windows_of([t], 0, STEPS), model
 
 
 def test_a_damped_piston_lags_behind_its_joint():

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from torque_strokes import STOP, log_set, rest_log_set
 
-from hqpipe.gap.joint_data import cut, joint_data
-from hqpipe.gap.replay import Replay, persistence_error
+from hqpipe.gap.base_fit import BaseFit
+from hqpipe.layers.actuator.record import window_starts
 from hqpipe.logs.end_stops import at_end_stop, judged_windows, mark_end_stops
 
 STEPS = 50
@@ -62,42 +62,19 @@ def test_no_window_holds_a_marked_sample_and_no_other_is_lost(marked):
     marks, judged = at_end_stop(t), judged_windows(t, STEPS)
     for w, start in enumerate(range(0, t.samples - STEPS, STEPS)):
         assert np.array_equal(judged[w], ~marks[start : start + STEPS + 1].any(axis=0))
-    ram, swing = (cut([t], j, "torque", STEPS) for j in (0, 1))
-    assert ram.signals.first.tolist() == (STEPS * np.flatnonzero(judged[:, 0])).tolist()
-    assert len(swing.trial) == len(judged)
-    assert np.array_equal(ram.machine_first, swing.signals.first)
-
-
-def test_errors_keep_their_mean_in_the_places_of_the_machines_windows(marked):
-    split = cut([marked.trials[0].trajectory], 0, "torque", STEPS)
-    errors = np.arange(1.0, len(split.trial) + 1.0)
-    placed = split.of_machine(errors)
-    assert len(placed) == len(split.machine_first) and np.flatnonzero(placed).tolist() == split.window.tolist()
-    assert placed.mean() == pytest.approx(errors.mean())
+        for j in (0, 1):
+            assert (start in window_starts(t, j, STEPS)) == judged[w, j]
 
 
 def test_what_is_logged_at_the_stop_counts_for_nothing(marked):
-    """Any other torque there gives the same sizes, windows and errors."""
+    """Any other torque there gives the same windows and errors."""
 
     def other(trial):
         t = trial.trajectory
         return replace(t, effort=np.where(at_end_stop(t), 1e6, t.effort))
 
     def judged(trials):
-        data = joint_data(trials, trials, 0, "torque", STEPS, 0.0)
-        item = Replay("", trials[0], STEPS, np.zeros(trials[0].effort.shape), np.zeros(trials[0].effort.shape))
-        return data.size, data.scale, data.fit.signals.target.tolist(), persistence_error([item]).tolist()
+        fit = BaseFit.of(trials, 0, "torque", STEPS, logged_speed=True)
+        return fit.mean_square, fit.errors().tolist()
 
     assert judged([x.trajectory for x in marked.trials]) == judged([other(x) for x in marked.trials])
-
-
-def test_replays_count_what_is_judged(marked):
-    t = marked.trials[0].trajectory
-    item = Replay("", t, STEPS, np.zeros(t.effort.shape), np.zeros(t.effort.shape))
-    judged = judged_windows(t, STEPS)
-    assert item.windows == len(judged)  # one of the joints is judged in each
-    assert np.array_equal(item.targets(item.counts)[:, 0], judged)
-    assert not item.targets(item.residual)[~judged[:, 0], :, 0].any()
-    alone = replace(item, trajectory=t.for_joints(("ram",)), predicted=item.predicted[:, :1])
-    assert alone.windows == int(judged[:, 0].sum())
-    assert len(alone.targets(alone.residual)) == len(alone.inputs(alone.residual)) == alone.windows

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hqpipe.errors import LogError
-from hqpipe.logs.joint_kinds import completed, depends_on_kind, from_urdf, unit_of
+from hqpipe.logs.joint_kinds import completed, from_urdf, unit_of
 from hqpipe.logs.manifest import Manifest, TrialEntry, read_manifest, write_manifest
 
 HEAD = "format: hqpipe-log/1\n"
@@ -68,7 +68,6 @@ def test_a_urdf_says_it_of_all_joints_or_of_none():
 )
 def test_units_of_joints_that_slide(turns, slides):
     assert unit_of(turns, "prismatic") == slides and unit_of(turns, "revolute") == unit_of(turns, None) == turns
-    assert depends_on_kind(turns) == (turns != slides)
 
 
 def test_every_unit_of_an_effect_is_known_for_joints_that_slide():
@@ -77,4 +76,4 @@ def test_every_unit_of_an_effect_is_known_for_joints_that_slide():
     for effect in EFFECTS.values():
         for parameter in effect.parameters:
             rotary = "rad" in parameter.unit or "N·m" in parameter.unit
-            assert depends_on_kind(parameter.unit) == rotary, parameter.unit
+            assert (unit_of(parameter.unit, "prismatic") != parameter.unit) == rotary, parameter.unit

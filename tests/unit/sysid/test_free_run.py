@@ -14,9 +14,7 @@ from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.actuators.stiff_pd import StiffPD
 from hqpipe.effects.layout import slot
 from hqpipe.errors import IdentificationError, UsageError
-from hqpipe.gap.joint_data import LOGGED
-from hqpipe.gap.row_model import RowModel
-from hqpipe.logs.trajectory import Trial
+from hqpipe.gap.fitted_joints import FittedJoints
 from hqpipe.sysid.baselines import CommandedTorque, MeanTorque, Persistence, fit_stiff_pd
 from hqpipe.sysid.free_run import free_run, predict
 
@@ -133,9 +131,9 @@ def test_augmented_replays_as_the_diagnosis_does(effects, noise):
     trial = planted.trajectory(planted.simulate(1.5, [values] * 2, noise, 6))
     rows = np.tile(row(values), (2, 1))
     rows[:, slot("base", "k1")] *= 0.9
-    windows = RowModel(trial.joints, rows, "position", LOGGED).replay(Trial("a", "heldout", None, trial), 100)
-    found, whole = predict(trial, Augmented(trial.joints, rows, 1e-3), 100), (trial.samples - 1) // 100 * 100
-    np.testing.assert_allclose(found[: whole + 1], windows.predicted[: whole + 1], rtol=1e-9, atol=1e-8)
+    windows = FittedJoints(trial.joints, rows, np.ones(2)).predict(trial, 100)
+    found = predict(trial, Augmented(trial.joints, rows, 1e-3), 100)
+    np.testing.assert_allclose(found, windows, rtol=1e-9, atol=1e-8)
     assert np.abs(found - trial.effort).max() > 5.0
 
 

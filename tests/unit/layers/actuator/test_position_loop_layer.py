@@ -14,6 +14,7 @@ from hqpipe.identify.identify import identify
 from hqpipe.identify.model import all_parameters
 from hqpipe.layers.actuator import Actuator
 from hqpipe.layers.actuator.record import MOST_SAMPLES, MOST_WINDOWS, record_of
+from hqpipe.layers.actuator.sizes import sizes_of
 from hqpipe.logs.trajectory import Excerpt, Trial
 
 
@@ -39,6 +40,26 @@ def test_windows_that_touch_an_end_stop_are_not_judged(logs):
     within = record.signals.first[:, None] + np.arange(record.signals.steps + 1)
     assert not touched[within].any() and 10 <= record.windows < free[0].records[0].windows
     assert second.records[0].windows == free[1].records[0].windows  # the mark is of one joint
+
+
+def test_what_is_logged_at_an_end_stop_counts_for_nothing(logs):
+    """Any other torque there gives the same sizes, windows and errors."""
+
+    def stopped(t):
+        touched = t.position[:, 0] > np.quantile(t.position[:, 0], 0.8)
+        return replace(t, extra={f"joint/{t.joints[0]}/at_end_stop": touched.astype(float)})
+
+    def other(t):
+        touched = t.extra[f"joint/{t.joints[0]}/at_end_stop"] > 0.5
+        return replace(t, effort=np.where(touched[:, None], [1e6, 0.0], t.effort))
+
+    marked = changed(logs, stopped)
+    sizes = [sizes_of([t.trajectory for t in x.fit], 0, np.ones(2)) for x in (marked, changed(marked, other))]
+    assert sizes[0].of == sizes[1].of and sizes[0].most_effort == sizes[1].most_effort < 1e6
+    one, two = (Actuator().joints(x).models[0] for x in (marked, changed(marked, other)))
+    values = neutral(one)
+    assert np.array_equal(one.fit.output, two.fit.output)
+    assert np.array_equal(one.error(values), two.error(values))
 
 
 def test_a_joint_at_its_end_stop_throughout_is_left_out(logs):

@@ -9,7 +9,7 @@ from position_loop_logs import planted_logs
 from hqpipe.effects.layout import FIELDS, slot
 from hqpipe.identify.model import all_parameters
 from hqpipe.kernels.augmented_columns import ALL
-from hqpipe.kernels.augmented_fit import residual_windows
+from hqpipe.kernels.augmented_errors import residual_windows
 from hqpipe.layers.actuator import Actuator
 from hqpipe.layers.actuator.repeated_run import RepeatedRun, changed_inputs
 

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from planted_logs import in_sections, logs_of
 
 from hqpipe.effects import EFFECTS
-from hqpipe.effects.layout import slot
 from hqpipe.gap.diagnosis import diagnose
-from hqpipe.gap.row_model import RowModel, SpanRow
-from hqpipe.gap.set_fit import JointFitter
 
 START, END = 8.0, 16.0  # s
 WITHOUT = tuple(name for name in EFFECTS if name not in ("command_delay", "torque_bias", "valve_deadband"))
@@ -46,18 +42,3 @@ def test_a_stretch_reaches_over_sections_in_the_time_of_the_trial(content, passi
 def test_trials_are_counted_as_recorded(content, passing):
     assert len(passing.trials) == 12
     assert content["logs"]["trials"] == 2
-
-
-def test_the_row_of_a_stretch_acts_in_the_sections_inside_it(passing):
-    from planted_logs import STEPS, data_of
-
-    row = JointFitter(data_of(passing)).fit().row
-    other = row.copy()
-    other[slot("base", "k1")] *= 2.0
-    spans = {0: SpanRow(other, {"t1.parquet": (START, END)})}
-    plain = RowModel(("LFR",), np.array([row]), "position")
-    model = replace(plain, spans=spans)
-    for trial in passing.heldout:
-        trial = replace(trial, trajectory=trial.trajectory.for_joints(["LFR"]))
-        changed = not np.array_equal(model.replay(trial, STEPS).predicted, plain.replay(trial, STEPS).predicted)
-        assert changed == (START <= trial.trajectory.start < END)

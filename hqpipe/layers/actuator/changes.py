@@ -1,0 +1,56 @@
+"""What the coefficients of the law may have changed by since an earlier record, as ratios of now to then.
+
+With C the flow gain of the valve, A the lever area, L the leakage and β/V the stiffness of the oil, the rates are
+a1 = C β/V Δt, x = L β/V Δt and a3 = A β/V Δt (eqs. (1) to (7) of the paper), and a4 goes with β/V too. In a sample the torque
+decays by exp(−x), and so does what comes in during it: k2 = 1 − exp(−x), k_i = a_i k2/x.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from hqpipe.effects.layout import BASE
+from hqpipe.identify.model import Ratio
+
+MOST_LEAKED = 1.0 - 1e-9  # of the torque in a sample
+
+MULTIPLIES: dict[str, tuple[str, ...]] = {
+    "gain_change": ("k1",),
+    "leakage_change": ("k2",),
+    "velocity_coupling_change": ("k3",),
+    "impact_change": ("k4",),
+    "stiffness_change": ("k1", "k2", "k3", "k4"),
+    "torque_scale": ("k1", "k3"),
+}
+"""Change → the coefficients whose rates it multiplies. A torque sensor of another gain scales what is in units of torque: x is
+not, and a4 is per radian."""
+
+
+def multiply_rates(names: tuple[str, ...], values: np.ndarray, ratio: float) -> None:
+    """Multiply the rates of some coefficients by a ratio, in place.
+
+    More leakage within a sample lowers k1, k3 and k4 too.
+
+    Args:
+        names: of `BASE`. values: (P,) of which the first are k1 … k4.
+    """
+    before = float(values[1])
+    decay = -np.log1p(-min(before, MOST_LEAKED))
+    within = before / decay if decay > 0.0 else 1.0
+    for k, name in enumerate(BASE):
+        if name in names and name != "k2":
+            values[k] *= ratio
+    if "k2" in names:
+        decay *= ratio
+    values[1] = -np.expm1(-decay)
+    values[[0, 2, 3]] *= (values[1] / decay if decay > 0.0 else 1.0) / within
+
+
+SOFTER: dict[str, tuple[str, ...]] = {"stiffness_change": ("transmission_compliance",)}
+"""Change → effects that a ratio below 1 stands for as well: a spring behind the oil softens the two together."""
+
+RATIOS: dict[str, Ratio] = {
+    name: Ratio(names, partial(multiply_rates, names), SOFTER.get(name, ())) for name, names in MULTIPLIES.items()
+}
