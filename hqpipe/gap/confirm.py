@@ -5,7 +5,7 @@ stop, pulls away from its command for seconds, which looks like a flipped sign; 
 defect costs something only if the answer would be another without it. The base model is fitted to the logs as they are
 and to what they would be without the defect:
 
-- where it can be mended, to the mended logs;
+- where it can be repaired, to the repaired logs;
 - where it shows in some rows, to the windows without those rows: if they matter, they are far worse than the others;
 - where no sample resembles the one before it, to the same rows in random orders: if they are as good in one, theirs is none.
 """
@@ -49,11 +49,11 @@ def confirmed(defect: Defect, log_set: LogSet, steps: int, signless: Sequence[st
     windows = _Windows.of(log_set, columns, steps, logged, signless)
     if not any(len(fit.first) for fit in windows.fits):
         return True  # no window is left to tell
-    if mended := repairs(defect, log_set):
+    if repaired := repairs(defect, log_set):
         inside = [np.isin(fit.windows.trial, _indices(windows.files, defect.trials)) for fit in windows.fits]
         as_is = windows.errors()
         ratio = BETTER if defect.kind == "held_samples" else 1.0
-        options = [_Windows.of(option, columns, steps, logged, signless).errors() for option in mended]
+        options = [_Windows.of(option, columns, steps, logged, signless).errors() for option in repaired]
         return any(_fell(option, as_is, inside, ratio) for option in options)
     if defect.rows:
         return _stand_out(defect, log_set, windows, joints)

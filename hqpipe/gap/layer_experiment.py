@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from hqpipe.effects import EFFECTS
+from hqpipe.layers.actuator.changes import MULTIPLIES
 from hqpipe.logs.findings import listed
 
 _FRICTION = frozenset({"coulomb_friction", "viscous_friction", "stribeck_friction"})
@@ -17,9 +18,6 @@ _SUPPLY = frozenset({"voltage_sag", "torque_limit", "supply_droop", "flow_satura
 _PLAY = frozenset({"backlash", "transmission_compliance"})
 _GAINS = frozenset({"gain_error", "direction_asymmetry", "gain_drift"})
 _WARM = frozenset({"gain_drift", "leakage_drift"})
-_CHANGES = frozenset(
-    {"gain_change", "leakage_change", "velocity_coupling_change", "impact_change", "stiffness_change", "torque_scale"}
-)
 _BETWEEN: tuple[tuple[frozenset[str], str], ...] = (
     (_FRICTION, "slow triangles to and fro over the same range at two speeds, several times each"),
     (_FRICTION | _LOADED, "slow triangles over the same range without and with a known load, several times each"),
@@ -33,7 +31,7 @@ _BETWEEN: tuple[tuple[frozenset[str], str], ...] = (
         "the same motion in cold and in warm condition, with the temperature logged, holding a load still in between",
     ),
     (
-        _CHANGES | {"transmission_compliance"},
+        frozenset(MULTIPLIES) | {"transmission_compliance"},
         "hold a load with the command still, step it, and repeat the fast motion of the reference",
     ),
     (_GAINS, "steps of several sizes in both directions, with the gains of the drive stated in logset.yaml"),

@@ -44,7 +44,8 @@ def answer(search: Search, best: Known) -> JointFound:
     search.rank_beside(core)
     probabilities = _considered(search, {name: probability for name, (probability, _) in found.items()})
     claimed, core = core, _confirmed(search, core, base)
-    named = _only(search, core, frozenset(_causes(search, core)) | base.names)
+    unchanged = frozenset(name for name in core.names if search.effects[name].in_both)
+    named = _only(search, core, frozenset(_causes(search, core)) | base.names | unchanged)
     without = {name: search.without(named, name) for name in _causes(search, named)}
     causes = sorted(without, key=lambda name: -without[name].solution.square)
     half = half_widths(search, core)

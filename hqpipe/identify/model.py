@@ -45,6 +45,7 @@ class Effect:
         signal: of a generic shape, the signal on which the error depends, e.g. "position".
         context: of a generic shape, that it is what the rest of the machine does to the joint, which is no gap of the joint:
             where the logs ask for it, it stands beside the base and beside the causes.
+        in_both: of two records, that both have it: no change, and so part of the machine beside which changes are judged.
         excludes: names of effects that mean the same in these logs, of which at most one is in a set.
         common: whether as many joints have it as not, as friction; others are as likely as one effect a joint makes them.
     """
@@ -54,6 +55,7 @@ class Effect:
     named: bool = True
     signal: str = ""
     context: bool = False
+    in_both: bool = False
     excludes: frozenset[str] = frozenset()
     common: bool = False
 

@@ -49,7 +49,7 @@ class PassingJoint:
         self._inside = tuple(
             inside(part, stretches, model.dt) for part, stretches in ((self.fit, fit), (model.heldout, heldout))
         )
-        lasting = [effect.name for effect in model.effects if effect.context]
+        lasting = [effect.name for effect in model.effects if effect.context or effect.in_both]
         self._always = positions(model, lasting)
         self._neutral = np.array([parameter.neutral for parameter in all_parameters(model)], dtype=np.float64)
         self._last: dict[bool, tuple[bytes, np.ndarray]] = {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from planted_effects import TYPICAL, leaking, logs_of
 
+from hqpipe.effects.layout import slot
 from hqpipe.gap.diagnosis import diagnose
 from hqpipe.gap.since import EarlierLogs
 
@@ -45,3 +46,15 @@ def test_a_deadband_has_grown_and_a_valve_lags_now(earlier):
     assert width["value"] == pytest.approx(0.03, rel=0.05) and width["reference"] == pytest.approx(0.02, rel=0.05)
     lag = causes["valve_lag", ("LFR",)]["time_constant_s"]
     assert lag["value"] == pytest.approx(0.012, rel=0.1) and lag["reference"] is None
+
+
+def test_what_both_records_have_stays_beside_what_changed():
+    """Valves that lagged before and have become worn: beside the wear the lag is no cause, and it is in the model of now."""
+    then = {"valve_lag": {"time_constant_s": 0.02}}
+    worn = then | {"valve_deadband": {"half_width": 0.05, "rounding": 0.2}}
+    found = diagnose(logs_of([worn, then], seed=1), earlier=EarlierLogs(logs_of([then, then])))
+    content = found.content
+    assert {(cause["effect"], *cause["joints"]) for cause in content["causes"]} == {("valve_deadband", "LFR")}
+    assert content["gap"]["after"] < 1.2 * content["gap"]["noise_floor"]
+    lag = found.augmented.parameters[:, slot("valve_lag", "time_constant_s")]
+    assert lag == pytest.approx([0.02, 0.02], rel=0.1)

@@ -22,8 +22,8 @@ from hqpipe.layers.joint_motion.motion import Motion
 
 NEAR = 2  # joints away whose products of two are offered; assumption: what lies further away changes slowly with them
 SAMPLES_PER_TERM = 5  # independent ones; assumption: fewer would fit noise in spite of the prior
-_ROUNDING = float(np.finfo(np.float64).eps)  # of the square of a term: what joints at rest leave of it is no motion
 MOST_TERMS = 150  # assumption: an error then costs as much as the rest of the model; an arm of seven joints has 120
+_ROUNDING = float(np.finfo(np.float64).eps)  # of the square of a term: what joints at rest leave of it is no motion
 
 Angle = tuple[np.ndarray, Motion, bool]
 """Position less its mean, motion, and whether the joint turns."""

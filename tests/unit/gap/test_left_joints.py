@@ -67,7 +67,7 @@ def test_a_whole_machine_stays_as_it_is(logs, two, intake):
 
 
 def test_a_diagnosis_writes_joints_that_it_left_out(logs):
-    """The sign of the third joint's torque is wrong, and can be mended."""
+    """The sign of the third joint's torque is wrong, and can be repaired."""
     found = diagnose(broken(logs, values("effort", np.negative, 2)), window_s=0.1)
     assert found.content["left_out"][0]["joints"] == [logs.joints[2]]
     assert found.base.joints == found.augmented.joints == logs.joints

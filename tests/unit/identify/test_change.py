@@ -46,6 +46,8 @@ def test_grown_friction_is_named_beside_what_it_was():
     assert number.value == pytest.approx(0.5, abs=0.02)
     assert number.ci95[0] < 0.5 < number.ci95[1]
     assert np.mean(joint.named.heldout**2) < 0.5 * np.mean(joint.base.heldout**2)
+    assert "spring in both records" in joint.named.effects
+    assert np.sqrt(np.mean(joint.named.heldout**2)) < 1.2 * joint.model.noise[1]
 
 
 @pytest.mark.parametrize("left", [0.0, 0.03])

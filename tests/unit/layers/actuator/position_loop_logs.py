@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hqpipe.identify.model import JointModel, all_parameters
 from hqpipe.logs.trajectory import LogSet, Trajectory
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "recovery"))
@@ -19,6 +20,11 @@ DT = planted.DT
 def planted_logs(*effects, **settings) -> LogSet:
     """Logs of one joint for each of `effects` (effect → parameter → value), by equations of their own."""
     return planted.logs_of(list(effects), **settings)
+
+
+def neutral(model: JointModel) -> np.ndarray:
+    """(P,) values of a joint without any effect."""
+    return np.array([parameter.neutral for parameter in all_parameters(model)])
 
 
 def changed(log_set: LogSet, change) -> LogSet:

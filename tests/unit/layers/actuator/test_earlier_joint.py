@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from position_loop_logs import changed, planted_logs, with_column
+from position_loop_logs import changed, neutral, planted_logs, with_column
 
 from hqpipe.effects.layout import NOT_KNOWN, neutral_row, slot
 from hqpipe.identify.model import all_parameters
@@ -15,23 +15,9 @@ from hqpipe.layers.actuator.parameters import BASE_NAMES, LOGGED_SPEED, PRESLIDI
 
 
 @pytest.fixture(scope="module")
-def logs():
-    return planted_logs({}, {}, seconds=3.0, fit=1)
-
-
-@pytest.fixture(scope="module")
-def model(logs):
-    return Actuator().joints(logs).models[0]
-
-
-@pytest.fixture(scope="module")
 def livelier():
     """The same machine, moved twice as much, with twice the noise of the torque."""
     return planted_logs({}, {}, seconds=3.0, fit=1, seed=5, motion=2.0, noise=6.0)
-
-
-def neutral(model):
-    return np.array([p.neutral for p in all_parameters(model)])
 
 
 def names_of(model):

@@ -6,26 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from position_loop_logs import DT, changed, planted_logs
+from position_loop_logs import DT, changed, neutral
 
 from hqpipe.effects import EFFECTS
 from hqpipe.identify.model import all_parameters
 from hqpipe.layers.actuator import Actuator
 from hqpipe.logs.joint_kinds import PRISMATIC
-
-
-@pytest.fixture(scope="module")
-def logs():
-    return planted_logs({}, {}, seconds=3.0, fit=1)
-
-
-@pytest.fixture(scope="module")
-def model(logs):
-    return Actuator().joints(logs).models[0]
-
-
-def neutral(model):
-    return np.array([p.neutral for p in all_parameters(model)])
 
 
 def alone(model, *names):

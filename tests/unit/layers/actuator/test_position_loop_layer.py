@@ -7,24 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from position_loop_logs import DT, changed, planted_logs, swinging, with_column
+from position_loop_logs import DT, changed, neutral, planted_logs, swinging, with_column
 
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.identify import identify
-from hqpipe.identify.model import all_parameters
 from hqpipe.layers.actuator import Actuator
 from hqpipe.layers.actuator.record import MOST_SAMPLES, MOST_WINDOWS, record_of
 from hqpipe.layers.actuator.sizes import sizes_of
 from hqpipe.logs.trajectory import Excerpt, Trial
-
-
-@pytest.fixture(scope="module")
-def logs():
-    return planted_logs({}, {}, seconds=3.0, fit=1)
-
-
-def neutral(model):
-    return np.array([p.neutral for p in all_parameters(model)])
 
 
 def test_windows_that_touch_an_end_stop_are_not_judged(logs):
