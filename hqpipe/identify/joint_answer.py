@@ -97,7 +97,7 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
         known, smaller = search.taken_apart(known, rest)
         square = search.left_out(known)
         closes = {name: search.left_out(smaller[name]) - square for name in rest}
-        large = {name: _is_sizeable(search, known, name) and search.does(known, name) >= least for name in rest}
+        large = {name: _is_large(search, known, name, least) for name in rest}
         name = min(rest, key=lambda name: (large[name], name in search.shared and closes[name] >= 0.0, closes[name]))
         least_gain = 0.0 if name in search.shared else LEAST_GAIN
         if closes[name] >= least_gain * square and large[name]:
@@ -106,6 +106,17 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
     persistence = float(np.sum((search.model.fit.held - search.model.fit.output) ** 2))
     # What predicts no better than holding the output, and leaves most of the gap, explains nothing.
     return known if search.left_out(known) < max(persistence, 0.5 * search.left_out(base)) else base
+
+
+def _is_large(search: Search, known: Known, name: str, least: float) -> bool:
+    """Whether an effect has the size of a cause; what both of two records have is part of the machine and needs no size.
+
+    Args:
+        least: square of what it must do to the prediction.
+    """
+    if search.effects[name].in_both:
+        return True
+    return _is_sizeable(search, known, name) and search.does(known, name) >= least
 
 
 def floor_of(search: Search) -> float:
