@@ -28,7 +28,7 @@ from hqpipe.actuators.lstm import LSTM
 from hqpipe.actuators.mlp import MLP
 from hqpipe.actuators.net import NetActuator
 from hqpipe.actuators.two_chamber import TwoChamber
-from hqpipe.effects.layout import neutral_row, slot
+from hqpipe.machine.layout import neutral_row, slot
 
 ROBOTS, DT, HIDDEN = 400, 1e-3, 64
 JOINTS = tuple(f"{leg}{joint}" for leg in ("LF", "RF", "LH", "RH") for joint in "RPK")

@@ -94,7 +94,7 @@ def all_but(effects: Collection[str], library: Collection[str] = ()) -> tuple[st
     Args:
         effects: to keep. library: names that such logs are asked for besides those of the actuator's chain.
     """
-    from hqpipe.effects import EFFECTS
+    from hqpipe.machine import EFFECTS
 
     return tuple(name for name in dict.fromkeys((*EFFECTS, *library)) if name not in effects)
 
@@ -183,8 +183,8 @@ def _gaps(folder: Path, answers: Sequence[Any], workers: int, progress: Progress
 
 def _libraries(folder: Path, answers: Sequence[Any], workers: int, progress: Progress) -> dict[str, tuple[str, ...]]:
     """Case → effects that its logs are asked for: those of the actuator's chain, or of the layers that judge its logs."""
-    from hqpipe.effects import EFFECTS
     from hqpipe.gap.blind_layer import layers_of
+    from hqpipe.machine import EFFECTS
 
     calls = {a.case: (folder, a.case) for a in answers if layers_of(a)}
     found: Sequence[list[str]] = ()

@@ -14,8 +14,8 @@ from hqpipe.stages.bounds import WindowChoice
 def _known_effects(names: list[str]) -> list[str]:
     if not names:
         return names
-    from hqpipe.effects import EFFECTS  # half a second, because of numba; only where there is something to look up
     from hqpipe.layers import ONLY_IN_LAYERS
+    from hqpipe.machine import EFFECTS  # half a second, because of numba; only where there is something to look up
 
     known = (*EFFECTS, *ONLY_IN_LAYERS)
     for name in names:

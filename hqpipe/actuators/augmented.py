@@ -8,12 +8,12 @@ from typing import ClassVar
 import numpy as np
 
 from hqpipe.actuators.base import ActuatorModel, ParameterField, end_to_end
-from hqpipe.effects import EFFECTS
-from hqpipe.effects.layout import FIELDS, neutral_row
-from hqpipe.kernels.actuator_step import AUGMENTED
-from hqpipe.kernels.augmented_batch import augmented_batch
-from hqpipe.kernels.augmented_links import prepare
-from hqpipe.kernels.augmented_step import MEMORY
+from hqpipe.machine import EFFECTS
+from hqpipe.machine.layout import FIELDS, neutral_row
+from hqpipe.machine.loops.actuator_step import AUGMENTED
+from hqpipe.machine.loops.augmented_batch import augmented_batch
+from hqpipe.machine.loops.augmented_links import prepare
+from hqpipe.machine.loops.augmented_step import MEMORY
 
 _UNITS = {"k1": "N·m/rad", "k2": "1", "k3": "N·m·s/rad", "k4": "1/rad"}
 _SETTINGS = {
@@ -49,9 +49,9 @@ def _field(owner: str, name: str) -> ParameterField:
 
 
 class Augmented(ActuatorModel):
-    """Eq. (7) in joint space with every effect of `hqpipe.effects`, neutral where it was not found.
+    """Eq. (7) in joint space with every effect of `hqpipe.machine`, neutral where it was not found.
 
-    The chain is that of `hqpipe.kernels.augmented_windows`. Columns are those of `hqpipe.effects.layout`:
+    The chain is that of `hqpipe.machine.loops.augmented_windows`. Columns are those of `hqpipe.machine.layout`:
     limits and stiffnesses are kept as their inverse, so that 0 means "absent".
     """
 

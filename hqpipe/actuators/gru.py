@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hqpipe.actuators.net import NetActuator
-from hqpipe.kernels import net_step
+from hqpipe.machine.loops import net_step
 
 
 class GRU(NetActuator):

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.actuators.augmented import SENSING, Augmented
-from hqpipe.effects import EFFECTS
-from hqpipe.effects.layout import neutral_row, slot, slots
-from hqpipe.kernels.augmented_columns import POSITION
-from hqpipe.kernels.augmented_errors import residual_windows
-from hqpipe.kernels.augmented_signals import Signals
 from hqpipe.layers.actuator.joint import ActuatorJoint
 from hqpipe.layers.actuator.parameters import BASE_NAMES, LOGGED_SPEED
 from hqpipe.logs.trajectory import Trajectory
+from hqpipe.machine import EFFECTS
+from hqpipe.machine.layout import neutral_row, slot, slots
+from hqpipe.machine.loops.augmented_columns import POSITION
+from hqpipe.machine.loops.augmented_errors import residual_windows
+from hqpipe.machine.loops.augmented_signals import Signals
 
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
 _SAG = [slot("supply_droop", p.name) for p in EFFECTS["supply_droop"].parameters if p.counts]
@@ -26,7 +26,7 @@ class FittedJoints:
     """Joints of one machine.
 
     Attributes:
-        joints: names. rows: (J, WIDTH) see `hqpipe.effects.layout`, effects of the sensors included.
+        joints: names. rows: (J, WIDTH) see `hqpipe.machine.layout`, effects of the sensors included.
         logged_speed: (J,) share of the logged speed in that of the hydraulics; the rest is the speed of the positions.
     """
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.effects import EFFECTS
 from hqpipe.gap.estimate import Z95, Estimate, agree
 from hqpipe.gap.groups import scope_of
 from hqpipe.gap.layer_errors import LayerErrors
@@ -17,6 +16,7 @@ from hqpipe.gap.shapley import Shrink, shapley
 from hqpipe.gap.signs import NAME as UNSIGNED
 from hqpipe.identify.found import JointCause, Number
 from hqpipe.identify.model import JointModel, LayerJoints
+from hqpipe.machine import EFFECTS
 
 SENSING = "sensing"
 MOST = 0.5  # share of a cause's joints that must not tell a rival from it; assumption

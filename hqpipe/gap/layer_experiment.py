@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from hqpipe.effects import EFFECTS
 from hqpipe.layers.actuator.changes import MULTIPLIES
 from hqpipe.logs.findings import listed
+from hqpipe.machine import EFFECTS
 
 _FRICTION = frozenset({"coulomb_friction", "viscous_friction", "stribeck_friction"})
 _LOADED = frozenset({"load_dependent_friction"})

@@ -13,11 +13,11 @@ from hqpipe.actuators.files import FILE
 from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.actuators.posterior_file import FILE as POSTERIOR
 from hqpipe.actuators.posterior_file import load_posterior
-from hqpipe.effects.layout import slot
 from hqpipe.errors import ConfigError
 from hqpipe.files.documents import read_json, read_table
 from hqpipe.files.entries import Entry
 from hqpipe.gap.estimate import Z95
+from hqpipe.machine.layout import slot
 
 FIT, DIAGNOSIS, RESIDUALS = "fit.json", "diagnosis.json", "residuals.csv"
 COEFFICIENTS = ("k1", "k2", "k3", "k4")

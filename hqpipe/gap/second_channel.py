@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.effects import EFFECTS
 from hqpipe.gap.answer import significant
 from hqpipe.gap.cross_check import CrossCheck, cross_check
 from hqpipe.gap.estimate import Z95, Estimate, pooled
 from hqpipe.gap.groups import scope_of
 from hqpipe.gap.layer_causes import LayerCause
 from hqpipe.logs.trajectory import LogSet
+from hqpipe.machine import EFFECTS
 
 SCALE, BIAS, NULL_SHIFT = "torque_scale", "torque_bias", "position_bias"
 CERTAIN = 0.98  # probability of a name that a second sensor confirms; assumption

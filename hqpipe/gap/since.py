@@ -12,13 +12,13 @@ from hqpipe.actuators.augmented import Augmented
 from hqpipe.actuators.base import DT_TOLERANCE
 from hqpipe.actuators.files import FILE, load_actuator
 from hqpipe.actuators.hydraulic import Hydraulic
-from hqpipe.effects import EFFECTS
-from hqpipe.effects.layout import BASE, NOT_KNOWN, neutral_row, slot, slots
 from hqpipe.errors import UsageError
 from hqpipe.gap.model_files import COEFFICIENTS, POWERS, Left, digest, left_of, variances
 from hqpipe.identify.change import KnownJoint
 from hqpipe.layers.actuator.joint import ActuatorJoint
 from hqpipe.logs.trajectory import LogSet
+from hqpipe.machine import EFFECTS
+from hqpipe.machine.layout import BASE, NOT_KNOWN, neutral_row, slot, slots
 
 LOGS, ACTUATOR = "logs", "actuator"
 MODE = "position"  # in the others the coefficients are no physics that could be compared one by one

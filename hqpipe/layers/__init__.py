@@ -13,7 +13,7 @@ ONLY_IN_LAYERS = (
     *("armature", "counterbalance", "dead_time_asymmetry", "gain_error", "leakage", "one_way_speed_limit"),
     *("opening_jump", "payload", "spring", "torque_limit", "voltage_sag"),
 )
-"""Effects that a layer may offer and `hqpipe.effects` does not hold."""
+"""Effects that a layer may offer and `hqpipe.machine` does not hold."""
 
 LAYERS = {
     "actuator": "hqpipe.layers.actuator:Actuator",

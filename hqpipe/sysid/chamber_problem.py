@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hqpipe.actuators.two_chamber import TwoChamber
-from hqpipe.kernels.chamber_windows import replay
+from hqpipe.machine.loops.chamber_windows import replay
 from hqpipe.sysid.normal_equations import NormalEquations
 from hqpipe.sysid.windows import JointData, Windows
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hqpipe.kernels.window_fit import UNKNOWNS, accumulate, one_step_moments
+from hqpipe.machine.loops.window_fit import UNKNOWNS, accumulate, one_step_moments
 from hqpipe.sysid.normal_equations import NormalEquations
 from hqpipe.sysid.windows import JointData, Windows
 

@@ -11,7 +11,7 @@ from pathlib import Path
 VARIABLE = "NUMBA_CACHE_DIR"
 """Names the folder to numba; what a user sets here is kept."""
 
-_COMPILED = ("benchmark", "effects", "kernels", "layers", "plant", "sim")
+_COMPILED = ("benchmark", "layers", "machine", "plant", "sim")
 
 
 def set_folder() -> None:
@@ -65,7 +65,7 @@ def _state_of_sources() -> str:
     """
     root = Path(__file__).parents[1]
     digest = hashlib.sha256()
-    for path in sorted(path for name in _COMPILED for path in (root / name).glob("*.py")):
+    for path in sorted(path for name in _COMPILED for path in (root / name).rglob("*.py")):
         state = path.stat()
         digest.update(f"{path.relative_to(root)} {state.st_mtime_ns} {state.st_size}\n".encode())
     return digest.hexdigest()[:16]

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from hqpipe.effects import EFFECTS
 from hqpipe.errors import UsageError
 from hqpipe.gap.blind_truth import ANSWERS, FORMAT
+from hqpipe.machine import EFFECTS
 from hqpipe.stages import blind_score
 
 LIBRARY = ("coulomb_friction", "torque_limit", "voltage_sag")

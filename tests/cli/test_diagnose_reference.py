@@ -14,8 +14,8 @@ from hqpipe.actuators.files import save_actuator
 from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.actuators.stiff_pd import StiffPD
 from hqpipe.cli import run_cli
-from hqpipe.effects import EFFECTS
 from hqpipe.logs.writer import LogSetWriter
+from hqpipe.machine import EFFECTS
 from hqpipe.stages import STAGES
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "recovery"))

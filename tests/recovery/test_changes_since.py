@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from planted_effects import TYPICAL, leaking, logs_of
 
-from hqpipe.effects.layout import slot
 from hqpipe.gap.diagnosis import diagnose
 from hqpipe.gap.since import EarlierLogs
+from hqpipe.machine.layout import slot
 
 
 def size(*names):

@@ -108,7 +108,7 @@ def small_chain() -> Chain:
 
 def _make(folder: Path, name: str) -> tuple[float, int]:
     """Run one stage; how long it took, and how many file operations it made."""
-    from hqpipe.effects import EFFECTS
+    from hqpipe.machine import EFFECTS
 
     folder.mkdir(parents=True, exist_ok=True)
     without = ", ".join(name for name in EFFECTS if name not in _KEPT_EFFECTS)

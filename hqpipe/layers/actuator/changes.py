@@ -11,8 +11,8 @@ from functools import partial
 
 import numpy as np
 
-from hqpipe.effects.layout import BASE
 from hqpipe.identify.model import Ratio
+from hqpipe.machine.layout import BASE
 
 MOST_LEAKED = 1.0 - 1e-9  # of the torque in a sample
 

@@ -7,10 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hqpipe.effects import EFFECTS
-from hqpipe.effects.layout import BASE, slot
 from hqpipe.identify.model import Effect, Parameter, Ratio, Samples, all_parameters
-from hqpipe.kernels.augmented_errors import residual_windows
 from hqpipe.layers.actuator.parameters import (
     BASE_NAMES,
     BY_OPENING,
@@ -21,6 +18,9 @@ from hqpipe.layers.actuator.parameters import (
 )
 from hqpipe.layers.actuator.record import Record
 from hqpipe.layers.actuator.repeated_run import RepeatedRun
+from hqpipe.machine import EFFECTS
+from hqpipe.machine.layout import BASE, slot
+from hqpipe.machine.loops.augmented_errors import residual_windows
 
 _LOGGED, _SPEED_LATE, _PRESLIDING = (BASE_NAMES.index(name) for name in (LOGGED_SPEED, SPEED_LATE, PRESLIDING))
 _BASE = [slot("base", name) for name in BASE]
@@ -100,7 +100,7 @@ class ActuatorJoint:
         return found + beside @ self.shapes[heldout] if np.any(beside) else found
 
     def row(self, values: np.ndarray) -> np.ndarray:
-        """(WIDTH,) what the loops read, see `hqpipe.effects.layout`."""
+        """(WIDTH,) what the loops read, see `hqpipe.machine.layout`."""
         row, opening = self.neutral.copy(), self._by_opening(values)
         row[_BASE] = values[: len(BASE)]
         row[_TURN] = values[_PRESLIDING]

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from hqpipe.effects.layout import BASE, neutral_row, slot
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import LayerJoints
@@ -21,6 +20,7 @@ from hqpipe.layers.actuator.start import first_guesses
 from hqpipe.layers.refusal import no_joint_judged
 from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
 from hqpipe.logs.trajectory import LogSet
+from hqpipe.machine.layout import BASE, neutral_row, slot
 from hqpipe.sysid.free_run import window_samples
 from hqpipe.sysid.window_choice import window_for
 

@@ -1,4 +1,4 @@
-"""Base parameters and effects of a position loop on a valve, from what `hqpipe.effects` says of each."""
+"""Base parameters and effects of a position loop on a valve, from what `hqpipe.machine` says of each."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from hqpipe.effects import EFFECTS
-from hqpipe.effects import effect as scales
-from hqpipe.effects.effect import POSITION
-from hqpipe.effects.layout import BASE, NOT_IN_THE_LOOP
 from hqpipe.identify.joint_answer import LEAST_SIZE
 from hqpipe.identify.model import Effect, Parameter
 from hqpipe.layers.actuator.sizes import Sizes
+from hqpipe.machine import EFFECTS
+from hqpipe.machine import effect as scales
+from hqpipe.machine.effect import POSITION
+from hqpipe.machine.layout import BASE, NOT_IN_THE_LOOP
 
 LOGGED_SPEED, SPEED_LATE, PRESLIDING, BY_OPENING = "logged_speed", "speed_late", "presliding_rad", "by_opening"
 BASE_NAMES = (*BASE, LOGGED_SPEED, SPEED_LATE, PRESLIDING)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.identify.model import Samples
-from hqpipe.kernels.augmented_columns import POSITION
-from hqpipe.kernels.augmented_signals import Signals
 from hqpipe.logs.differentiate import step_speed
 from hqpipe.logs.end_stops import judged_windows
 from hqpipe.logs.trajectory import Trajectory, Trial, recording_of
+from hqpipe.machine.loops.augmented_columns import POSITION
+from hqpipe.machine.loops.augmented_signals import Signals
 
 MOST_WINDOWS = 400  # of a joint and split; 40 s of windows of 0.1 s say what an hour says, in bounded time
 MOST_SAMPLES = 8_000  # judged of a joint and split: a free run changes little from one millisecond to the next

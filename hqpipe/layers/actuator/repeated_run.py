@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from hqpipe.effects.layout import FIELDS
-from hqpipe.kernels.augmented_columns import ALL, BEHIND, COMMAND, FOLLOW, K3, KI, VISCOUS
-from hqpipe.kernels.augmented_errors import CHANGES, errors_of_windows
-from hqpipe.kernels.augmented_output import grips
-from hqpipe.kernels.augmented_signals import Signals, Work, make_work
+from hqpipe.machine.layout import FIELDS
+from hqpipe.machine.loops.augmented_columns import ALL, BEHIND, COMMAND, FOLLOW, K3, KI, VISCOUS
+from hqpipe.machine.loops.augmented_errors import CHANGES, errors_of_windows
+from hqpipe.machine.loops.augmented_output import grips
+from hqpipe.machine.loops.augmented_signals import Signals, Work, make_work
 
 _SETTINGS = np.array([owner == "setting" for owner, _ in FIELDS])
 _RELAXING = [VISCOUS, BEHIND, K3]  # columns that the lag of a rubbing piston hangs on
@@ -41,7 +41,7 @@ class RepeatedRun:
 
 
 def changed_inputs(before: np.ndarray, row: np.ndarray) -> int:
-    """What has to be computed anew beside the core, see `hqpipe.kernels.augmented_windows.simulate`."""
+    """What has to be computed anew beside the core, see `hqpipe.machine.loops.augmented_windows.simulate`."""
     changed = before != row
     if np.any((before == 0.0) != (row == 0.0)) or np.any(changed & _SETTINGS):
         return ALL  # what an effect that was absent needs was not computed

@@ -11,11 +11,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hqpipe.effects import effect as scales
 from hqpipe.identify.model import Effect, Parameter
 from hqpipe.layers.actuator.record import Record
 from hqpipe.layers.actuator.sizes import Sizes
 from hqpipe.layers.joint_motion.hysteresis import slipping_spring
+from hqpipe.machine import effect as scales
 
 SHAPES = (
     ("position_load", "position", 2),

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hqpipe.effects import effect as scales
 from hqpipe.logs.end_stops import away_from_stops
 from hqpipe.logs.survey.signal import difference_noise, noise, resolution
 from hqpipe.logs.trajectory import Trajectory
+from hqpipe.machine import effect as scales
 
 PIECE = 400  # samples; assumption: long enough to tell white noise, short enough to lie between two impacts
 LITTLE, AT_TIMES = 0.3, 0.1  # of the usual flow, and of the time; a sine is below that for 0.14 of it; assumptions
@@ -21,7 +21,7 @@ class Sizes:
     """Of one joint.
 
     Attributes:
-        of: scale of an effect's parameter → its size, see `hqpipe.effects.effect`. most_effort: largest torque.
+        of: scale of an effect's parameter → its size, see `hqpipe.machine.effect`. most_effort: largest torque.
         widest: largest position error. middle: of the positions. noise: of the torque's sensor, standard deviation.
         pauses: whether little is drawn from the supply at times.
     """

@@ -8,7 +8,7 @@ import pytest
 from hqpipe.actuators.files import load_actuator, save_actuator
 from hqpipe.actuators.two_chamber import TwoChamber
 from hqpipe.errors import UsageError
-from hqpipe.kernels.chamber_step import LIMIT, SAMPLE_TIME, SPEED
+from hqpipe.machine.loops.chamber_step import LIMIT, SAMPLE_TIME, SPEED
 
 JOINTS = ("knee", "hip")
 

@@ -9,8 +9,8 @@ from damage import ANY_FILE, JSON_FILE, TEXT_FILE, refuses_every, survives_field
 
 from hqpipe.actuators.augmented import Augmented
 from hqpipe.actuators.hydraulic import Hydraulic
-from hqpipe.effects.layout import neutral_row
 from hqpipe.gap.model_files import left_of, variances
+from hqpipe.machine.layout import neutral_row
 
 FIT = {
     "per_joint": {

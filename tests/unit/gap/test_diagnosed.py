@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from planted_logs import STEPS, logs_of, size
 
-from hqpipe.effects import EFFECTS
-from hqpipe.effects.layout import neutral_row, slot, slots
 from hqpipe.errors import IdentificationError, UsageError
 from hqpipe.gap.diagnosed import fit_diagnosed
 from hqpipe.gap.fitted_joints import FittedJoints
 from hqpipe.identify.identify import identify
 from hqpipe.layers.actuator import Actuator
 from hqpipe.logs.split import hold_back
+from hqpipe.machine import EFFECTS
+from hqpipe.machine.layout import neutral_row, slot, slots
 
 KEPT = ("command_delay", "valve_deadband", "backlash", "torque_bias")
 WITHOUT = tuple(name for name in EFFECTS if name not in KEPT)

@@ -13,10 +13,10 @@ from plant_logs import broken, rows, values
 from planted_logs import logs_of, size
 
 from hqpipe.actuators.files import load_actuator
-from hqpipe.effects import EFFECTS
 from hqpipe.errors import ConfigError, IdentificationError
 from hqpipe.gap.diagnosis import FILE, TABLE, TRACES, diagnose, write_diagnosis
 from hqpipe.gap.schema import read_diagnosis, validate_diagnosis
+from hqpipe.machine import EFFECTS
 
 # A part of the library keeps these tests short; the search itself is tested with more.
 KEPT = ("command_delay", "valve_lag", "valve_deadband", "torque_bias", "unsigned_sensor")

@@ -13,9 +13,9 @@ from hqpipe.actuators.files import save_actuator
 from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.actuators.posterior import Group, Posterior
 from hqpipe.actuators.posterior_file import save_posterior
-from hqpipe.effects.layout import neutral_row, slot
 from hqpipe.errors import ConfigError
 from hqpipe.gap.model_files import Left, digest, left_of, variances
+from hqpipe.machine.layout import neutral_row, slot
 
 RADIUS, GAINS = 0.2, {"k1": 13500.0, "k2": 0.05, "k3": 540.0, "k4": 1.8}
 ENTRY = {"joint": "LFR", "coefficients": [], "free_run_rmse": 5.0, "noise": 3.0, "persistence_rmse": 40.0}

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 from planted_logs import in_sections, logs_of
 
-from hqpipe.effects import EFFECTS
 from hqpipe.gap.diagnosis import diagnose
+from hqpipe.machine import EFFECTS
 
 START, END = 8.0, 16.0  # s
 WITHOUT = tuple(name for name in EFFECTS if name not in ("command_delay", "torque_bias", "valve_deadband"))

@@ -9,11 +9,11 @@ import pytest
 from plant_logs import broken
 from planted_logs import logs_of
 
-from hqpipe.effects import EFFECTS
 from hqpipe.gap.cross_check import CrossCheck
 from hqpipe.gap.layer_causes import LayerCause
 from hqpipe.gap.second_channel import CERTAIN, measured, scale_errors, settle_offsets
 from hqpipe.identify.found import JointCause
+from hqpipe.machine import EFFECTS
 
 JOINTS = ("LFR", "LFP", "LFK", "RFR", "RFP", "RFK")
 

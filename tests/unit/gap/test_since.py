@@ -13,9 +13,9 @@ from hqpipe.actuators.augmented import Augmented
 from hqpipe.actuators.files import save_actuator
 from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.actuators.stiff_pd import StiffPD
-from hqpipe.effects.layout import NOT_KNOWN, neutral_row, slot
 from hqpipe.errors import UsageError
 from hqpipe.gap.since import FAMILIAR, check_alike, earlier_actuator
+from hqpipe.machine.layout import NOT_KNOWN, neutral_row, slot
 
 JOINTS = ("LFR", "LFP")
 RADIUS = 0.2

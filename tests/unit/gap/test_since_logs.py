@@ -11,12 +11,12 @@ from plant_logs import broken, values
 from planted_logs import logs_of, planted, size
 
 from hqpipe.actuators.files import load_actuator, save_actuator
-from hqpipe.effects import EFFECTS
 from hqpipe.errors import ConfigError, IdentificationError
 from hqpipe.gap.diagnosis import FILE, diagnose, write_diagnosis
 from hqpipe.gap.schema import read_diagnosis, validate_diagnosis
 from hqpipe.gap.since import EarlierLogs, earlier_actuator
 from hqpipe.layers.actuator.changes import MULTIPLIES
+from hqpipe.machine import EFFECTS
 from hqpipe.sysid.fit_actuator import fit_actuator
 
 KEPT = (*MULTIPLIES, "valve_deadband", "valve_lag", "unsigned_sensor")

@@ -11,7 +11,6 @@ from layer_cases import layer_found, log_set, made_up, toy
 from planted_logs import logs_of, size
 from tallies import JOINTS, tally
 
-from hqpipe.effects import EFFECTS
 from hqpipe.gap.diagnosis import diagnose, write_diagnosis
 from hqpipe.gap.gap_entry import gap_entry, undeclared
 from hqpipe.gap.joint_scale import MIN_EXCITATION, joint_scale, pooled
@@ -20,6 +19,7 @@ from hqpipe.gap.locate import locate, telling
 from hqpipe.gap.schema import read_diagnosis
 from hqpipe.layers.actuator.record import draws_of
 from hqpipe.logs.joint_kinds import PRISMATIC, REVOLUTE
+from hqpipe.machine import EFFECTS
 
 KEPT = ("command_delay", "valve_lag", "valve_deadband", "coulomb_friction")
 WITHOUT = tuple(name for name in EFFECTS if name not in KEPT)

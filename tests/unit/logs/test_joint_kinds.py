@@ -71,7 +71,7 @@ def test_units_of_joints_that_slide(turns, slides):
 
 
 def test_every_unit_of_an_effect_is_known_for_joints_that_slide():
-    from hqpipe.effects import EFFECTS
+    from hqpipe.machine import EFFECTS
 
     for effect in EFFECTS.values():
         for parameter in effect.parameters:

@@ -24,8 +24,8 @@ from diagnosis_cases import (
     write_case,
 )
 
-from hqpipe.effects import EFFECTS
 from hqpipe.errors import UsageError
+from hqpipe.machine import EFFECTS
 from hqpipe.report.diagnosis_advice import ADVICE, MEANINGS
 from hqpipe.report.diagnosis_charts import has_after, rmse, trace_chart, waterfall
 from hqpipe.report.diagnosis_heat import heat_table

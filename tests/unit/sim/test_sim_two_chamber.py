@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hqpipe.actuators.two_chamber import TwoChamber
-from hqpipe.kernels.chamber_step import AWAKE, SUM
+from hqpipe.machine.loops.chamber_step import AWAKE, SUM
 
 
 def test_robot_stands_on_its_oil(engine, make_world, nominal, robot):

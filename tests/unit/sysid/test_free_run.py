@@ -12,9 +12,9 @@ from small_logs import log_set, trajectory
 from hqpipe.actuators.augmented import Augmented
 from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.actuators.stiff_pd import StiffPD
-from hqpipe.effects.layout import slot
 from hqpipe.errors import IdentificationError, UsageError
 from hqpipe.gap.fitted_joints import FittedJoints
+from hqpipe.machine.layout import slot
 from hqpipe.sysid.baselines import CommandedTorque, MeanTorque, Persistence, fit_stiff_pd
 from hqpipe.sysid.free_run import free_run, predict
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hqpipe.kernels import augmented_columns, augmented_errors
+from hqpipe.machine.loops import augmented_columns, augmented_errors
 from hqpipe.system import imported_sources
 from hqpipe.system.imported_sources import digest_of_sources
 

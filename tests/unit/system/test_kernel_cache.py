@@ -92,8 +92,8 @@ def test_a_full_disk_is_done_without(tmp_path):
 @pytest.mark.parametrize(
     "module",
     [
-        "kernels.laws",
-        "effects",
+        "machine.loops.laws",
+        "machine",
         "plant.plant",
         "sim.mujoco_loop",
         "sim.pybullet_robot",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hqpipe.effects import EFFECTS
 from hqpipe.layers.actuator.changes import MULTIPLIES, RATIOS, multiply_rates
+from hqpipe.machine import EFFECTS
 from hqpipe.report.diagnosis_advice import ADVICE, MEANINGS
 
 THEN = np.array([540.0, 0.05, 21.6, 0.36, 7.0])  # k1 … k4, and a number that is no coefficient

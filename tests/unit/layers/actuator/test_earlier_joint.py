@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from position_loop_logs import changed, neutral, planted_logs, with_column
 
-from hqpipe.effects.layout import NOT_KNOWN, neutral_row, slot
 from hqpipe.identify.model import all_parameters
 from hqpipe.layers.actuator import Actuator
 from hqpipe.layers.actuator.parameters import BASE_NAMES, LOGGED_SPEED, PRESLIDING, SPEED_LATE
+from hqpipe.machine.layout import NOT_KNOWN, neutral_row, slot
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from position_loop_logs import planted, planted_logs
 
-from hqpipe.effects.layout import neutral_row, slot, slots
 from hqpipe.gap.fitted_joints import FittedJoints, extrapolated_speed
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import parameter_names
 from hqpipe.layers.actuator import Actuator
+from hqpipe.machine.layout import neutral_row, slot, slots
 
 EXACT = 1e-7  # N·m, on torques of 400
 STEPS = 100

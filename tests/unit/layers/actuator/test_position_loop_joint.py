@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from position_loop_logs import DT, changed, neutral
 
-from hqpipe.effects import EFFECTS
 from hqpipe.identify.model import all_parameters
 from hqpipe.layers.actuator import Actuator
 from hqpipe.logs.joint_kinds import PRISMATIC
+from hqpipe.machine import EFFECTS
 
 
 def alone(model, *names):

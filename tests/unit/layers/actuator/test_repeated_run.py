@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from position_loop_logs import planted_logs
 
-from hqpipe.effects.layout import FIELDS, slot
 from hqpipe.identify.model import all_parameters
-from hqpipe.kernels.augmented_columns import ALL
-from hqpipe.kernels.augmented_errors import residual_windows
 from hqpipe.layers.actuator import Actuator
 from hqpipe.layers.actuator.repeated_run import RepeatedRun, changed_inputs
+from hqpipe.machine.layout import FIELDS, slot
+from hqpipe.machine.loops.augmented_columns import ALL
+from hqpipe.machine.loops.augmented_errors import residual_windows
 
 STEPS = 120
 ROUNDING = 1e-10  # sums are taken in an order that hangs on where arrays lie in memory

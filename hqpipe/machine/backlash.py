@@ -1,0 +1,46 @@
+"""Lost motion at reversal: while the chain crosses its slack no torque is passed."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from hqpipe.machine.effect import ANGLE, Effect, Parameter
+
+EFFECT = Effect(
+    name="backlash",
+    layer="actuator",
+    stage="core",
+    parameters=(Parameter("gap", "rad", ANGLE, 0.0, 1.0, (0.01, 0.05, 0.2)),),
+    meaning="lost motion at reversal (chain slack), whole width",
+    source="Nordin & Gutman, Automatica 38, 2002: dead-zone model of backlash",
+    experiment="slow motion through zero torque in both directions",
+)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def transmitted(wound: float, half: float) -> float:
+    """Torque passed on, from the torque that the wound-up position would give without slack; N·m each.
+
+    Args:
+        wound: stiffness times the relative displacement.
+        half: stiffness times half of the gap.
+    """
+    return wound - min(max(wound, -half), half)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def wound_up(predicted: float, effort: float, half: float, clear: float) -> float:
+    """Inverse of `transmitted`: while the chain is slack, where the last position and the motion put it.
+
+    Args:
+        predicted: wound-up torque that the model expects.
+        effort: logged torque; N·m.
+        half: stiffness times half of the gap, N·m.
+        clear: a torque beyond ± this must come through a tight chain; less may be chatter within the gap, and
+            counts only on the side where the model expects the chain to be tight, N·m.
+    """
+    if effort > clear or (effort > 0.0 and predicted > half):
+        return effort + half
+    if effort < -clear or (effort < 0.0 and predicted < -half):
+        return effort - half
+    return min(max(predicted, -half), half)

@@ -1,0 +1,15 @@
+"""The torque is logged later than position and command (or earlier, if negative)."""
+
+from __future__ import annotations
+
+from hqpipe.machine.effect import ALL_INPUTS, SECOND, Effect, Parameter
+
+EFFECT = Effect(
+    name="channel_skew",
+    layer="sensing",
+    stage="clock",
+    parameters=(Parameter("skew_s", "s", SECOND, -0.02, 0.05, (0.003, 0.012, -0.003), anew=ALL_INPUTS),),
+    meaning="torque logged later than position",
+    source="time stamps taken at the logger instead of at the sensor; e.g. the CANopen SYNC specification CiA 301",
+    experiment="a fast motion that the load causes, not the command: push the joint, or step a neighbouring one",
+)

@@ -1,0 +1,53 @@
+"""The square root of the orifice equation, which k2 linearises: a loaded valve passes less."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from hqpipe.machine.effect import EFFORT, Effect, Parameter
+
+LEAST = 0.1  # largest torque over τ_max: below, the root bends the flow by 5 % at most, left to k2; assumption
+
+EFFECT = Effect(
+    name="orifice_flow",
+    layer="actuator",
+    stage="core",
+    parameters=(Parameter("effort_max_nm", "N·m", EFFORT, 0.0, 1.0, (0.05, 0.3), inverse=True, least=LEAST),),
+    meaning="flow ∝ √(1 − sgn(u) τ/τ_max)",
+    source="eq. (1) of the paper; Merritt, Hydraulic Control Systems, 1967",
+    experiment="motion with and against a large load: squats, or weights on the gantry",
+)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def balance(areas: float, inverse_limit: float) -> float:
+    """Torque, N·m, at which the pressures of both sides are equal, so that nothing leaks from one to the other; arguments as
+    of `orifice`. Mean pressure: half of the supply."""
+    return areas / inverse_limit if inverse_limit > 0.0 else 0.0
+
+
+@njit(cache=True, nogil=True, inline="always")
+def orifice(
+    opening: float, effort: float, inverse_limit: float, loss: float, mean: float, lean: float, areas: float
+) -> float:
+    """Flow per opening, 1 for an unloaded valve at full supply.
+
+    Args:
+        opening: its sign decides which way the load acts.
+        effort: load torque.
+        inverse_limit: 1/τ_max.
+        loss: relative loss of supply pressure.
+        mean: what the chambers' mean pressure is off by from half the supply, relative to that; only read beside `lean`.
+        lean: share by which the chamber is stiffer that an opening above 0 feeds, 0 for equal chambers, whose mean pressure
+            is half of the supply at any time.
+        areas: (A₊ − A₋)/(A₊ + A₋) of the sides whose pressures raise and lower the torque: the supply moves a larger load with
+            the larger side; 0 for equal ones.
+    """
+    load = effort * inverse_limit
+    signed = load / (1.0 + areas) if opening > 0.0 else -load / (1.0 - areas)
+    if lean == 0.0:
+        return np.sqrt(max(1.0 - loss - signed, 0.0))
+    fed = 0.5 + (0.5 * lean if opening > 0.0 else -0.5 * lean)
+    drained = np.sqrt(max(1.0 + mean - signed, 0.0))
+    return fed * np.sqrt(max(1.0 - 2.0 * loss - mean - signed, 0.0)) + (1.0 - fed) * drained

@@ -1,0 +1,41 @@
+"""The supply pressure sags with the flow that the joints take together, one or many, and recovers.
+
+A pump that gives less the lower the pressure makes a loss in proportion to the flow, with the lag of the accumulator. One that
+gives all it can makes none up to that flow, and beyond it the accumulator empties: `pump_velocity_rad_s` with a long recovery.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from hqpipe.machine.effect import FLOW, SECOND, SLOWNESS, SUPPLY, Effect, Parameter
+
+EFFECT = Effect(
+    name="supply_droop",
+    layer="actuator",
+    stage="core",
+    parameters=(
+        Parameter("droop", "s/rad", SLOWNESS, 0.0, 3.0, (0.05, 0.15), anew=SUPPLY),
+        Parameter("recovery_s", "s", SECOND, 0.003, 5.0, (0.03, 0.3), counts=False, neutral=0.1, anew=SUPPLY),
+        Parameter("pump_velocity_rad_s", "rad/s", FLOW, 0.0, 3.0, (0.0, 0.7), counts=False, anew=SUPPLY),
+    ),
+    meaning="pump pressure sags with the flow that is drawn from it; relative loss per rad/s of total speed",
+    source="Merritt, Hydraulic Control Systems, 1967: supply with accumulator, first order",
+    experiment="all joints fast at the same time, then one joint alone; of one joint fast strokes after a rest, then slow ones",
+    machine=True,
+)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def lacking(demand: float, pump: float) -> float:
+    """Flow that the accumulator has to give, beyond what the pump keeps up with; negative while it is filled. rad/s."""
+    return demand - pump
+
+
+@njit(cache=True, nogil=True, inline="always")
+def sag(loss: float, demand: float, droop: float, share: float) -> float:
+    """Relative pressure loss after one sample under the flow `demand`, counted as a total joint speed, rad/s.
+
+    A full accumulator takes no more oil.
+    """
+    return max(loss + share * (droop * demand - loss), 0.0)

@@ -1,0 +1,37 @@
+"""Overlap of the spool: commands within ± half_width open nothing; worn or rounded lands soften the corner."""
+
+from __future__ import annotations
+
+from numba import njit
+
+from hqpipe.machine.effect import COMMAND, NONE, Effect, Parameter
+
+SHARP = 1e-300  # half width of a corner that has none
+
+EFFECT = Effect(
+    name="valve_deadband",
+    layer="actuator",
+    stage="command",
+    parameters=(
+        Parameter("half_width", "command", COMMAND, 0.0, 3.0, (0.05, 0.3, 0.8)),
+        Parameter("rounding", "1", NONE, 0.0, 1.5, (0.1,), counts=False),
+    ),
+    meaning="overlap: small commands do nothing",
+    source="Merritt, Hydraulic Control Systems, 1967: overlapped valve centre",
+    experiment="slow motion of small amplitude, so that the command dwells around zero",
+)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def beyond(excess: float, corner: float, bend: float) -> float:
+    """max(excess, 0) with a parabola of half width `corner` round the corner, bent by `bend` = 1/(4 corner); branch-free."""
+    inside = min(max(excess + corner, 0.0), 2.0 * corner)
+    return bend * inside * inside + max(excess - corner, 0.0)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def deadband(opening: float, half_width: float, rounding: float) -> float:
+    """What is left of an opening beyond ± half_width; `rounding` is the half width of the corner as a share of that."""
+    corner = rounding * half_width
+    bend = 0.25 / max(corner, SHARP)
+    return beyond(opening - half_width, corner, bend) - beyond(-opening - half_width, corner, bend)

@@ -1,0 +1,49 @@
+"""Friction in proportion to the speed, between the hydraulics and the load cell.
+
+It rubs on the piston, which the oil on one side and rod and chain on the other hold like two springs, so that the piston
+lags behind its joint. With the joint's position q, that of the piston p and the joint's torque x,
+
+    ẋ = K_t (ṗ − q̇),   x = τ_oil − d ṗ,   τ̇_oil = flow − K_o ṗ
+
+give x + T ẋ = τ − b q̇, T = d/(K_o + K_t), where τ is the torque without friction on both springs in series (as k1 and k3
+have it), and b = d K_t/(K_o + K_t). So the joint feels everything through a lag of T. With K = k3/Δt, both springs in
+series, and the share r = K_o/(K_o + K_t) of their compliance that lies behind the piston, T = r b/K.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from hqpipe.machine.effect import ALL_INPUTS, DAMPING, NONE, POSITION, Effect, Parameter
+
+EFFECT = Effect(
+    name="viscous_friction",
+    layer="actuator",
+    stage="output",
+    parameters=(
+        Parameter("nm_s_per_rad", "N·m·s/rad", DAMPING, 0.0, 20.0, (0.05, 0.5, 1.5)),
+        Parameter("behind_piston", "1", NONE, 0.0, 0.5, (0.2,), counts=False, modes=(POSITION,), anew=ALL_INPUTS),
+    ),
+    meaning="friction in proportion to speed; a share of the compliance is behind the piston that it rubs on",
+    source="Jelali & Kroll, Hydraulic Servo-systems, 2003",
+    experiment="constant-speed motion at several speeds",
+    effort_sources=("load_cell",),
+)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def viscous(speed: float, damping: float) -> float:
+    """Friction torque at a joint speed."""
+    return damping * speed
+
+
+@njit(cache=True, nogil=True, inline="always")
+def relaxation(damping: float, behind: float, stiffness: float) -> float:
+    """Time constant of the piston between its springs, s.
+
+    Args:
+        damping: N·m·s/rad. behind: share of the compliance that lies between piston and joint. stiffness: N·m/rad.
+    """
+    if behind == 0.0 or stiffness <= 0.0:
+        return 0.0
+    return behind * damping / stiffness

@@ -1,0 +1,325 @@
+"""What every candidate effect says of itself, and the laws of single effects."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hqpipe.machine import EFFECTS
+from hqpipe.machine import effect as scales
+from hqpipe.machine.backlash import transmitted, wound_up
+from hqpipe.machine.command_delay import delayed
+from hqpipe.machine.coulomb_friction import coulomb, direction, kept_after, stuck
+from hqpipe.machine.direction_asymmetry import asymmetric
+from hqpipe.machine.flow_saturation import saturate
+from hqpipe.machine.gain_drift import drifted
+from hqpipe.machine.integral_action import integrate, wound_up_for
+from hqpipe.machine.layout import FIELDS, NOT_IN_THE_LOOP, WIDTH, neutral_row, slot, slots
+from hqpipe.machine.load_dependent_friction import load_friction
+from hqpipe.machine.orifice_flow import orifice
+from hqpipe.machine.position_dependent_stiffness import LEAST, exchanged, lean, stiffness
+from hqpipe.machine.stribeck_friction import sticking
+from hqpipe.machine.supply_droop import sag
+from hqpipe.machine.transmission_compliance import softened
+from hqpipe.machine.valve_deadband import deadband
+from hqpipe.machine.valve_lag import follow, lag_share, mean_share, swing
+from hqpipe.machine.viscous_friction import viscous
+
+# The rows of the layers actuator and sensing in the specification, with the parameters that the file format names, and the
+# second thing that warm oil does.
+SPECIFIED = {
+    "command_delay": ("actuator", ["delay_s"]),
+    "valve_delay": ("actuator", ["delay_s"]),
+    "valve_lag": ("actuator", ["time_constant_s"]),
+    "valve_deadband": ("actuator", ["half_width"]),
+    "flow_saturation": ("actuator", ["limit"]),
+    "orifice_flow": ("actuator", ["effort_max_nm"]),
+    "supply_droop": ("actuator", ["droop", "recovery_s"]),
+    "direction_asymmetry": ("actuator", ["ratio"]),
+    "position_dependent_stiffness": ("actuator", ["slope_per_rad"]),
+    "gain_drift": ("actuator", ["rate_per_s"]),
+    "leakage_drift": ("actuator", ["rate_per_s"]),
+    "integral_action": ("actuator", ["ki"]),
+    "coulomb_friction": ("actuator", ["friction_nm", "asymmetry_nm"]),
+    "stribeck_friction": ("actuator", ["static_nm", "velocity_rad_s", "exponent"]),
+    "viscous_friction": ("actuator", ["nm_s_per_rad"]),
+    "load_dependent_friction": ("actuator", ["coefficient"]),
+    "backlash": ("actuator", ["gap"]),
+    "transmission_compliance": ("actuator", ["stiffness_nm_per_rad"]),
+    "torque_bias": ("sensing", ["nm"]),
+    "torque_scale": ("sensing", ["ratio"]),
+    "position_bias": ("sensing", ["rad"]),
+    "channel_skew": ("sensing", ["skew_s"]),
+    "unsigned_sensor": ("sensing", []),
+}
+# Suffix of a parameter's name → the unit that it promises.
+SUFFIXES = {
+    "nm_s_per_rad": "N·m·s/rad",
+    "nm_per_rad": "N·m/rad",
+    "slope_per_rad": "1/rad",
+    "rate_per_s": "1/s",
+    "velocity_rad_s": "rad/s",
+    "exponent": "1",
+    "_rad": "rad",
+    "_nm": "N·m",
+    "_s": "s",
+}
+SCALES = {"second", "command", "effort", "velocity", "damping", "stiffness", "angle", "none", "slowness", "flow"}
+
+
+def test_names_are_those_of_the_specification():
+    assert set(EFFECTS) == set(SPECIFIED)
+    assert all(effect.name == name for name, effect in EFFECTS.items())
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_every_effect_describes_itself(name):
+    effect = EFFECTS[name]
+    layer, parameters = SPECIFIED[name]
+    own = {p.name for p in effect.parameters}
+    assert effect.layer == layer
+    assert set(parameters) <= own and all(not p.counts for p in effect.parameters if p.name not in parameters)
+    assert effect.stage in ("clock", "command", "core", "output")
+    assert set(effect.modes) <= set(scales.MODES)
+    for text in (effect.meaning, effect.source, effect.experiment):
+        assert len(text) > 10 and "\n" not in text
+    assert effect.least_joints >= 1
+
+
+@pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.parameters])
+def test_parameters_have_units_bounds_and_starts(name):
+    parameters = EFFECTS[name].parameters
+    assert parameters[0].counts, "the first parameter is the one that shows the effect"
+    for p in parameters:
+        expected = next((unit for suffix, unit in SUFFIXES.items() if p.name.endswith(suffix)), None)
+        assert p.unit == (expected or p.unit) and p.unit
+        assert p.scale in SCALES
+        assert p.lower < p.upper and p.starts
+        assert all(p.lower <= start <= p.upper for start in p.starts)
+        if p.counts and name != "torque_scale":
+            assert p.lower <= 0.0 <= p.upper, "the neutral value must be within the bounds"
+        if p.lower < 0.0 and p.counts and p.starts != (0.0,):
+            assert {np.sign(start) for start in p.starts} == {-1.0, 1.0}, "either sign must be tried"
+
+
+def test_row_holds_every_number_once():
+    assert len(FIELDS) == WIDTH == len(set(FIELDS))
+    for name, effect in EFFECTS.items():
+        names = [FIELDS[i][1] for i in slots(name)]
+        assert names == ([] if name in NOT_IN_THE_LOOP else [p.name for p in effect.parameters])
+    row = neutral_row()
+    assert row.shape == (WIDTH,) and np.isinf(row[slot("setting", "effort_limit")])
+    for name, effect in EFFECTS.items():
+        for column, p in zip(slots(name), effect.parameters, strict=False):
+            assert (row[column] == 0.0) or not p.counts
+
+
+def test_deadband_is_a_rounded_dead_zone():
+    for x in np.linspace(-0.05, 0.05, 41):
+        assert deadband(x, 0.0, 0.0) == pytest.approx(x)
+        sharp = np.sign(x) * max(abs(x) - 0.01, 0.0)
+        assert deadband(x, 0.01, 0.0) == pytest.approx(sharp, abs=1e-15)
+        assert deadband(-x, 0.01, 0.4) == -deadband(x, 0.01, 0.4)
+        soft = deadband(x, 0.01, 0.4)
+        assert abs(sharp) - 1e-15 <= abs(soft) <= abs(sharp) + 0.001 + 1e-15
+        if abs(abs(x) - 0.01) >= 0.004:
+            assert soft == pytest.approx(sharp, abs=1e-15)
+    assert deadband(0.01, 0.01, 0.4) == pytest.approx(0.001)
+    grid = np.linspace(0.004, 0.016, 2001)
+    values = np.array([deadband(x, 0.01, 0.4) for x in grid])
+    slope = np.diff(values) / np.diff(grid)
+    assert 0.0 <= slope.min() and slope.max() <= 1.0 + 1e-9, "monotonic"
+    assert np.abs(np.diff(slope)).max() < 0.002, "no corner"
+
+
+def test_saturation_clips_at_the_limit_and_is_off_at_zero():
+    assert saturate(0.3, 1.0 / 0.1) == pytest.approx(0.1)
+    assert saturate(-0.3, 1.0 / 0.1) == pytest.approx(-0.1)
+    assert saturate(0.05, 10.0) == 0.05
+    assert saturate(1e9, 0.0) == 1e9
+
+
+def test_asymmetry_and_drift():
+    assert asymmetric(0.2, 0.1) == pytest.approx(0.22)
+    assert asymmetric(-0.2, 0.1) == pytest.approx(-0.18)
+    assert asymmetric(-0.2, 0.0) == -0.2
+    assert drifted(0.2, 0.01, 10.0) == pytest.approx(0.22)
+    assert drifted(-0.2, -0.5, 10.0) == 0.0, "no negative gain"
+
+
+def test_lag_reaches_1_minus_1_over_e_after_its_time_constant():
+    spool, share = 0.0, lag_share(0.02, 1e-3)
+    for _ in range(20):
+        spool = follow(spool, 1.0, share)
+    assert spool == pytest.approx(1.0 - np.exp(-1.0))
+    assert lag_share(0.0, 1e-3) == 1.0
+    assert follow(0.3, 0.7, 1.0) == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("damping", [0.4, 1.0, 3.0])
+def test_spool_of_second_order_is_its_equation_solved(damping):
+    constant, dt, fine, target = 0.02, 1e-3, 20000, 0.7
+    y, v = 0.3 - target, 5.0
+    yy, yv, vy, vv, my, mv = swing(constant, 1.0 / damping**2, dt)
+    omega = 2.0 * damping / constant
+    x, rate, total = 0.3, v, 0.0
+    for _ in range(fine):
+        rate += dt / fine * omega * (omega * (target - x) - 2.0 * damping * rate)
+        x += dt / fine * rate
+        total += x / fine
+    assert target + yy * y + yv * v == pytest.approx(x, abs=1e-5)
+    assert vy * y + vv * v == pytest.approx(rate, rel=1e-4)
+    assert target + my * y + mv * v == pytest.approx(total, abs=1e-5)
+
+
+def test_a_spool_without_a_damping_ratio_is_of_first_order():
+    shares = swing(0.02, 0.0, 1e-3)
+    assert shares == (1.0 - lag_share(0.02, 1e-3), 0.0, 0.0, 0.0, 1.0 - mean_share(0.02, 1e-3), 0.0)
+    assert swing(0.0, 1.0, 1e-3) == (0.0,) * 6, "no lag, whatever its shape"
+    nearly = swing(0.02, 1e-8, 1e-3)
+    np.testing.assert_allclose(np.delete(nearly, 2), np.delete(shares, 2), atol=1e-6)  # its speed does not last
+
+
+def test_integrator_sums_and_is_clamped_both_ways():
+    assert integrate(0.1, 0.2, 3.0, 0.0, 1e-3) == pytest.approx(0.1 + 3.0 * 0.2 * 1e-3)
+    assert integrate(0.1, 100.0, 3.0, 5.0, 1e-3) == pytest.approx(0.2)
+    assert integrate(0.1, -1000.0, 3.0, 5.0, 1e-3) == pytest.approx(-0.2)
+    assert integrate(0.1, 5.0, 0.0, 0.0, 1e-3) == 0.1
+
+
+def test_delay_interpolates_and_holds_the_ends():
+    signal = np.array([5.0, 0.0, 1.0, 3.0, 6.0, 9.0])
+    first, last = 1, 4
+    assert delayed(signal, first, last, 3, 0.0) == 3.0
+    assert delayed(signal, first, last, 3, 1.0) == 1.0
+    assert delayed(signal, first, last, 3, 0.25) == pytest.approx(2.5)
+    assert delayed(signal, first, last, 2, 1.75) == pytest.approx(0.0)
+    assert delayed(signal, first, last, 3, 50.0) == 0.0
+    assert delayed(signal, first, last, 4, 0.0) == 6.0
+    assert delayed(signal, first, last, 4, -3.0) == 6.0
+
+
+def test_orifice_without_load_passes_all_and_brakes_only_the_loaded_side():
+    assert orifice(0.1, 0.0, 1e-3, 0.0, 0.0, 0.0, 0.0) == orifice(-0.1, 0.0, 1e-3, 0.0, 0.0, 0.0, 0.0) == 1.0
+    assert orifice(0.1, 300.0, 0.0, 0.0, 0.0, 0.0, 0.0) == 1.0
+    assert orifice(0.1, 360.0, 1e-3, 0.0, 0.0, 0.0, 0.0) == pytest.approx(np.sqrt(0.64))
+    assert orifice(-0.1, -360.0, 1e-3, 0.0, 0.0, 0.0, 0.0) == pytest.approx(np.sqrt(0.64))
+    assert orifice(-0.1, 360.0, 1e-3, 0.0, 0.0, 0.0, 0.0) == pytest.approx(np.sqrt(1.36))
+    assert orifice(0.1, 2000.0, 1e-3, 0.0, 0.0, 0.0, 0.0) == 0.0, "no flow backwards"
+    assert orifice(0.1, 0.0, 0.0, 0.36, 0.0, 0.0, 0.0) == pytest.approx(0.8), "a sagging supply"
+
+
+def test_unequal_chambers_feel_the_supply_only_where_they_are_fed():
+    loss, half = 0.2, 0.5
+    for leaning, stiffer, softer in ((1.0, 0.1, -0.1), (-1.0, -0.1, 0.1)):
+        assert orifice(stiffer, 0.0, 0.0, loss, 0.0, leaning, 0.0) == pytest.approx(np.sqrt(1.0 - 2.0 * loss)), "fed"
+        assert orifice(softer, 0.0, 0.0, loss, 0.0, leaning, 0.0) == pytest.approx(1.0), "drained"
+    settled = orifice(0.1, 0.0, 0.0, loss, -loss, half, 0.0), orifice(-0.1, 0.0, 0.0, loss, -loss, half, 0.0)
+    assert settled == pytest.approx((np.sqrt(1.0 - loss),) * 2), "once the mean pressure has followed"
+    assert orifice(0.1, 300.0, 1e-3, 0.0, 0.0, half, 0.0) == pytest.approx(
+        orifice(0.1, 300.0, 1e-3, 0.0, 0.0, 0.0, 0.0)
+    )
+
+
+def test_mean_pressure_follows_the_supply_as_the_oil_is_exchanged():
+    mean, loss, opening, exchange = 0.0, 0.01, 0.1, 20.0
+    for _ in range(500):  # one time constant, 1/(opening · exchange)
+        mean = exchanged(mean, loss, opening, exchange, 1e-3)
+    assert mean == pytest.approx(-loss * (1.0 - np.exp(-1.0)), rel=0.01)
+    assert exchanged(0.0, loss, opening, 0.0, 1e-3) == exchanged(0.0, loss, 0.0, exchange, 1e-3) == 0.0
+    assert lean(0.5) == -lean(-0.5) < 0.0 and -1.0 < lean(1e6) < lean(1.0)
+
+
+def test_integrator_that_winds_up_while_the_joint_is_held():
+    ki, error, integral, opened = 0.8, 0.03, 0.0, 0.03
+    for _ in range(2000):
+        integral = integrate(integral, opened - integral, ki, 0.0, 1e-3)
+    error = opened - integral
+    assert wound_up_for(error, ki, 0.0, 2.0) == pytest.approx(integral, rel=1e-3)
+    assert wound_up_for(error, ki, 1.0 / 0.01, 2.0) == pytest.approx(0.01), "its limit"
+    assert wound_up_for(error, ki, 0.0, 0.0) == wound_up_for(0.0, ki, 0.0, 1e9) == 0.0
+
+
+def test_sag_settles_at_droop_times_speed_and_recovers():
+    share, loss = lag_share(0.1, 1e-3), 0.0
+    for _ in range(3000):
+        loss = sag(loss, 4.0, 0.05, share)
+    assert loss == pytest.approx(0.2)
+    for _ in range(100):
+        loss = sag(loss, 0.0, 0.05, share)
+    assert loss == pytest.approx(0.2 * np.exp(-1.0))
+
+
+def test_stiffness_has_a_floor():
+    assert stiffness(0.0, 1.0) == 1.0
+    assert stiffness(0.5, -0.4) == pytest.approx(0.8)
+    assert stiffness(4.0, -1.0) == LEAST > 0.0
+
+
+def test_compliance_in_series_halves_the_stiffness_of_an_equal_spring():
+    oil = 21.6 / 1e-3  # N·m/rad
+    assert softened(21.6, 0.0, 1e-3) == 1.0
+    assert softened(21.6, 1.0 / oil, 1e-3) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("half", [0.0, 20.0])
+def test_wound_up_turns_transmitted_round(half):
+    for wound in np.linspace(-200.0, 200.0, 81):
+        passed = transmitted(wound, half)
+        assert passed == pytest.approx(np.sign(wound) * max(abs(wound) - half, 0.0))
+        assert transmitted(-wound, half) == -passed
+        if abs(passed) > 0.0:
+            assert wound_up(wound, passed, half, 1e9) == pytest.approx(wound)
+            assert wound_up(0.0, passed, half, 0.0) == pytest.approx(wound)
+        else:
+            assert wound_up(wound, 0.0, half, 5.0) == pytest.approx(wound), "only the model knows where it is"
+
+
+def test_chatter_within_the_slack_does_not_tighten_the_chain():
+    assert wound_up(3.0, 2.0, 20.0, 5.0) == 3.0
+    assert wound_up(3.0, -2.0, 20.0, 5.0) == 3.0
+    assert wound_up(3.0, 8.0, 20.0, 5.0) == 28.0
+    assert wound_up(25.0, 2.0, 20.0, 5.0) == 22.0
+    assert wound_up(25.0, -2.0, 20.0, 5.0) == 20.0
+
+
+def went(turned, travel, presliding):
+    return direction(turned, travel, kept_after(travel, presliding))
+
+
+def test_direction_of_friction_is_dahls_model():
+    assert went(0.3, 0.0, 1e-3) == pytest.approx(0.3), "at rest it stays"
+    assert went(0.0, 1e-3, 1e-3) == pytest.approx(1.0 - np.exp(-1.0))
+    assert went(1.0, -1.0, 1e-3) == pytest.approx(-1.0)
+    one = went(-0.7, 6e-4, 1e-3)
+    two = went(went(-0.7, 2e-4, 1e-3), 4e-4, 1e-3)
+    assert one == pytest.approx(two), "an exact step does not depend on the sample time"
+    fine, z = 20000, -0.7
+    for _ in range(fine):
+        z += (1.0 - z) * 6e-4 / fine / 1e-3
+    assert one == pytest.approx(z, abs=1e-4)
+    assert went(0.7, -6e-4, 1e-3) == pytest.approx(-one)
+
+
+def test_a_resting_joint_keeps_its_torque_until_friction_can_hold_no_more():
+    friction, load = 20.0, 50.0
+    turned, oil = 0.5, load + 0.5 * friction
+    for step in (4.0, 4.0, -15.0, -20.0, -5.0):
+        oil += step
+        turned = stuck(turned, step / friction)
+        wanted = min(max(oil - load, -friction), friction)
+        assert friction * turned == pytest.approx(wanted)
+        load = oil - friction * turned
+    assert load == pytest.approx(28.0 + friction), "it held until the oil pulled 20 N·m less than the load needs"
+
+
+def test_friction_laws():
+    assert coulomb(1.0, 20.0, 5.0) == 25.0 and coulomb(-1.0, 20.0, 5.0) == -15.0
+    assert coulomb(0.0, 20.0, 5.0) == 0.0
+    assert viscous(-2.0, 3.0) == -6.0
+    assert load_friction(-1.0, -100.0, 0.1) == pytest.approx(-10.0)
+    assert load_friction(1.0, -100.0, 0.1) == pytest.approx(10.0)
+    assert sticking(0.0, 0.2, 2.0) == 1.0
+    assert sticking(-0.2, 0.2, 0.5) == pytest.approx(1.0 / np.e)
+    assert sticking(5.0, 0.2, 2.0) == pytest.approx(0.0, abs=1e-12)
+    assert sticking(0.4, 0.2, 0.5) > sticking(0.4, 0.2, 2.0), "the tail"
