@@ -82,7 +82,7 @@ def _share(search: Search, known: Known, larger: Known) -> float:
     line and its slope.
     """
     values, (added,) = known.solution.values.copy(), larger.names - known.names
-    place = search.places(added)
+    place = search.screening.places(added)
     values[place] = larger.solution.values[place]
     change = search.fitter.error(values) - known.solution.error
     size = float(change @ change)

@@ -116,7 +116,7 @@ def _is_large(search: Search, known: Known, name: str, least: float) -> bool:
     """
     if search.effects[name].in_both:
         return True
-    return _is_sizeable(search, known, name) and search.does(known, name) >= least
+    return _is_sizeable(search, known, name) and search.screening.does(known, name) >= least
 
 
 def floor_of(search: Search) -> float:
@@ -131,7 +131,7 @@ def _is_sizeable(search: Search, known: Known, name: str) -> bool:
     """
     if not search.effects[name].named:
         return True
-    first, fitter = int(search.places(name)[0]), search.fitter
+    first, fitter = int(search.screening.places(name)[0]), search.fitter
     size = abs(float(known.solution.values[first] - fitter.neutral[first]))
     end = fitter.high[first] if known.solution.values[first] > fitter.neutral[first] else fitter.low[first]
     most = abs(float(end - fitter.neutral[first]))
@@ -211,7 +211,7 @@ def _probability(search: Search, best: Known, name: str) -> tuple[float, tuple[s
         # errors differ by less than a cause has to close, what the law leaves out may do it.
         as_good = search.telling(option, best) > np.log(CONFUSED)
         as_good = as_good or search.left_out(option) <= (1.0 + LEAST_GAIN) * search.left_out(best)
-        if len(search.places(other)) == len(search.places(name)) and as_good:
+        if len(search.screening.places(other)) == len(search.screening.places(name)) and as_good:
             twins.add(other)
     weights = {other: float(np.exp(min(value, 700.0))) for other, value in against.items()}
     total = 1.0 + sum(weights.values())
@@ -234,7 +234,7 @@ def _numbers(search: Search, best: Known, half: np.ndarray, name: str) -> tuple[
         half: (F,) of the intervals of the free parameters.
     """
     fitter, free, found = search.fitter, best.solution.free, []
-    for index, parameter in zip(search.places(name), search.effects[name].parameters, strict=True):
+    for index, parameter in zip(search.screening.places(name), search.effects[name].parameters, strict=True):
         reach, value = half[np.flatnonzero(free == index)[0]], float(best.solution.values[index])
         low, high = max(value - reach, fitter.low[index]), min(value + reach, fitter.high[index])
         found.append(Number(parameter.name, parameter.unit, value, (float(low), float(high))))

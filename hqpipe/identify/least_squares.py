@@ -7,7 +7,7 @@ short ones end it, when a step no longer changes what the logs say of a set of e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,7 @@ _WORTH = 0.1  # of twice ln B, per step: below it no decision changes; assumptio
 _ITERATIONS = 40  # assumption: a fit that needs more does not converge
 _PRIOR_HOLDS = 0.5  # of the variance that a prior was weighed with, below which the fit is made again; assumption
 _LEAST_DAMPING, _DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
+_STALE = 1.0  # damping from which on sensitivities that were not taken here are no guide; assumption
 _SEEN = 1e-7  # of the size of the error, that a difference must reach to be told from rounding
 
 
@@ -68,6 +69,7 @@ class Fitter:
         self.spread = np.array([p.spread for p in parameters], dtype=np.float64)
         self.low = np.array([p.low for p in parameters], dtype=np.float64)
         self.high = np.array([p.high for p in parameters], dtype=np.float64)
+        self._idle: Callable[[np.ndarray], Collection[int]] = getattr(model, "idle", lambda values: ())
 
     def error(self, values: np.ndarray) -> np.ndarray:
         """(N,) at the fit samples; infinite where the prediction overflows."""
@@ -75,44 +77,96 @@ class Fitter:
             found = self.model.error(values)
         return found if np.isfinite(found).all() else np.full(len(found), np.inf)
 
-    def fit(self, free: np.ndarray, starts: Sequence[np.ndarray], noise: float) -> Solution:
-        """Fit the free parameters: near from every start, then to the end from the best.
+    def fit(
+        self, free: np.ndarray, starts: Sequence[np.ndarray], noise: float, origin: Solution | None = None
+    ) -> Solution:
+        """Fit the free parameters: near a minimum from every start, then into the lowest of them.
 
         Args:
             free: (F,) indices. starts: of (P,). noise: variance of the errors that is expected; it weighs the priors until the
-                errors that are left tell it.
+                errors that are left tell it. origin: a fit from which the starts were made, whose sensitivities serve for the
+                first steps; None where there is none.
         """
-        none = np.zeros((len(self.model.fit.trial), len(free)))
         begun = [self._at(np.clip(start, self.low, self.high), free, noise) for start in starts]
-        near = [self._descended(point, none, free, noise, False) for point in begun if np.isfinite(point.cost)]
+        near = [self._stepped_down(point, free, noise, origin) for point in begun if np.isfinite(point.cost)]
         if not near:
+            none = np.zeros((len(begun[0].error), len(free)))
             return Solution(free, begun[0].values, begun[0].error, none, np.inf)
-        point, jacobian = min(near, key=lambda found: found[0].cost)
+        point, jacobian = min(near, key=lambda pair: pair[0].cost)
+        if origin is not None:
+            point, jacobian = self._stepped_down(point, free, noise, None)
         for _ in range(2):
             noise = _variance(point.error)
-            point, jacobian = self._descended(self._at(point.values, free, noise), jacobian, free, noise, True)
+            point, jacobian = self._descended(self._at(point.values, free, noise), jacobian, free, noise)
             if _variance(point.error) >= _PRIOR_HOLDS * noise:
                 break
         return Solution(free, point.values, point.error, jacobian, float(point.error @ point.error))
 
+    def _stepped_down(
+        self, point: _Point, free: np.ndarray, noise: float, origin: Solution | None
+    ) -> tuple[_Point, np.ndarray]:
+        """Where steps lead until they bring little, and the sensitivities there.
+
+        These are at first the origin's, or differences over long steps where there is none, and follow from the steps alone.
+        """
+        most = _MOST_DAMPING if origin is None else _STALE
+        for _ in range(_ITERATIONS):
+            before, slopes = point.cost, self._first_slopes(point, free, origin)
+            point, slopes = self._followed_down(point, slopes, free, noise, most)
+            if origin is not None or before - point.cost <= _SLOW * before:
+                break
+        return point, slopes
+
+    def _followed_down(
+        self, point: _Point, slopes: np.ndarray, free: np.ndarray, noise: float, most: float
+    ) -> tuple[_Point, np.ndarray]:
+        """Steps with sensitivities that follow from the steps alone (Broyden 1965), until one brings little.
+
+        Args:
+            most: damping beyond which no step is tried.
+        """
+        damping, steps = _DAMPING, self._steps(point.values, free)
+        for _ in range(_ITERATIONS):
+            last, trial = point, self._tried(point, slopes, free, noise, damping)
+            if trial.cost < point.cost:
+                slopes = _followed(slopes, last, trial, free, steps)
+                point, damping = trial, max(damping / 10.0, _LEAST_DAMPING)
+                if last.cost - point.cost <= _SLOW * last.cost:
+                    break
+            else:
+                damping *= 10.0
+                if damping > most:
+                    break
+        return point, slopes
+
+    def _first_slopes(self, point: _Point, free: np.ndarray, origin: Solution | None) -> np.ndarray:
+        """(N, F) sensitivities at a start: those of the origin where it has them, else differences."""
+        slopes, known = np.zeros((len(point.error), len(free))), np.zeros(len(free), dtype=bool)
+        if origin is not None and np.isfinite(origin.square):
+            known = np.isin(free, origin.free)
+            slopes[:, known] = origin.jacobian[:, np.isin(origin.free, free)]
+        new = free[~known]
+        if len(new):
+            slopes[:, ~known] = self.jacobian(point.values, point.error, new, self._steps(point.values, new))
+        return slopes
+
     def _descended(
-        self, point: _Point, jacobian: np.ndarray, free: np.ndarray, noise: float, fine: bool
+        self, point: _Point, jacobian: np.ndarray, free: np.ndarray, noise: float
     ) -> tuple[_Point, np.ndarray]:
         """The point from which no step helps, and the sensitivities there.
 
-        Between differences the sensitivities follow from the steps themselves (Broyden 1965), while such steps help.
+        Between differences the sensitivities follow from the steps themselves, while such steps help.
 
         Args:
-            jacobian: (N, F), of the last differences. fine: whether differences are short.
+            jacobian: (N, F) that says how short differences may be.
         """
-        least, damping = self._tolerance(point.error) if fine else _SLOW, _DAMPING
+        least, damping = self._tolerance(point.error), _DAMPING
         for _ in range(_ITERATIONS):
             before, steps = point.cost, self._steps(point.values, free)
-            if fine:
-                steps = np.clip(self._resolved(jacobian, point.error), _SHORTEST * steps, steps)
+            steps = np.clip(self._resolved(jacobian, point.error), _SHORTEST * steps, steps)
             jacobian = slopes = self.jacobian(point.values, point.error, free, steps)
             while damping <= _MOST_DAMPING:
-                trial = self._at(self._stepped(point.values, point.error, slopes, free, noise, damping), free, noise)
+                trial = self._tried(point, slopes, free, noise, damping)
                 last, helps = point, trial.cost < point.cost
                 if helps:
                     slopes = _followed(slopes, last, trial, free, steps)
@@ -126,6 +180,10 @@ class Fitter:
             if before - point.cost <= least * before:
                 break
         return point, jacobian
+
+    def _tried(self, point: _Point, slopes: np.ndarray, free: np.ndarray, noise: float, damping: float) -> _Point:
+        """The point after one step."""
+        return self._at(self._stepped(point.values, point.error, slopes, free, noise, damping), free, noise)
 
     def _tolerance(self, error: np.ndarray) -> float:
         """Of the cost, per step, below which a fit ends: less changes the odds of nothing, as errors that stay alike for long
@@ -143,9 +201,12 @@ class Fitter:
 
     def jacobian(self, values: np.ndarray, error: np.ndarray, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """(N, F) of the error by one-sided differences of the length `steps` (F,), away from a bound."""
-        columns = np.empty((len(error), len(free)))
+        columns = np.zeros((len(error), len(free)))
         size = float(np.sqrt(error @ error)) or 1.0
+        idle = self._idle(values)
         for k, index in enumerate(free):
+            if index in idle:
+                continue
             step = self._within(values, int(index), float(steps[k]))
             for _ in range(4):
                 moved = values.copy()

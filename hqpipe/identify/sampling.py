@@ -100,7 +100,8 @@ def _scatter(slopes: np.ndarray, group: np.ndarray) -> np.ndarray:
     if not len(group):
         return np.zeros((slopes.shape[1], slopes.shape[1]))
     count = int(group.max()) + 1
-    sums = np.zeros((count, slopes.shape[1]))
-    np.add.at(sums, group, slopes)
+    sums = (
+        np.stack([np.bincount(group, column, count) for column in slopes.T], axis=1) if slopes.size else slopes[:count]
+    )
     filled = len(np.unique(group))
     return sums.T @ sums * filled / max(filled - slopes.shape[1], 1)

@@ -6,7 +6,7 @@ already. The held-out samples play no part.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
@@ -17,45 +17,19 @@ from hqpipe.identify.evidence import independence, log_bayes_factor, occam
 from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.left_out import left_out_square
 from hqpipe.identify.model import Effect, JointModel, positions
-from hqpipe.identify.sampling import Covariance, covariance
+from hqpipe.identify.sampling import covariance
+from hqpipe.identify.screening import Known, Names, Screening
 
 _REFITTED = 4  # of the screened candidates; assumption: the best one is among them, though a slope is no fit
 _REPLACED = 2  # of the screened candidates, that are tried in the place of another effect; assumption
 _POLISHED = 2  # starts of an effect from which it is fitted; assumption: one of them is near the best minimum
 _MOST = 8  # effects in one joint; assumption: more cannot be told apart in one output
-_STARTS = 24  # combinations of starting values; assumption: more would be a search of its own
 _ROUNDS = 3  # of additions and exchanges; assumption: what still changes then is a draw
-_SAME = 1e-9  # of the squared error: a change below it is one of rounding
 _LOWER = (
     1e-4  # share of the squared error by which another minimum is lower: fits end, and priors move them, within less
 )
 _UNLIKELY = -3.0  # ln of odds below which an effect is left aside: 5 %
-_FARTHEST = 4.0  # starts away from neutral that the slope may suggest
 BASE_STARTS = 12  # combinations of starting values of base parameters that are tried
-
-Names = frozenset[str]
-
-
-@dataclass(frozen=True, eq=False)
-class Known:
-    """A set that was fitted.
-
-    Attributes:
-        solution: the fit. covariance: of its free parameters. span: (N, F) orthonormal, what the free parameters can do.
-    """
-
-    names: Names
-    solution: Solution
-    covariance: Covariance
-    span: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Promise:
-    """A start of a fit: what it may take off the squared error, and the values."""
-
-    gain: float
-    start: np.ndarray
 
 
 @dataclass(eq=False)
@@ -82,6 +56,7 @@ class Search:
     def __post_init__(self) -> None:
         self.fitter = Fitter(self.model)
         self.effects: dict[str, Effect] = {effect.name: effect for effect in self.model.effects}
+        self.screening = Screening(self.fitter, self.effects)
         names: Names = frozenset()
         self.known[names] = self._known(names, base_solution(self.fitter))
 
@@ -147,13 +122,13 @@ class Search:
         if not self._begins(names, known):
             return self.known[names]
         start = known.solution.values.copy()
-        start[self.places(name)] = self.fitter.neutral[self.places(name)]
+        start[self.screening.places(name)] = self.fitter.neutral[self.screening.places(name)]
         starts = [start]
         if names not in self.known:
             starts += [
                 k.solution.values for k in self.known.values() if k.names < names and len(k.names) + 1 == len(names)
             ]
-        return self._kept(names, self._fit(names, starts, known.covariance.noise))
+        return self._kept(names, self._fit(names, starts, known.covariance.noise, known.solution))
 
     def gain(self, large: Known, small: Known) -> float:
         """ln of the posterior odds of a set against a part of it."""
@@ -167,9 +142,13 @@ class Search:
     def telling(self, one: Known, other: Known) -> float:
         """What the errors of two sets say for the first of them, ln; both are judged by those of the better."""
         better = min(one, other, key=lambda k: k.solution.square)
-        free = np.arange(len(self.model.base), len(better.solution.free))
-        counts = independence(self.fitter, better.solution, better.covariance, free) if len(free) else 1.0
-        return 0.5 * counts * (other.solution.square - one.solution.square) / better.covariance.noise
+        worth = 0.5 * self._counts(better) / better.covariance.noise
+        return worth * (other.solution.square - one.solution.square)
+
+    def _counts(self, known: Known) -> float:
+        """What a sample counts for in the direction of the effects of a set, 0 … 1."""
+        free = np.arange(len(self.model.base), len(known.solution.free))
+        return independence(self.fitter, known.solution, known.covariance, free) if len(free) else 1.0
 
     def left_out(self, known: Known) -> float:
         """Sum of the squared errors of groups of fit samples, each predicted from the others."""
@@ -185,7 +164,7 @@ class Search:
         """
         time = correlation_time(best.solution.error, self.model.fit)
         independent = len(best.solution.error) / time
-        promises = {name: gain for gain, name in self.screened(best, self.addable(best.names))}
+        promises = {name: gain for gain, name in self.screening.screened(best, self.addable(best.names))}
         for name, effect in self.effects.items():
             if name in best.names:
                 self.gains[name] = self.gain(best, self.without(best, name))
@@ -210,30 +189,9 @@ class Search:
         )
         return [self.grown_by(known, name) for name in likely[:_REFITTED]]
 
-    def does(self, known: Known, name: str) -> float:
-        """Square of what an effect of a set does to the prediction at its size, all else as it is."""
-        values = known.solution.values.copy()
-        values[self.places(name)] = self.fitter.neutral[self.places(name)]
-        return self._moved(known, values)
-
-    def reach(self, known: Known, name: str) -> tuple[float, float, float] | None:
-        """A size of an effect's first number, from neutral, the square of what that does to the prediction, and of the part of
-        it that the free parameters cannot do; None where they can do all of it."""
-        first = self.places(name)[0]
-        for moved, _, square in self._secants(known, name):
-            size = abs(float(moved[first] - self.fitter.neutral[first]))
-            if size > 0.0 and square > _SAME * known.solution.square:
-                return size, self._moved(known, moved), square
-        return None
-
-    def screened(self, known: Known, names: Sequence[str]) -> list[tuple[float, str]]:
-        """(squared error that the slope promises, effect), the best first; those that promise nothing are left out."""
-        found = [(promises[0].gain, name) for name in names if (promises := self._promises(known, name))]
-        return sorted(((gain, name) for gain, name in found if gain > 0.0), reverse=True)
-
     def _grown(self, best: Known) -> Known:
         while len(best.names) < _MOST:
-            ranked = self.screened(best, self.addable(best.names))
+            ranked = self.screening.screened(best, self.addable(best.names))
             options = [(self.gain(k, best), k) for _, name in ranked[:_REFITTED] for k in [self.grown_by(best, name)]]
             if not options:
                 break
@@ -258,19 +216,17 @@ class Search:
     def replaced(self, smaller: Known, name: str) -> list[Known]:
         """A set with each of the effects that promise most in the place of one that was taken out."""
         others = [other for other in self.addable(smaller.names) if other != name]
-        return [self.grown_by(smaller, other) for _, other in self.screened(smaller, others)[:_REPLACED]]
+        return [self.grown_by(smaller, other) for _, other in self.screening.screened(smaller, others)[:_REPLACED]]
 
     def _price(self, known: Known) -> float:
         places = np.arange(len(self.model.base), len(known.solution.free))
         odds = sum(self.odds[name] for name in sorted(known.names))
         return occam(self.fitter, known.solution, known.covariance, places) + odds
 
-    def places(self, name: str) -> np.ndarray:
-        """Indices of an effect's parameters."""
-        return positions(self.model, [name])[len(self.model.base) :]
-
-    def _fit(self, names: Names, starts: Sequence[np.ndarray], noise: float) -> Solution:
-        return self.fitter.fit(positions(self.model, list(names)), starts, noise)
+    def _fit(
+        self, names: Names, starts: Sequence[np.ndarray], noise: float, origin: Solution | None = None
+    ) -> Solution:
+        return self.fitter.fit(positions(self.model, list(names)), starts, noise, origin)
 
     def _begins(self, names: Names, origin: Known) -> bool:
         """Whether a set is fitted from another one for the first time; a second fit would end where the first one did."""
@@ -294,75 +250,14 @@ class Search:
         return self.known[names]
 
     def _known(self, names: Names, solution: Solution) -> Known:
-        return Known(names, solution, covariance(self.fitter, solution), self._span(solution))
-
-    def _span(self, solution: Solution) -> np.ndarray:
-        """(N, F) orthonormal, what the free parameters can do: those that a bound stops can do nothing."""
-        columns = solution.jacobian
-        if not np.isfinite(solution.square):
-            return columns[:, :0]
-        stopped = self.fitter.stopped(solution.values, solution.free, columns.T @ solution.error)
-        return np.linalg.qr(columns[:, ~stopped])[0]
+        return Known(names, solution, covariance(self.fitter, solution))
 
     def _refit(self, known: Known, name: str) -> Solution:
         """The best of the fits from the starts that promise most: delays, gaps and limits have several minima."""
-        promises = self._promises(known, name)[:_POLISHED] or [Promise(0.0, known.solution.values)]
-        return self._fit(known.names | {name}, [promise.start for promise in promises], known.covariance.noise)
-
-    def _promises(self, known: Known, name: str) -> list[Promise]:
-        """What each start of an effect promises, the best first.
-
-        The slope is a secant from neutral to a combination of starting values, less what the free parameters can do.
-        """
-        error, found = known.solution.error, []
-        for moved, change, size in self._secants(known, name):
-            first = self.places(name)[0]
-            combination = moved[self.places(name)]
-            low, high = self._shares(name, combination)
-            share = float(np.clip(-float(change @ error) / size, low, high))
-            gain = -2.0 * share * float(change @ error) - share**2 * size
-            if gain > 0.0:
-                moved[first] = self.fitter.neutral[first] + share * (combination[0] - self.fitter.neutral[first])
-                found.append(Promise(gain, np.clip(moved, self.fitter.low, self.fitter.high)))
-        return sorted(found, key=lambda promise: -promise.gain)
-
-    def _secants(self, known: Known, name: str) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
-        """Values at each start of an effect, what they change in the error that the free parameters cannot, and its square."""
-        for combination in self._combinations(name):
-            moved = known.solution.values.copy()
-            moved[self.places(name)] = combination
-            change = self.fitter.error(moved) - known.solution.error
-            if not np.isfinite(change).all():
-                continue
-            change -= known.span @ (known.span.T @ change)
-            size = float(change @ change)
-            if size > 0.0:
-                yield moved, change, size
-
-    def _moved(self, known: Known, values: np.ndarray) -> float:
-        """Square of what other values change in the prediction of a set."""
-        change = self.fitter.error(values) - known.solution.error
-        with np.errstate(over="ignore", invalid="ignore"):
-            square = float(change @ change)
-        return square if np.isfinite(square) else np.inf
-
-    def _shares(self, name: str, combination: np.ndarray) -> tuple[float, float]:
-        """How far along the secant the first parameter may go."""
-        first = self.places(name)[0]
-        length = combination[0] - self.fitter.neutral[first]
-        if length == 0.0:
-            return 0.0, 1.0
-        bounds = (self.fitter.low[first], self.fitter.high[first])
-        ends = sorted((bound - self.fitter.neutral[first]) / length for bound in bounds)
-        return max(ends[0], -_FARTHEST), min(ends[1], _FARTHEST)
-
-    def _combinations(self, name: str) -> list[np.ndarray]:
-        """Starting values of an effect: those of its first parameter, or one spread, with those of the others, or neutral."""
-        options = []
-        for k, parameter in enumerate(self.effects[name].parameters):
-            default = parameter.neutral + parameter.spread if k == 0 else parameter.neutral
-            options.append(parameter.starts or (float(np.clip(default, parameter.low, parameter.high)),))
-        return [np.array(values, dtype=np.float64) for values in list(product(*options))[:_STARTS]]
+        starts = [promise.start for promise in self.screening.promises(known, name)[:_POLISHED]]
+        return self._fit(
+            known.names | {name}, starts or [known.solution.values], known.covariance.noise, known.solution
+        )
 
 
 def base_solution(fitter: Fitter) -> Solution:

@@ -27,13 +27,13 @@ def least_visible(search: Search, known: Known, base: Known) -> dict[str, float]
     independent = max(len(known.solution.error) / time, 1.0)
     found = {}
     for name in search.addable(known.names):
-        effect, reached = search.effects[name], search.reach(known, name)
+        effect, reached = search.effects[name], search.screening.reach(known, name)
         if not effect.named or reached is None:
             continue
         size, done, square = reached
         charge = 0.5 * len(effect.parameters) * float(np.log(independent)) - search.odds[name]
         needed = max(rules, 2.0 * max(charge, 0.0) * known.covariance.noise * time)
-        spread = search.fitter.spread[search.places(name)[0]]
+        spread = search.fitter.spread[search.screening.places(name)[0]]
         least = max(needed / square, LEAST_SHARE * gap / done)
         found[name] = float(max(size * np.sqrt(least), LEAST_SIZE * spread))
     return found

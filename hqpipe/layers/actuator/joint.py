@@ -64,6 +64,8 @@ class ActuatorJoint:
     _columns: np.ndarray = field(init=False)
     _opening: int = field(init=False)
     _run: RepeatedRun = field(init=False)
+    _friction: np.ndarray = field(init=False)
+    _neutral: np.ndarray = field(init=False)
     _last: tuple[float, float] = field(init=False, default=(0.0, 0.0))
 
     def __post_init__(self) -> None:
@@ -73,6 +75,9 @@ class ActuatorJoint:
         at = len(self.base) + names.index(BY_OPENING) if BY_OPENING in names else -1
         object.__setattr__(self, "_opening", at)
         object.__setattr__(self, "_run", RepeatedRun(self.records[0].signals))
+        rubs = [k for k, (owner, _) in enumerate(self.places) if EFFECTS[owner].effort_sources]
+        object.__setattr__(self, "_friction", len(self.base) + np.array(rubs, dtype=np.int64))
+        object.__setattr__(self, "_neutral", np.array([parameter.neutral for parameter in all_parameters(self)]))
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
         """(N,) prediction less measured torque at the samples of `fit` or `heldout`, N·m or N.
@@ -98,6 +103,11 @@ class ActuatorJoint:
         found = record.picked(errors)
         beside = values[len(self.base) + len(self.places) :]
         return found + beside @ self.shapes[heldout] if np.any(beside) else found
+
+    def idle(self, values: np.ndarray) -> tuple[int, ...]:
+        """Places of parameters that change nothing at these values: how friction turns round, where there is none."""
+        rubs = np.any(values[self._friction] != self._neutral[self._friction])
+        return () if rubs else (_SPEED_LATE, _PRESLIDING)
 
     def row(self, values: np.ndarray) -> np.ndarray:
         """(WIDTH,) what the loops read, see `hqpipe.machine.layout`."""

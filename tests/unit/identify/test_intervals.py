@@ -17,8 +17,8 @@ def _half(model, name="coulomb_friction"):
     search = Search(model, prior_odds(model, {}, 0))
     known = search.grown_by(search.base, name)
     search.rank_beside(known)
-    place = int(np.flatnonzero(known.solution.free == search.places(name)[0])[0])
-    return half_widths(search, known)[place], known.solution.values[search.places(name)[0]]
+    place = int(np.flatnonzero(known.solution.free == search.screening.places(name)[0])[0])
+    return half_widths(search, known)[place], known.solution.values[search.screening.places(name)[0]]
 
 
 def test_a_number_that_differs_between_trials_is_less_certain():
@@ -50,7 +50,7 @@ def test_a_number_that_one_trial_alone_shows_is_as_sure_as_that_trial_makes_it()
     assert value == pytest.approx(0.3, abs=0.02) and half < 0.03
     search = Search(model, prior_odds(model, {}, 0))
     known = search.grown_by(search.base, "coulomb_friction")
-    place = int(np.flatnonzero(known.solution.free == search.places("coulomb_friction")[0])[0])
+    place = int(np.flatnonzero(known.solution.free == search.screening.places("coulomb_friction")[0])[0])
     assert _between(search.fitter, known)[place] == 0.0
 
 

@@ -161,7 +161,7 @@ def test_a_parameter_that_its_bound_stops_does_not_hide_an_effect_that_does_the_
             return super().error(np.concatenate([joined, values[2:-1]]), heldout)
 
     search = _search(Late(truth={"offset": 2.0}))
-    assert [name for _, name in search.screened(search.base, search.addable(frozenset()))][0] == "bias"
+    assert [name for _, name in search.screening.screened(search.base, search.addable(frozenset()))][0] == "bias"
 
 
 def test_what_changes_nothing_stays_where_it_is_and_predicts_as_well():

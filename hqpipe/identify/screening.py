@@ -1,0 +1,153 @@
+"""What an effect that is left out of a set promises, told from secants of the error without a fit.
+
+The secant goes from neutral to each of the effect's starting values; what the free numbers can do is taken out of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from hqpipe.identify.least_squares import Fitter, Solution
+from hqpipe.identify.model import Effect, positions
+from hqpipe.identify.sampling import Covariance
+
+_STARTS = 24  # combinations of starting values; assumption: more would be a search of its own
+_FARTHEST = 4.0  # starts away from neutral that the slope may suggest
+_SAME = 1e-9  # of the squared error: a change below it is one of rounding
+
+Names = frozenset[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A set that was fitted.
+
+    Attributes:
+        solution: the fit. covariance: of its free parameters.
+    """
+
+    names: Names
+    solution: Solution
+    covariance: Covariance
+
+
+@dataclass(frozen=True, eq=False)
+class Promise:
+    """A start of a fit: what it may take off the squared error, and the values."""
+
+    gain: float
+    start: np.ndarray
+
+
+class Screening:
+    """Of the effects of one joint; a promise is a function of the set and its fit alone, and is kept."""
+
+    def __init__(self, fitter: Fitter, effects: Mapping[str, Effect]) -> None:
+        self._fitter, self._effects = fitter, effects
+        self._places = {name: positions(fitter.model, [name])[len(fitter.model.base) :] for name in effects}
+        self._promised: dict[tuple[Names, float, str], list[Promise]] = {}
+        self._span_of: tuple[Known, np.ndarray] | None = None
+
+    def places(self, name: str) -> np.ndarray:
+        """Indices of an effect's parameters."""
+        return self._places[name]
+
+    def does(self, known: Known, name: str) -> float:
+        """Square of what an effect of a set does to the prediction at its size, all else as it is."""
+        values = known.solution.values.copy()
+        values[self.places(name)] = self._fitter.neutral[self.places(name)]
+        return self._moved(known, values)
+
+    def reach(self, known: Known, name: str) -> tuple[float, float, float] | None:
+        """A size of an effect's first number, from neutral, the square of what that does to the prediction, and of the part of
+        it that the free parameters cannot do; None where they can do all of it."""
+        first = self.places(name)[0]
+        for moved, _, square in self._secants(known, name):
+            size = abs(float(moved[first] - self._fitter.neutral[first]))
+            if size > 0.0 and square > _SAME * known.solution.square:
+                return size, self._moved(known, moved), square
+        return None
+
+    def screened(self, known: Known, names: Sequence[str]) -> list[tuple[float, str]]:
+        """(squared error that the slope promises, effect), the best first; those that promise nothing are left out."""
+        found = [(promises[0].gain, name) for name in names if (promises := self.promises(known, name))]
+        return sorted(((gain, name) for gain, name in found if gain > 0.0), reverse=True)
+
+    def promises(self, known: Known, name: str) -> list[Promise]:
+        """What each start of an effect promises, the best first.
+
+        The slope is a secant from neutral to a combination of starting values, less what the free parameters can do.
+        """
+        key = known.names, known.solution.square, name
+        if key not in self._promised:
+            self._promised[key] = self._promises_of(known, name)
+        return self._promised[key]
+
+    def _promises_of(self, known: Known, name: str) -> list[Promise]:
+        error, found = known.solution.error, []
+        for moved, change, size in self._secants(known, name):
+            first = self.places(name)[0]
+            combination = moved[self.places(name)]
+            low, high = self._shares(name, combination)
+            share = float(np.clip(-float(change @ error) / size, low, high))
+            gain = -2.0 * share * float(change @ error) - share**2 * size
+            if gain > 0.0:
+                moved[first] = self._fitter.neutral[first] + share * (combination[0] - self._fitter.neutral[first])
+                found.append(Promise(gain, np.clip(moved, self._fitter.low, self._fitter.high)))
+        return sorted(found, key=lambda promise: -promise.gain)
+
+    def _secants(self, known: Known, name: str) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
+        """Values at each start of an effect, what they change in the error that the free parameters cannot, and its square."""
+        for combination in self._combinations(name):
+            moved = known.solution.values.copy()
+            moved[self.places(name)] = combination
+            change = self._fitter.error(moved) - known.solution.error
+            if not np.isfinite(change).all():
+                continue
+            span = self._span(known)
+            change -= span @ (span.T @ change)
+            size = float(change @ change)
+            if size > 0.0:
+                yield moved, change, size
+
+    def _moved(self, known: Known, values: np.ndarray) -> float:
+        """Square of what other values change in the prediction of a set."""
+        change = self._fitter.error(values) - known.solution.error
+        with np.errstate(over="ignore", invalid="ignore"):
+            square = float(change @ change)
+        return square if np.isfinite(square) else np.inf
+
+    def _shares(self, name: str, combination: np.ndarray) -> tuple[float, float]:
+        """How far along the secant the first parameter may go."""
+        first = self.places(name)[0]
+        length = combination[0] - self._fitter.neutral[first]
+        if length == 0.0:
+            return 0.0, 1.0
+        bounds = (self._fitter.low[first], self._fitter.high[first])
+        ends = sorted((bound - self._fitter.neutral[first]) / length for bound in bounds)
+        return max(ends[0], -_FARTHEST), min(ends[1], _FARTHEST)
+
+    def _combinations(self, name: str) -> list[np.ndarray]:
+        """Starting values of an effect: those of its first parameter, or one spread, with those of the others, or neutral."""
+        options = []
+        for k, parameter in enumerate(self._effects[name].parameters):
+            default = parameter.neutral + parameter.spread if k == 0 else parameter.neutral
+            options.append(parameter.starts or (float(np.clip(default, parameter.low, parameter.high)),))
+        return [np.array(values, dtype=np.float64) for values in list(product(*options))[:_STARTS]]
+
+    def _span(self, known: Known) -> np.ndarray:
+        """(N, F) orthonormal, what the free parameters can do: those that a bound stops can do nothing."""
+        if self._span_of is None or self._span_of[0] is not known:
+            self._span_of = known, self._orthonormal(known.solution)
+        return self._span_of[1]
+
+    def _orthonormal(self, solution: Solution) -> np.ndarray:
+        columns = solution.jacobian
+        if not np.isfinite(solution.square):
+            return columns[:, :0]
+        stopped = self._fitter.stopped(solution.values, solution.free, columns.T @ solution.error)
+        return np.linalg.qr(columns[:, ~stopped])[0]
