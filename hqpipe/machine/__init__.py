@@ -35,8 +35,8 @@ EFFECTS: dict[str, Effect] = {
     module.EFFECT.name: module.EFFECT
     for module in (
         command_delay,
-        integral_action,
         position_bias,
+        integral_action,
         valve_delay,
         valve_lag,
         valve_deadband,
