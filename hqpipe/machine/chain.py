@@ -9,6 +9,8 @@ import numpy as np
 
 from hqpipe.machine.compose.build import loops_of
 from hqpipe.machine.compose.wiring import Chain
+from hqpipe.machine.layout import WIRING
+from hqpipe.machine.signals import INPUTS
 
 BLOCK = 384  # joints (32 quadrupeds): measured; the columns in use of a block stay in the cache
 
@@ -102,22 +104,19 @@ class Loops:
         Args:
             before, row: (P,) parameters; no `before`: everything that is present.
         """
-        plan, anew = self._module.PLAN, np.ones(len(self._module.PLAN), dtype=np.bool_)
-        if before is None:
-            return anew
-        differs = (before != row).tolist()
-        now, then, moved = (row != 0.0).tolist(), (before != 0.0).tolist(), set()
-        if not any(differs):
-            moved = set()
+        plan = self._module.PLAN
+        anew = np.zeros(len(plan), dtype=np.bool_)
+        now, then = (row != 0.0).tolist(), [False] * len(row)
+        differs, moved = (row == row).tolist(), set(INPUTS)
+        if before is not None:
+            differs, then, moved = (before != row).tolist(), (before != 0.0).tolist(), set()
         some = any(differs)
         for i, (columns, when, reads, writes, always) in enumerate(plan):
-            present = not when or any(now[c] for c in when)
-            was = not when or any(then[c] for c in when)
-            dirty = present and (
+            present, was = (not when or any(flags[c] for c in when) for flags in (now, then))
+            anew[i] = present and (
                 not was or any(differs[c] for c in columns) or not moved.isdisjoint(reads) or (always and some)
             )
-            anew[i] = dirty
-            if dirty or present != was:
+            if anew[i] or present != was:
                 moved.update(writes)
         return anew
 
@@ -152,6 +151,9 @@ class Loops:
 @cache
 def loops() -> Loops:
     """The loops of the paper's law with all effects."""
-    from hqpipe.machine.layout import WIRING
-
     return Loops(WIRING)
+
+
+def residual_windows(row: np.ndarray, signals: Signals) -> np.ndarray:
+    """`Loops.residual_windows` of the paper's law with all effects."""
+    return loops().residual_windows(row, signals)

@@ -2,20 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numba import njit
-
 from hqpipe.machine.effect import SECOND, Delay, Effect, Parameter, Search
-
-
-@njit(cache=True, nogil=True, inline="always")
-def delayed(signal: np.ndarray, first: int, last: int, k: int, lag: float) -> float:
-    """`signal` at sample k − lag by linear interpolation, held beyond `first` and `last`."""
-    at = min(max(k - lag, float(first)), float(last))
-    whole = min(int(at), last - 1)
-    part = at - whole
-    return signal[whole] + part * (signal[whole + 1] - signal[whole])
-
 
 EFFECT = Effect(
     name="command_delay",

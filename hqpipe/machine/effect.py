@@ -110,12 +110,14 @@ class Constants:
 
     Attributes:
         names: one for each value of the function. neutral: each of them where the effect is absent.
+        when: parameters that are all 0 where it is; none: those that the function reads.
     """
 
     names: tuple[str, ...]
     function: Callable[..., float | tuple[float, ...]]
     reads: tuple[str, ...]
     neutral: float = 0.0
+    when: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -216,6 +218,10 @@ class Effect:
     machine: bool = False
     least_joints: int = 1
     derived: tuple[Derived, ...] = ()
+
+    def reads(self, signal: str) -> bool:
+        """Whether one of its blocks reads a signal."""
+        return any(signal in block.reads for block in self.blocks if isinstance(block, Block))
 
 
 @dataclass(frozen=True)

@@ -73,5 +73,5 @@ EFFECT = Effect(
             ("effort_max_nm", "loss"),
         ),
     ),
-    constants=(Constants(("even",), balance, ("direction_asymmetry.areas", "effort_max_nm")),),
+    constants=(Constants(("even",), balance, ("direction_asymmetry.areas", "effort_max_nm"), when=("effort_max_nm",)),),
 )

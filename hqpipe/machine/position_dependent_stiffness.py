@@ -101,11 +101,11 @@ EFFECT = Effect(
             ("slope_per_rad",),
         ),
         Block(stiffened, ("stiff", "position", "middle", "slope_per_rad"), ("stiff",), ("slope_per_rad",)),
-        Block(displaced, ("speed", "mean", "compression"), ("speed",), ("compression",)),
+        Block(displaced, ("speed", "mean", "compression"), ("speed",), ("mean",)),
     ),
     states=(State("mean", Law(drained, ("loss",))),),
     constants=(
-        Constants(("uneven",), uneven, ("slope_per_rad", "unevenness")),
+        Constants(("uneven",), uneven, ("slope_per_rad", "unevenness"), when=("slope_per_rad",)),
         Constants(("lean",), lean, ("slope_per_rad",)),
     ),
 )

@@ -12,7 +12,14 @@ from hqpipe.machine.compose.rows import SAMPLES, WOUND, Memory
 from hqpipe.machine.compose.source import Source, call, constants
 from hqpipe.machine.compose.wiring import CONSTANT, PARAMETER, SIGNAL, STATE, Chain, Link, Ref
 
-VIEWS = {"raw_command": "q_des", "raw_position": "q", "command": "q_des", "position": "q", "velocity": "qd", "sliding": "qd"}
+VIEWS = {
+    "raw_command": "q_des",
+    "raw_position": "q",
+    "command": "q_des",
+    "position": "q",
+    "velocity": "qd",
+    "sliding": "qd",
+}
 
 
 def write_batches(source: Source, chain: Chain) -> None:
@@ -169,7 +176,9 @@ class _Batch:
             source.add("k = start + i")
             with source.under(f"if m[{SAMPLES}, k] == 0.0:"):
                 demand = "b_demand[i]" if drawn else "0.0"
-                source.add("row = m[:, k].copy()", f"begin(p[:, i].copy(), row, tau[k], q_des[k], q[k], qd[k], {demand})")
+                source.add(
+                    "row = m[:, k].copy()", f"begin(p[:, i].copy(), row, tau[k], q_des[k], q[k], qd[k], {demand})"
+                )
                 source.add("m[:, k] = row")
         source.add(*(f"{name} = {array}[start : start + size]" for name, array in VIEWS.items()))
         source.add(f"wound = m[{WOUND}, start : start + size]")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hqpipe.machine.compose.source import Source, Straight, call, constants, present, scalar
-from hqpipe.machine.compose.wiring import SIGNAL, STATE, Call, Chain, Link, Ref
+from hqpipe.machine.compose.wiring import STATE, Call, Chain, Link, Ref
 
 SAMPLES, WOUND, FIRST = 0, 1, 2  # columns of the memory: samples so far, torque of the base, states of the links
 JOINT = "p, m, torque, raw_command, raw_position, velocity, demand"
@@ -14,7 +14,9 @@ class Memory:
     """Where the states and the past of delayed signals stand in the memory of a joint."""
 
     def __init__(self, chain: Chain) -> None:
-        links = [x for x in (*chain.late, *chain.ahead, *chain.core, *chain.behind) if not x.logged and not x.of_the_log]
+        links = [
+            x for x in (*chain.late, *chain.ahead, *chain.core, *chain.behind) if not x.logged and not x.of_the_log
+        ]
         names = [out.name for link in links for out in link.outs if out.kind == STATE]
         self.of = {name: FIRST + i for i, name in enumerate(dict.fromkeys(names))}
         self.delays: list[Link] = [link for link in links if link.call is None]
@@ -39,7 +41,9 @@ def write_rows(source: Source, chain: Chain) -> None:
         speed, opening = (chain.column("setting", name) for name in ("flow_per_speed", "flow_per_opening"))
         source.add("demand = 0.0")
         with source.under("for j in range(tau.shape[0]):"):
-            source.add(f"demand += parameters[j, {speed}] * abs(qd[j]) + parameters[j, {opening}] * abs(q_des[j] - q[j])")
+            source.add(
+                f"demand += parameters[j, {speed}] * abs(qd[j]) + parameters[j, {opening}] * abs(q_des[j] - q[j])"
+            )
         with source.under("for j in range(tau.shape[0]):"):
             source.add("tau[j] = step_joint(parameters[j], memory[j], tau[j], q_des[j], q[j], qd[j], demand)")
 

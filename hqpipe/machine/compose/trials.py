@@ -85,7 +85,9 @@ def _trial(source: Source, chain: Chain, arrays: Arrays, states: list[str], slac
         for link in chain.behind:
             if link.writes <= set(states) and "turned" not in link.writes:
                 code.link(link)
-        late = sorted({n for x in chain.behind if x.writes & {"lost", "effort", "measured"} for n in x.reads} & set(names))
+        late = sorted(
+            {n for x in chain.behind if x.writes & {"lost", "effort", "measured"} for n in x.reads} & set(names)
+        )
         _fetch(source, arrays, late, "k + 1")
         code.unmeasured("s.effort[k + 1]")
         if not slack:
@@ -113,7 +115,11 @@ def balance_arrays(chain: Chain, arrays: Arrays, link) -> list[str]:
     """Signals along the log that the search for a start reads."""
     at = chain.ahead.index(link)
     own = {n for x in chain.ahead[at + 1 :] for n in x.writes} - {"opening"}
-    calls = [x.call for x in (*chain.ahead[at:], *chain.core) if x.call] + [chain.law, chain.plain, link.starts[link.balance][1]]
+    calls = [x.call for x in (*chain.ahead[at:], *chain.core) if x.call] + [
+        chain.law,
+        chain.plain,
+        link.starts[link.balance][1],
+    ]
     read = {ref.name for made in calls for ref in made.args if ref.kind in (SIGNAL, STATE)} - {link.balance}
     states = {out.name for out in link.outs if out.kind == STATE}
     return sorted(((read & arrays.along) - own - states) | {"opening", "error"})
@@ -178,4 +184,3 @@ def _balance(source: Source, chain: Chain, arrays: Arrays, link) -> None:
             with source.under("if close:"):
                 source.add("break")
         source.add("return start")
-

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from hqpipe.machine.compose.source import Source, Straight, call, constants, constants_of, present, scalar
+from hqpipe.machine.compose.source import Source, call, constants, constants_of, present, scalar
 from hqpipe.machine.compose.trials import balance_arrays, write_balances, write_follow
 from hqpipe.machine.compose.wiring import CONSTANT, PARAMETER, SIGNAL, STATE, Call, Chain, Link, Ref
 from hqpipe.machine.signals import INPUTS, NEUTRAL
@@ -61,17 +61,19 @@ class Stages:
         self.rows: dict[str, list[int]] = {}
         self.plan: list[tuple] = []
         self.count = 0
-        late = chain.column("setting", "speed_late")
+        late, dt = (chain.column("setting", name) for name in ("speed_late", "sample_time"))
         for name in DELAYED:
             by = [x.by for x in chain.late if name in x.writes] + [late] * (name == "sliding")
             self.rows[name] = self._take(1)
             source = RAW.get(name, name) if name == "sliding" else f"raw_{name}"
-            self.plan.append((tuple(by), tuple(by), (source,), (name,), False))
+            self.plan.append(((*by, dt), tuple(by), (source,), (name,), False))
         for link in chain.ahead:
             outs = [out.name for out in link.outs if out.kind == SIGNAL or out.name in chain.shared]
             self.rows[link.name] = self._take(len(outs))
             calls = [link.call, *(s for s in (link.starts or {}).values() if isinstance(s, Call))] if link.call else []
-            columns = set(link.columns)
+            columns = link.columns | ({dt} if link.call is None else set())
+            neutral = [chain.neutral.get(name) for name in chain._aliases(link.reads)]
+            columns |= {ref.column for ref in neutral if isinstance(ref, Ref) and ref.kind == PARAMETER}
             for constant in chain.constants:
                 if set(constant.names) & constants_of(chain, calls):
                     columns |= {r.column for r in constant.call.args if r.kind == PARAMETER and r.column >= 0}
@@ -79,7 +81,8 @@ class Stages:
             self.plan.append((tuple(sorted(columns)), link.when, tuple(reads), tuple(outs), bool(link.balance)))
         self.laid = len(self.plan)
         for name in arrays.needed:
-            self.plan.append(((), (), tuple(sorted(chain._aliases([name]))), (), False))
+            reads = tuple(sorted(chain._aliases([name])))
+            self.plan.append(((), arrays.when(name) or (), reads, (), False))
 
     def _take(self, count: int) -> list[int]:
         self.count += count
@@ -96,7 +99,9 @@ def write_windows(source: Source, chain: Chain) -> None:
     run = _Run(source, chain, arrays)
     run.write()
     names = ", ".join(f"a_{name}" for name in arrays.needed)
-    with source.function("errors_of_windows", "p, s, w, out, anew", "Predicted less logged torque, see hqpipe.machine.chain."):
+    with source.function(
+        "errors_of_windows", "p, s, w, out, anew", "Predicted less logged torque, see hqpipe.machine.chain."
+    ):
         source.add(f"{names}, = along(p, s, w, anew)")
         for i, name in enumerate(arrays.needed):
             with source.under(f"if anew[{stages.laid + i}]:"):
@@ -117,10 +122,10 @@ def _along(source: Source, chain: Chain, arrays: Arrays, stages: Stages) -> None
         source.add("a_raw_command, a_raw_position, a_time, a_demand = s.command, s.position, s.time, s.demand")
         known = {"raw_command", "raw_position", "time", "demand"}
         for i, name in enumerate(DELAYED):
-            raw, by = RAW.get(name, name), stages.plan[i][0]
+            raw, by = RAW.get(name, name), stages.plan[i][1]
             source.add(f"a_{name} = s.{raw}")
             known.add(name)
-            if by:
+            if stages.plan[i][1]:
                 late = chain.column("setting", "speed_late")
                 order = sorted((x.by for x in chain.late if name in x.writes), reverse=True)
                 lags = [f"p[{c}] / dt" for c in order] + [f"p[{c}]" for c in by if c == late]
@@ -154,9 +159,7 @@ def _need(source: Source, chain: Chain, arrays: Arrays, names: Iterable[str], kn
         known.add(name)
 
 
-def _stage(
-    source: Source, chain: Chain, arrays: Arrays, rows: list[int], link: Link, at: int, known: set[str]
-) -> None:
+def _stage(source: Source, chain: Chain, arrays: Arrays, rows: list[int], link: Link, at: int, known: set[str]) -> None:
     """One link along all trials, each into arrays of its own."""
     outs = [out for out in link.outs if out.kind == SIGNAL or out.name in chain.shared]
     extra = balance_arrays(chain, arrays, link) if link.balance else []
@@ -183,7 +186,12 @@ def _stage(
                 with source.under("for k in range(first, last + 1):"):
                     source.add(f"o_{name}[k] = delayed(a_{name}, first, last, k - p[{link.by}] / dt)")
             else:
-                source.add(*(f"m_{name} = {_started(source, chain, arrays, link, start, text)}" for name, start in link.starts.items()))
+                source.add(
+                    *(
+                        f"m_{name} = {_started(source, chain, arrays, link, start, text)}"
+                        for name, start in link.starts.items()
+                    )
+                )
                 with source.under("for k in range(first, last + 1):"):
                     given = ", ".join(f"m_{out.name}" if out.kind == STATE else f"o_{out.name}[k]" for out in link.outs)
                     source.add(f"{given} = {call(source, link.call, text)}")

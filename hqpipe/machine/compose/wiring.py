@@ -226,7 +226,9 @@ class Chain:
         if name in written:
             return Ref(SIGNAL, name)
         if any(owner == effect.name for effect in self.effects):
-            raise ValueError(f"effect '{owner}' reads '{name}', which is no parameter, constant, signal or state of the chain")
+            raise ValueError(
+                f"effect '{owner}' reads '{name}', which is no parameter, constant, signal or state of the chain"
+            )
         return Ref(PARAMETER, name, -1)  # of an effect that the chain lacks: 0
 
     def _call(self, owner: str, law: Law | Block | Constants) -> Call:
@@ -237,7 +239,8 @@ class Chain:
         for owner, constants in (("base", self.base.constants), *((e.name, e.constants) for e in self.effects)):
             for c in constants:
                 call = self._call(owner, c)
-                own = tuple(r.column for r in call.args if r.kind == PARAMETER and self._bends(r.column))
+                read = [self._named(owner, name) for name in c.when] or call.args
+                own = tuple(r.column for r in read if r.kind == PARAMETER and self._bends(r.column))
                 found.append(Constant(c.names, call, own, c.neutral))
         return found
 
@@ -252,7 +255,9 @@ class Chain:
                 by = self.column(owner, block.by)
                 for signal in block.signals:
                     out = Ref(SIGNAL, signal)
-                    yield Link(f"{name}_{signal}", place, None, (out,), (by,), only_delays=True, by=by, logged=block.logged)
+                    yield Link(
+                        f"{name}_{signal}", place, None, (out,), (by,), only_delays=True, by=by, logged=block.logged
+                    )
                 continue
             outs = tuple(self._named("", n) for n in block.writes)
             starts = {s.name: self._start(owner, s) for s in effect.states if s.name in block.writes}
@@ -308,7 +313,9 @@ class Chain:
         seen = self._aliases({*self.base.law.reads, *self.base.plain.reads, "lost", "measured", "effort"})
         while True:
             undone = [{r.name for r in x.undo.args} for x in links if x.undo and x.writes & seen]
-            started = [{s.name} for x in links if x.writes & seen for s in (x.starts or {}).values() if isinstance(s, Ref)]
+            started = [
+                {s.name} for x in links if x.writes & seen for s in (x.starts or {}).values() if isinstance(s, Ref)
+            ]
             more = self._aliases(seen.union(*(x.reads for x in links if x.writes & seen), *undone, *started))
             if more == seen:
                 return seen

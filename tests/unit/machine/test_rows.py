@@ -7,9 +7,11 @@ import pytest
 from augmented_rows import planted, row
 from signal_windows import windows_of
 
+from hqpipe.machine.chain import loops, residual_windows
+from hqpipe.machine.compose.shared import RING as RING_LENGTH
 from hqpipe.machine.layout import slot
-from hqpipe.machine.loops.augmented_errors import residual_windows
-from hqpipe.machine.loops.augmented_step import MEMORY, RING_LENGTH, augmented_row
+
+MEMORY, augmented_row = loops().memory, loops().step_row
 
 SENSING = ("channel_skew", "torque_bias")  # no part of the machine
 LATER = ("viscous_friction", "stribeck_friction")  # windows know the speed at the end of the sample

@@ -1,6 +1,6 @@
 """Many robots at once, for the models whose laws fit into vector instructions.
 
-The laws are those of `hqpipe.machine.loops.actuator_step`. Here the joints of all robots lie end to end and every link of the
+The laws are those of `hqpipe.actuators.loops.actuator_step`. Here the joints of all robots lie end to end and every link of the
 chain is one plain loop over a block of them, so that the compiler works on several joints per instruction.
 """
 
@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.loops.laws import clip, impact
+from hqpipe.actuators.loops.laws import clip, impact
 
 BLOCK: Final = 96  # elements: with some twenty columns a block stays in the first-level cache
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.loops.chamber_step import MEMORY, chamber_joint
+from hqpipe.actuators.loops.chamber_step import MEMORY, chamber_joint
 
 
 @njit(cache=True, nogil=True)
@@ -25,7 +25,7 @@ def replay(
     the free-running copy takes over its memory, and the logged torque.
 
     Args:
-        p: (P,) parameters of the joint, see `hqpipe.machine.loops.chamber_step`.
+        p: (P,) parameters of the joint, see `hqpipe.actuators.loops.chamber_step`.
         effort, command, q, qd: (T,) N·m, rad, rad, rad/s, the trials end to end.
         bounds: (W, 2) first and last sample of each window.
         starts: (W,) bool: the window is the first of its trial, memory wakes anew.

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hqpipe.machine.loops.actuator_step import CHAMBERS, NO_WEIGHTS, step_batch
-from hqpipe.machine.loops.chamber_step import MEMORY, SPOOL, SUM, chamber_joint, relaxed, root, root_slope
-from hqpipe.machine.loops.chamber_windows import replay
+from hqpipe.actuators.loops.actuator_step import CHAMBERS, NO_WEIGHTS, step_batch
+from hqpipe.actuators.loops.chamber_step import MEMORY, SPOOL, SUM, chamber_joint, relaxed, root, root_slope
+from hqpipe.actuators.loops.chamber_windows import replay
 
 FULL, STIFF, FLOW, LAG, LEAK, NULL, SLOPE = 900.0, 20_000.0, 25.0, 0.0015, 3.0, 0.001, 0.4
 DT, LIMIT = 1e-3, 2000.0

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+import hqpipe.system.checked_cache  # noqa: F401 (before any function is compiled)
+
 
 @njit(cache=True, nogil=True)
 def sign_path(size, keep: float, drive):

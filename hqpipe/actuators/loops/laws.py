@@ -5,16 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-
-@njit(cache=True, nogil=True, inline="always")
-def impact(torque: float, error: float) -> float:
-    """Δq · max(−τ sgn Δq, 0) of eq. (7), branch-free: nonzero only while torque and error are opposed."""
-    return 0.5 * (error * abs(torque) - torque * abs(error))
-
-
-@njit(cache=True, nogil=True, inline="always")
-def clip(value: float, limit: float) -> float:
-    return min(max(value, -limit), limit)
+from hqpipe.machine.bases.hydraulic import clip, impact
 
 
 @njit(cache=True, nogil=True, inline="always")

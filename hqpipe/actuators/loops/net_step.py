@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.loops.laws import clip
+from hqpipe.actuators.loops.laws import clip
 
 MLP: Final = 4
 LSTM: Final = 5

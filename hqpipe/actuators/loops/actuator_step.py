@@ -7,10 +7,10 @@ functions serve the simulator, the replay of a log and the fit.
 kind       parameters of a joint                  memory  torque after the sample
 PD         kp, kd, limit                          none    kp (q_des − q) − kd q̇
 HYDRAULIC  k1, k2, k3, k4, R, limit               none    eq. (7) of the paper
-AUGMENTED  see hqpipe.machine.layout              M       eq. (7) with effects, hqpipe.machine.loops.augmented_step
-CHAMBERS   see hqpipe.machine.loops.chamber_step        M       two chambers of oil behind a servo valve
-MLP        limit                                  M, or 0 hqpipe.machine.loops.net_step
-LSTM, GRU  limit                                  M       hqpipe.machine.loops.net_step
+AUGMENTED  see hqpipe.machine.layout              M       eq. (7) with effects, hqpipe.machine.chain
+CHAMBERS   see hqpipe.actuators.loops.chamber_step        M       two chambers of oil behind a servo valve
+MLP        limit                                  M, or 0 hqpipe.actuators.loops.net_step
+LSTM, GRU  limit                                  M       hqpipe.actuators.loops.net_step
 
 All are clipped to ±limit, which may be infinite. A reset sets the torque and zeroes the memory: a kind with
 memory takes all zeros for "no sample yet" and starts from the torque and the inputs of the first sample.
@@ -23,15 +23,17 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.loops.augmented_step import WOUND, augmented_row
-from hqpipe.machine.loops.chamber_step import chamber_row
-from hqpipe.machine.loops.laws import hydraulic_step, pd_step
-from hqpipe.machine.loops.net_step import MLP, net_row
+from hqpipe.actuators.loops.chamber_step import chamber_row
+from hqpipe.actuators.loops.laws import hydraulic_step, pd_step
+from hqpipe.actuators.loops.net_step import MLP, net_row
+from hqpipe.machine.chain import loops
+from hqpipe.machine.compose.rows import WOUND
 
 PD: Final = 0
 HYDRAULIC: Final = 1
 AUGMENTED: Final = 2
 CHAMBERS: Final = 3
+augmented_row = loops().step_row
 NO_WEIGHTS: Final = np.empty(0)  # of a model that is its parameter table alone
 
 

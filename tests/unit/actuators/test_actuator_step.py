@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hqpipe.machine.layout import neutral_row, slot
-from hqpipe.machine.loops.actuator_step import (
+from hqpipe.actuators.loops.actuator_step import (
     AUGMENTED,
     HYDRAULIC,
     NO_WEIGHTS,
@@ -16,9 +15,12 @@ from hqpipe.machine.loops.actuator_step import (
     step_row,
     take_back,
 )
-from hqpipe.machine.loops.augmented_step import MEMORY, WOUND
-from hqpipe.machine.loops.free_run import free_run
+from hqpipe.actuators.loops.free_run import free_run
+from hqpipe.machine.chain import loops
+from hqpipe.machine.compose.rows import WOUND
+from hqpipe.machine.layout import neutral_row, slot
 
+MEMORY = loops().memory
 RADIUS = 0.06
 ROW = np.array([5.0e4, 0.02, 3.0e3, 2.0, RADIUS, 900.0])
 

@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.loops.laws import clip
+from hqpipe.actuators.loops.laws import clip
 
 # columns of the parameters
 TORQUE, STIFFNESS, FLOW, LAG, LEAK, NULL, CROSS, COULOMB, VISCOUS, SPEED, MIDDLE, SAMPLE_TIME, LIMIT = range(13)

@@ -6,16 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hqpipe.logs.columns import COMMAND_CHANNEL
 from hqpipe.logs.differentiate import step_speed
 from hqpipe.logs.trajectory import Trajectory
-from hqpipe.machine.loops.augmented_columns import MODES
-from hqpipe.machine.loops.augmented_signals import Signals
+from hqpipe.machine.chain import Signals
 
 
-def windows_of(
-    trials: Sequence[Trajectory], j: int, steps: int, mode: str = "position", logged_speed: bool = False
-) -> Signals:
+def windows_of(trials: Sequence[Trajectory], j: int, steps: int, logged_speed: bool = False) -> Signals:
     """Joint `j` of trials, end to end; its speed is the logged one, or that from each position to the next."""
 
     def joined(pick) -> np.ndarray:
@@ -25,8 +21,7 @@ def windows_of(
     first = np.concatenate([np.arange(a, b - steps, steps) for a, b in zip(bounds[:-1], bounds[1:], strict=True)])
     effort = joined(lambda t: t.effort[:, j])
     return Signals(
-        mode=MODES[mode],
-        command=joined(lambda t: getattr(t, COMMAND_CHANNEL[mode])[:, j]),
+        command=joined(lambda t: t.position_command[:, j]),
         position=joined(lambda t: t.position[:, j]),
         velocity=joined(lambda t: t.velocity[:, j] if logged_speed else step_speed(t.position[:, j], t.dt)),
         effort=effort,

@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.loops.laws import impact
+import hqpipe.system.checked_cache  # noqa: F401 (before any function is compiled)
+from hqpipe.actuators.loops.laws import impact
 
 UNKNOWNS = 5  # four gains and the start torque
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from augmented_rows import planted, row
 
-from hqpipe.machine.loops.actuator_step import HYDRAULIC, table_row
-from hqpipe.machine.loops.augmented_batch import augmented_batch
-from hqpipe.machine.loops.augmented_links import BLOCK, prepare
-from hqpipe.machine.loops.augmented_step import MEMORY, augmented_row
-from hqpipe.machine.loops.batch_step import hydraulic_batch, hydraulic_columns
+from hqpipe.actuators.loops.actuator_step import HYDRAULIC, table_row
+from hqpipe.actuators.loops.batch_step import hydraulic_batch, hydraulic_columns
+from hqpipe.machine.chain import BLOCK, loops
 
+MEMORY, augmented_row = loops().memory, loops().step_row
+prepare, augmented_batch = loops().prepare, loops().step_batch
 JOINTS = 3
 ROBOTS = BLOCK // JOINTS + 5  # one whole block and a part of one
 STEPS = 60

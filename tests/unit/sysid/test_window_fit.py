@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hqpipe.machine.loops.window_fit import accumulate, one_step_moments
+from hqpipe.sysid.window_fit import accumulate, one_step_moments
 
 GAINS = np.array([180.0, 0.03, 10.0, 0.12])
 

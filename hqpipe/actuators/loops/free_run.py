@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.loops.actuator_step import step_joint, step_row, take_back
+from hqpipe.actuators.loops.actuator_step import step_joint, step_row, take_back
 
 
 @njit(cache=True, nogil=True)
@@ -25,7 +25,7 @@ def free_run(
     W steps ahead. ``window=1`` is the one-step prediction.
 
     Args:
-        kind: PD or HYDRAULIC, see `hqpipe.machine.loops.actuator_step`.
+        kind: PD or HYDRAULIC, see `hqpipe.actuators.loops.actuator_step`.
         parameters: (J, P) float64.
         effort, q_des, q, qd: (T, J) N·m, rad, rad, rad/s.
         window: W, samples.
@@ -65,7 +65,7 @@ def free_run_remembering(
     free-running copy takes over the memory of the driven one along with the logged torque.
 
     Args:
-        kind, weights: see `hqpipe.machine.loops.actuator_step.step_row`. columns: M of the memory.
+        kind, weights: see `hqpipe.actuators.loops.actuator_step.step_row`. columns: M of the memory.
         parameters, effort, q_des, q, qd, window: as in `free_run`.
 
     Returns:

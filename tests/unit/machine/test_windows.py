@@ -2,39 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from augmented_rows import EXACT, STEPS, planted, row, signals_of, trial
 from scipy.signal import lfilter
 from signal_windows import windows_of
 
+from hqpipe.actuators.loops.actuator_step import HYDRAULIC
+from hqpipe.actuators.loops.free_run import free_run
 from hqpipe.logs.trajectory import Trajectory
 from hqpipe.machine import EFFECTS
-from hqpipe.machine.layout import NOT_IN_THE_LOOP, slot
-from hqpipe.machine.loops.actuator_step import HYDRAULIC
-from hqpipe.machine.loops.augmented_columns import ALL, MODES
-from hqpipe.machine.loops.augmented_errors import residual_windows
-from hqpipe.machine.loops.augmented_signals import make_work
-from hqpipe.machine.loops.augmented_windows import simulate
-from hqpipe.machine.loops.free_run import free_run
+from hqpipe.machine.chain import residual_windows
+from hqpipe.machine.layout import slot
 
 # What a window finds by bisection (integrator), solves by two rounds (friction under load) or reads between
 # samples (skew) stays small against the torque of 300 N·m.
 LEFT = {"integral_action": 1e-3, "load_dependent_friction": 1.0, "channel_skew": 0.1}
-IN_THE_LOOP = [name for name in EFFECTS if name not in NOT_IN_THE_LOOP]
+IN_THE_LOOP = [name for name, effect in EFFECTS.items() if effect.blocks and effect.fitted]
 
 
 def rms(values):
     return float(np.sqrt(np.mean(values**2)))
 
 
-def predicted(p, signals, mode=None):
-    signals = signals if mode is None else signals._replace(mode=MODES[mode])
-    out = np.empty((signals.steps, len(signals.first)))
-    simulate(p, signals, make_work(signals), out, ALL)
-    return out
+def predicted(p, signals):
+    return residual_windows(p, signals) + signals.target[1:]
 
 
 def test_row_without_effects_is_the_plain_model():
@@ -169,55 +161,22 @@ def test_trials_do_not_leak_into_each_other():
 
 
 @pytest.fixture(scope="module")
-def other_modes():
-    """Random but smooth channels with a torque command."""
+def smooth():
+    """A joint on random smooth waves."""
     rng = np.random.default_rng(4)
     time = np.arange(2000) * 1e-3
-    waves = [
-        sum(np.sin(2 * np.pi * f * time + p) for f, p in zip(rng.uniform(1, 6, 4), rng.uniform(0, 6, 4), strict=True))
-        for _ in range(3)
-    ]
-    t = trial()
-    position = 0.2 * waves[0][:, None]
-    return replace(
-        t.section(0, 2000).for_joints(t.joints[:1]),
-        position=position,
-        velocity=np.gradient(position, 1e-3, axis=0),
-        effort=60.0 * waves[1][:, None],
-        effort_command=80.0 * waves[2][:, None],
-    )
+    rates, phases = rng.uniform(1.0, 6.0, (3, 4, 1)), rng.uniform(0.0, 6.0, (3, 4, 1))
+    q, effort, error = np.sin(2 * np.pi * rates * time + phases).sum(axis=1)[:, :, None]
+    speed = np.gradient(0.2 * q, 1e-3, axis=0)
+    return Trajectory(time, ("j",), 0.2 * q, speed, effort=60.0 * effort, position_command=0.2 * q + 0.05 * error)
 
 
-BASE = {
-    "position": {},
-    "torque": {"k1": 0.08, "k2": 0.0, "k3": 2.0, "k4": 0.0},
-}
-CASES = [(mode, name) for mode in MODES for name in IN_THE_LOOP if mode in EFFECTS[name].modes]
-SIZES = {
-    "position": planted.TYPICAL,
-    "torque": planted.TYPICAL
-    | {"integral_action": {"ki": 2.0}, "valve_deadband": {"half_width": 20.0, "rounding": 0.2}}
-    | {"flow_saturation": {"limit": 60.0}},
-}
-
-
-@pytest.mark.parametrize("mode,effect", CASES)
-def test_every_effect_changes_the_output_of_its_modes(other_modes, mode, effect):
-    signals = windows_of([other_modes], 0, STEPS, mode)
-    size = {effect: SIZES[mode][effect]}
-    change = predicted(row(size, **BASE[mode]), signals) - predicted(row({}, **BASE[mode]), signals)
+@pytest.mark.parametrize("effect", IN_THE_LOOP)
+def test_every_effect_changes_the_output(smooth, effect):
+    signals = windows_of([smooth], 0, STEPS)
+    change = predicted(row({effect: planted.TYPICAL[effect]}), signals) - predicted(row({}), signals)
     assert np.isfinite(change).all()
     assert rms(change) > 1e-3 * rms(signals.target)
-
-
-def test_torque_mode_is_a_first_order_force_loop(other_modes):
-    signals = windows_of([other_modes], 0, STEPS, "torque")
-    found = predicted(row({}, **BASE["torque"]), signals)
-    for w, first in enumerate(signals.first):
-        torque = signals.effort[first]
-        for k in range(STEPS):
-            torque = torque + 0.08 * (signals.command[first + k] - torque) - 2.0 * signals.velocity[first + k]
-            assert found[k, w] == pytest.approx(torque, abs=EXACT)
 
 
 def between_springs(oil, transmission, damping):
