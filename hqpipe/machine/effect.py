@@ -219,6 +219,11 @@ class Effect:
     least_joints: int = 1
     derived: tuple[Derived, ...] = ()
 
+    @property
+    def laws(self) -> list[Callable[..., float]]:
+        """The functions of its blocks."""
+        return [block.function for block in self.blocks if isinstance(block, Block)]
+
     def reads(self, signal: str) -> bool:
         """Whether one of its blocks reads a signal."""
         return any(signal in block.reads for block in self.blocks if isinstance(block, Block))

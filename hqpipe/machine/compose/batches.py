@@ -10,7 +10,7 @@ from collections.abc import Iterable
 
 from hqpipe.machine.compose.rows import SAMPLES, WOUND, Memory
 from hqpipe.machine.compose.source import Source, call, constants
-from hqpipe.machine.compose.wiring import CONSTANT, PARAMETER, SIGNAL, STATE, Chain, Link, Ref
+from hqpipe.machine.compose.wiring import CONSTANT, NUMBER, PARAMETER, SIGNAL, STATE, Chain, Link, Ref
 
 VIEWS = {
     "raw_command": "q_des",
@@ -58,7 +58,9 @@ class _Batch:
     def text(self, ref: Ref) -> str:
         """A name inside a loop over i."""
         if ref.kind == PARAMETER:
-            return f"p[{ref.column}, i]" if ref.column >= 0 else "0.0"
+            return f"p[{ref.column}, i]"
+        if ref.kind == NUMBER:
+            return ref.name
         if ref.kind == CONSTANT:
             return f"d[{self._constants[ref.name]}, i]"
         if ref.kind == STATE:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hqpipe.machine.compose.source import Source, Straight, call, constants, present, scalar
+from hqpipe.machine.compose.source import Source, Straight, call, constants, present, scalar, started
 from hqpipe.machine.compose.wiring import STATE, Call, Chain, Link, Ref
 
 SAMPLES, WOUND, FIRST = 0, 1, 2  # columns of the memory: samples so far, torque of the base, states of the links
@@ -86,13 +86,10 @@ def _started(source: Source, chain: Chain, memory: Memory, code: Straight, link:
         if isinstance(start, tuple):
             with source.under(f"if {present(link.when)}:"):
                 _balanced(source, chain, code, place, start[0])
-        elif isinstance(start, Call):
-            code.needs_of(start)
-            source.add(f"{place} = {call(source, start, code.text)}")
-        elif isinstance(start, Ref):
-            source.add(f"{place} = {code.text(start)}")
         else:
-            source.add(f"{place} = {start!r}")
+            if isinstance(start, Call):
+                code.needs_of(start)
+            source.add(f"{place} = {started(source, start, code.text)}")
     source.add(*(f"first_{name} = m[{memory.of[name]}]" for name in link.starts))
     code.link(link)  # its output at the first sample, without the step of its states
     source.add(*(f"m[{memory.of[name]}] = first_{name}" for name in link.starts))

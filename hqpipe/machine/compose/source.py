@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
-from hqpipe.machine.compose.wiring import CONSTANT, PARAMETER, SIGNAL, STATE, Call, Chain, Link, Ref
+from hqpipe.machine.compose.wiring import CONSTANT, NUMBER, PARAMETER, SIGNAL, STATE, Call, Chain, Link, Ref
 
 Text = Callable[[Ref], str]
 JIT = '@njit(cache=CACHE, nogil=True, error_model="numpy")'
@@ -60,6 +60,13 @@ def call(source: Source, made: Call, text: Text) -> str:
     return f"{source.name_of(made.function)}({', '.join(map(text, made.args))})"
 
 
+def started(source: Source, start: float | Ref | Call, text: Text) -> str:
+    """What a state is at the first sample."""
+    if isinstance(start, Call):
+        return call(source, start, text)
+    return text(start) if isinstance(start, Ref) else repr(start)
+
+
 def present(columns: Iterable[int], parameter: Callable[[int], str] = "p[{}]".format) -> str:
     """Whether one of the columns is not 0."""
     return " or ".join(f"{parameter(c)} != 0.0" for c in columns) or "True"
@@ -68,8 +75,8 @@ def present(columns: Iterable[int], parameter: Callable[[int], str] = "p[{}]".fo
 def scalar(ref: Ref) -> str:
     """A name in straight-line code: parameters in `p`, all else in variables."""
     if ref.kind == PARAMETER:
-        return f"p[{ref.column}]" if ref.column >= 0 else "0.0"
-    return {CONSTANT: "c_", SIGNAL: "", STATE: "m_"}[ref.kind] + ref.name
+        return f"p[{ref.column}]"
+    return {CONSTANT: "c_", SIGNAL: "", STATE: "m_", NUMBER: ""}[ref.kind] + ref.name
 
 
 def constants(source: Source, chain: Chain, text: Text = scalar, only: set[str] | None = None) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hqpipe.machine.compose.source import Source, Straight, call, constants, constants_of, present, scalar
+from hqpipe.machine.compose.source import Source, Straight, call, constants, constants_of, present, scalar, started
 from hqpipe.machine.compose.wiring import SIGNAL, STATE, Chain
 
 if TYPE_CHECKING:
@@ -139,16 +139,21 @@ def _missing(source: Source, chain: Chain, arrays: Arrays, link) -> None:
         for name in names:
             if (when := arrays.when(name)) is not None:
                 source.add(f"on_{name} = {present(when)}")
+        links = [x for x in chain.ahead[at:] if x.call is not None and not x.only_delays]
         source.add(f"m_{state} = start", "total, end = 0.0, last")
+        source.add(*(f"m_{name} = 0.0" for x in links for name in x.starts if name != state))
         with source.under("for k in range(first, last):"):
             _fetch(source, arrays, names, "k")
             code = Straight(source, chain, names)
             code.unmeasured("s.effort[k]")
             source.add("inner, effort, wound = behind, behind, behind")
             code.known |= {"inner", "effort", "wound"}
-            for x in chain.ahead[at:]:
-                if not x.only_delays and x.call is not None:
-                    code.link(x)
+            for x in links:
+                if own := {name: start for name, start in x.starts.items() if name != state}:
+                    code.needs_of(x.call)
+                    with source.under("if k == first:"):
+                        source.add(*(f"m_{name} = {started(source, start, scalar)}" for name, start in own.items()))
+                code.link(x)
             for x in chain.core:
                 code.link(x)
             code.law("following")

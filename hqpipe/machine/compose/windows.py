@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from hqpipe.machine.compose.source import Source, call, constants, constants_of, present, scalar
+from hqpipe.machine.compose.source import Source, call, constants, constants_of, present, scalar, started
 from hqpipe.machine.compose.trials import balance_arrays, write_balances, write_follow
-from hqpipe.machine.compose.wiring import CONSTANT, PARAMETER, SIGNAL, STATE, Call, Chain, Link, Ref
+from hqpipe.machine.compose.wiring import CONSTANT, NUMBER, PARAMETER, SIGNAL, STATE, Call, Chain, Link, Ref
 from hqpipe.machine.signals import INPUTS, NEUTRAL
 
 DELAYED = ("command", "position", "velocity", "sliding")
@@ -76,7 +76,7 @@ class Stages:
             columns |= {ref.column for ref in neutral if isinstance(ref, Ref) and ref.kind == PARAMETER}
             for constant in chain.constants:
                 if set(constant.names) & constants_of(chain, calls):
-                    columns |= {r.column for r in constant.call.args if r.kind == PARAMETER and r.column >= 0}
+                    columns |= {r.column for r in constant.call.args if r.kind == PARAMETER}
             reads = sorted(chain._aliases(link.reads))
             self.plan.append((tuple(sorted(columns)), link.when, tuple(reads), tuple(outs), bool(link.balance)))
         self.laid = len(self.plan)
@@ -171,7 +171,7 @@ def _stage(source: Source, chain: Chain, arrays: Arrays, rows: list[int], link: 
             when = arrays.when(ref.name)
             if ref.name not in arrays.along:
                 return arrays.neutral(ref.name)
-            if when is None or (link.when and set(when) >= set(link.when) and ref.name in link.writes and False):
+            if when is None:
                 return f"a_{ref.name}[k]"
             return f"(a_{ref.name}[k] if on_{ref.name} else {arrays.neutral(ref.name)})"
         return scalar(ref)
@@ -219,9 +219,7 @@ def _started(source: Source, chain: Chain, arrays: Arrays, link: Link, start: ob
     if isinstance(start, tuple):
         given = ", ".join(f"a_{name}" for name in balance_arrays(chain, arrays, link))
         return f"balance_{link.balance}(p, s, first, last, {given})"
-    if isinstance(start, Call):
-        return call(source, start, text)
-    return text(start) if isinstance(start, Ref) else repr(start)
+    return started(source, start, text)
 
 
 class _Run:
@@ -240,7 +238,7 @@ class _Run:
         return 1 + len(self.states) + len(self._buffers)
 
     def text(self, ref: Ref) -> str:
-        if ref.kind in (PARAMETER, CONSTANT):
+        if ref.kind in (PARAMETER, CONSTANT, NUMBER):
             return scalar(ref)
         if ref.name in self.states:
             return f"m_{ref.name}[i]"

@@ -27,7 +27,7 @@ torque that must come through a tight chain and largest torque (N·m), what spee
 supply, by how many samples the speed of the friction is late, and for how long the joint had been held before a trial began (s;
 negative where that is not known)."""
 ALIASES = {"dt": "sample_time"}
-PARAMETER, CONSTANT, SIGNAL, STATE = "parameter", "constant", "signal", "state"
+PARAMETER, CONSTANT, SIGNAL, STATE, NUMBER = "parameter", "constant", "signal", "state", "number"
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -49,7 +49,7 @@ CONTROLLER = Effect(
 
 @dataclass(frozen=True)
 class Ref:
-    """What a name in an effect's file stands for: its kind and a column (of a parameter) or a name."""
+    """What a name in an effect's file stands for: its kind and a column (of a parameter), a name or the text of a number."""
 
     kind: str
     name: str
@@ -229,7 +229,7 @@ class Chain:
             raise ValueError(
                 f"effect '{owner}' reads '{name}', which is no parameter, constant, signal or state of the chain"
             )
-        return Ref(PARAMETER, name, -1)  # of an effect that the chain lacks: 0
+        return Ref(NUMBER, "0.0")  # of an effect that the chain lacks
 
     def _call(self, owner: str, law: Law | Block | Constants) -> Call:
         return Call(law.function, tuple(self._named(owner, name) for name in law.reads))
@@ -238,14 +238,16 @@ class Chain:
         found = []
         for owner, constants in (("base", self.base.constants), *((e.name, e.constants) for e in self.effects)):
             for c in constants:
-                call = self._call(owner, c)
+                refs = [self._named(owner, name) for name in c.reads]
+                refs = [Ref(NUMBER, repr(NEUTRAL[ref.name])) if ref.kind == SIGNAL else ref for ref in refs]
+                call = Call(c.function, tuple(refs))
                 read = [self._named(owner, name) for name in c.when] or call.args
                 own = tuple(r.column for r in read if r.kind == PARAMETER and self._bends(r.column))
                 found.append(Constant(c.names, call, own, c.neutral))
         return found
 
     def _bends(self, column: int) -> bool:
-        return column >= 0 and self.fields[column][0] not in ("base", "setting")
+        return self.fields[column][0] not in ("base", "setting")
 
     def _links(self, effect: Effect, owner: str) -> Iterable[Link]:
         place = [e.name for e in self.effects].index(owner) if effect is not CONTROLLER else -1
@@ -289,7 +291,7 @@ class Chain:
     def _presence(self, owner: str, name: str, seen: tuple[str, ...]) -> list[int]:
         ref = self._named(owner, name)
         if ref.kind == PARAMETER:
-            return [ref.column] if ref.column >= 0 else []
+            return [ref.column]
         if ref.kind == CONSTANT:
             return [c for constant in self.constants if name in constant.names for c in constant.when]
         found = []
