@@ -9,7 +9,6 @@ from hqpipe.machine.compose.wiring import CONSTANT, NUMBER, PARAMETER, SIGNAL, S
 
 Text = Callable[[Ref], str]
 JIT = '@njit(cache=CACHE, nogil=True, error_model="numpy")'
-INLINED = '@njit(cache=CACHE, nogil=True, error_model="numpy", inline="always")'
 
 
 class Source:
@@ -33,9 +32,16 @@ class Source:
         self._indent -= 1
 
     @contextmanager
-    def function(self, name: str, args: str, says: str, inlined: bool = False) -> Iterator[None]:
+    def hole(self) -> Iterator[list[str]]:
+        """Lines to be filled in here once what follows is known."""
+        at, indent, lines = len(self._lines), self._indent, []
+        yield lines
+        self._lines[at:at] = ["    " * indent + line for line in lines]
+
+    @contextmanager
+    def function(self, name: str, args: str, says: str) -> Iterator[None]:
         """A compiled function."""
-        self.add("", "", INLINED if inlined else JIT)
+        self.add("", "", JIT)
         with self.under(f"def {name}({args}):"):
             self.add(f'"""{says}"""')
             yield

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from hqpipe.machine.compose.lanes import Lanes
 from hqpipe.machine.compose.source import Source, call, constants, constants_of, present, scalar, started
 from hqpipe.machine.compose.trials import balance_arrays, write_balances, write_follow
-from hqpipe.machine.compose.wiring import CONSTANT, NUMBER, PARAMETER, SIGNAL, STATE, Call, Chain, Link, Ref
+from hqpipe.machine.compose.wiring import PARAMETER, SIGNAL, STATE, Call, Chain, Link, Ref
 from hqpipe.machine.signals import INPUTS, NEUTRAL
 
 DELAYED = ("command", "position", "velocity", "sliding")
@@ -222,174 +223,59 @@ def _started(source: Source, chain: Chain, arrays: Arrays, link: Link, start: ob
     return started(source, start, text)
 
 
-class _Run:
-    """Source of `run`, the law and what lies behind it over all windows at once; a signal is an array over the windows."""
+class _Run(Lanes):
+    """Source of `run`, the law and what lies behind it over all windows at once."""
 
     def __init__(self, source: Source, chain: Chain, arrays: Arrays) -> None:
-        self.source, self.chain, self.arrays = source, chain, arrays
+        super().__init__(source, chain, arrays.needed, of_the_log=True)
         self.states = [out.name for x in (*chain.core, *chain.behind) for out in x.outs if out.kind == STATE]
-        self._buffers: list[str] = []
-        self._known: set[str] = set()
-        self._writers = {n: [x for x in (*chain.core, *chain.behind) if n in x.writes] for n in NEUTRAL}
+        self._rows = {name: i for i, name in enumerate(arrays.needed)}
+        self._when = {name: arrays.when(name) for name in arrays.needed}
+        self._absent = {name: arrays.neutral(name) for name, when in self._when.items() if when is not None}
+
+    def place(self, ref: Ref) -> str:
+        return f"m_{ref.name}[i]" if ref.kind == STATE else scalar(ref)
+
+    def text(self, ref: Ref) -> str:
+        along = ref.kind == STATE and ref.name in self._rows  # a state that another link has left along the log
+        return f"{ref.name}[i]" if along else super().text(ref)
+
+    def on(self, when: Iterable[int]) -> str:
+        return super().on(when).replace("[", "_").removesuffix("]")
+
+    def write(self) -> None:
+        source, chain = self.source, self.chain
+        after = {n for x in chain.behind if x.writes & {"lost", "effort", "measured"} for n in x.reads} & set(
+            self._rows
+        )
+        with source.function("run", "p, s, w, out", "The base's law and what lies behind it over all windows at once."):
+            calls = [x.call for x in (*chain.core, *chain.behind)] + [chain.law, chain.plain]
+            source.add("size, wound = s.first.shape[0], w.lines[0]")
+            constants(source, chain, only=constants_of(chain, calls))
+            source.add(*(f"m_{name} = w.lines[{1 + i}]" for i, name in enumerate(self.states)))
+            with source.hole() as lines:
+                for name, value in self._absent.items():
+                    self.loop(f"{self.buffer(f'absent_{name}')}[i] = {value}")
+                with source.under("for k in range(s.steps):"):
+                    self._fetch(self._rows, "k")
+                    even, odd = self.buffer("even"), self.buffer("odd")
+                    loaded = self.on(self.loaded)
+                    source.add(f"following = ({even} if k % 2 == 0 else {odd}) if {loaded} else out[k]")
+                    self.advance()
+                    with source.under(f"if {loaded}:"):
+                        self._fetch(sorted(after), "k + 1")
+                        self.measure("out[k]")
+                    source.add("wound = following")
+                lines += [f"on_{i} = {present(when)}" for i, when in enumerate(self.flags)]
+                lines += [f"b_{n} = w.lines[{1 + len(self.states) + i}]" for i, n in enumerate(self.buffers)]
+
+    def _fetch(self, names: Iterable[str], k: str) -> None:
+        """The arrays of signals along the log at a sample of the windows."""
+        for name in names:
+            row, when = f"w.laid[{self._rows[name]}, {k}]", self._when[name]
+            self.source.add(f"{name} = {row} if {self.on(when)} else b_absent_{name}" if when else f"{name} = {row}")
 
     @property
     def lines(self) -> int:
         """Arrays over the windows that it works with."""
-        return 1 + len(self.states) + len(self._buffers)
-
-    def text(self, ref: Ref) -> str:
-        if ref.kind in (PARAMETER, CONSTANT, NUMBER):
-            return scalar(ref)
-        if ref.name in self.states:
-            return f"m_{ref.name}[i]"
-        if ref.name in self._known or ref.name in ("wound", "following", "before", "measured"):
-            return f"{ref.name}[i]"
-        value = self.chain.neutral.get(ref.name, 0.0)
-        return self.text(value) if isinstance(value, Ref) else repr(value)
-
-    def buffer(self, name: str) -> str:
-        if name not in self._buffers:
-            self._buffers.append(name)
-        return f"b_{name}"
-
-    def loop(self, *lines: str) -> None:
-        with self.source.under("for i in range(count):"):
-            self.source.add(*lines)
-
-    def fresh(self, name: str, value: str) -> None:
-        """Give a signal its neutral value: the array of another one, or a number where several links add to it."""
-        writers = self._writers[name]
-        if name in ("inner", "effort"):
-            self.source.add(f"{name} = {value}")
-        elif writers:
-            self.loop(f"{self.buffer(name)}[i] = {value}")
-            self.source.add(f"{name} = b_{name}")
-        else:
-            return
-        self._known.add(name)
-
-    def link(self, link: Link, buffers: dict[str, str]) -> None:
-        """One loop over the windows."""
-        outs = []
-        for out in link.outs:
-            buffer = buffers.get(out.name) or (None if out.kind == STATE else self.buffer(out.name))
-            outs.append(self.text(out) if out.kind == STATE else f"{buffer}[i]")
-        made = call(self.source, link.call, self.text)
-        names = [out.name for out in link.outs if out.kind == SIGNAL]
-        with self.source.under(f"if {self.on(link.when)}:"):
-            self.loop(f"{', '.join(outs)} = {made}")
-            self.source.add(*(f"{n} = {buffers.get(n) or self.buffer(n)}" for n in names))
-
-    def on(self, when: tuple[int, ...]) -> str:
-        """Variable that says whether a link with these columns is present."""
-        if when not in self.flags:
-            self.flags.append(when)
-        return f"on_{self.flags.index(when)}"
-
-    def write(self) -> None:
-        source, chain = self.source, self.chain
-        self.flags: list[tuple[int, ...]] = []
-        with source.function("run", "p, s, w, out", "The base's law and what lies behind it over all windows at once."):
-            calls = [x.call for x in (*chain.core, *chain.behind)] + [chain.law, chain.plain]
-            source.add("count = s.first.shape[0]", "wound = w.lines[0]")
-            constants(source, chain, only=constants_of(chain, calls))
-            source.add(*(f"m_{name} = w.lines[{1 + i}]" for i, name in enumerate(self.states)))
-            at = len(source._lines)
-            self.rubbed = chain.when("lost", "effort", "measured")
-            rows = {name: i for i, name in enumerate(self.arrays.needed)}
-            maybe = {name: self.arrays.when(name) for name in rows}
-            for name, when in maybe.items():
-                if when is not None:
-                    self.loop(f"{self.buffer(f'absent_{name}')}[i] = {self.arrays.neutral(name)}")
-            self._known = set(rows)
-            begin = len(source._lines)
-            self._rows(rows, maybe, "0")
-            with source.under(f"if {self.on(self.rubbed)}:"):
-                self._behind("wound", {"inner": "b_inner"}, first=True)
-            with source.under("else:"):
-                source.add("inner, effort, lost = wound, wound, wound")
-            with source.under("for k in range(s.steps):"):
-                self._rows(rows, maybe, "k")
-                self._known |= {"effort"}
-                for name in sorted({n for x in chain.core for n in x.writes if n in NEUTRAL}):
-                    self.fresh(name, self.text(Ref(SIGNAL, name)))
-                for link in chain.core:
-                    self.link(link, {})
-                self._law()
-            flags = [f"    on_{i} = {present(when)}" for i, when in enumerate(self.flags)]
-            lines = [f"    b_{n} = w.lines[{1 + len(self.states) + i}]" for i, n in enumerate(self._buffers)]
-            source._lines[at:at] = [*flags, *lines]
-            del begin
-
-    def _rows(self, rows: dict[str, int], maybe: dict[str, tuple[int, ...] | None], k: str) -> None:
-        for name, i in rows.items():
-            when = maybe[name]
-            row = f"w.laid[{i}, {k}]"
-            self.source.add(f"{name} = {row} if {self.on(when)} else b_absent_{name}" if when else f"{name} = {row}")
-
-    def _law(self) -> None:
-        source, chain = self.source, self.chain
-        self.buffer("even_step")
-        self.buffer("odd_step")
-        source.add("following = out[k]")
-        with source.under(f"if {self.on(self.rubbed)}:"):
-            source.add("following = b_even_step if k % 2 == 0 else b_odd_step")
-        plain = call(source, chain.plain, self.text)
-        if chain.bent:
-            with source.under(f"if {self.on(chain.bent)}:"):
-                self.loop(f"following[i] = {call(source, chain.law, self.text)}")
-            with source.under("else:"):
-                self.loop(f"following[i] = {plain}")
-        else:
-            self.loop(f"following[i] = {plain}")
-        with source.under(f"if {self.on(self.rubbed)}:"):
-            self.buffer("inner_even")
-            source.add("before = inner")
-            ahead = [n for n in ("sliding", "slow") if n in self.arrays.needed]
-            rows = {name: self.arrays.needed.index(name) for name in self.behind_only() if name in ahead}
-            self._rows(rows, {name: self.arrays.when(name) for name in rows}, "k + 1")
-            self._behind("following", {"inner": "b_inner if k % 2 else b_inner_even"}, first=False)
-        with source.under("else:"):
-            source.add("effort = following")
-        source.add("wound = following")
-
-    def behind_only(self) -> list[str]:
-        """Signals along the log that the torque lost at the end of a sample hangs on."""
-        lost = [x for x in self.chain.behind if x.writes & {"lost", "effort", "measured"}]
-        return sorted({n for x in lost for n in x.reads} & set(self.arrays.needed))
-
-    def _behind(self, wound: str, buffers: dict[str, str], first: bool) -> None:
-        """Links behind the law from the torque `wound` on; first: before the first sample, where no friction turns."""
-        source = self.source
-        self._known -= {"inner", "effort", "grip", "lost"}
-        self.fresh("inner", wound)
-        target = "inner_buffer"
-        if self._writers["inner"]:
-            self.buffer("inner")
-            source.add(f"{target} = {buffers['inner']}")
-        for link in self.chain.behind:
-            if "inner" in link.writes:
-                self.link(link, {"inner": target})
-        names = ("lost",) if first else ("grip", "turned", "lost")
-        for name in names:
-            if name in ("grip", "lost"):
-                if name == "grip" and self._writers["grip"]:
-                    with source.under(f"if {self.on(self.chain.when('grip'))}:"):
-                        self.fresh("grip", repr(NEUTRAL["grip"]))
-                    with source.under("else:"):
-                        source.add("grip = b_grip")
-                elif name == "lost":
-                    self.fresh("lost", "0.0")
-            for link in self.chain.behind:
-                if name in link.writes or (name == "turned" and link.writes <= set(self.states)):
-                    self.link(link, {})
-        self.fresh("effort", wound)
-        for link in self.chain.behind:
-            if "effort" in link.writes:
-                self.link(link, {})
-        if not first:
-            source.add("measured = out[k]")
-            self.loop(f"measured[i] = effort[i] - {self.text(Ref(SIGNAL, 'lost'))}")
-            for link in self.chain.behind:
-                if "measured" in link.writes:
-                    self.link(link, {"measured": "measured"})
+        return 1 + len(self.states) + len(self.buffers)
