@@ -59,10 +59,10 @@ class Loops:
 
     Attributes:
         chain: the wiring. memory: M, how many numbers a joint of a simulator remembers.
-        step_row: advances the joints of one robot by one sample, in place: (J, P) rows of parameters, (J,) torque, (J, M) memory
-            (zeros before the first sample), (J,) commanded position, position and speed.
-        step_batch: the same for the joints of many robots that lie end to end: what `prepare` returns, (n,) torque, (M, n) memory,
-            (n,) commanded position, position and speed, and the joints of a robot.
+        step_row: advances the joints of one robot by one sample, in place: (J, P) rows of parameters, (J,) torque, (J, M)
+            memory (zeros before the first sample), (J,) commanded position, position and speed.
+        step_batch: the same for the joints of many robots that lie end to end: what `prepare` returns, (n,) torque, (M, n)
+            memory, (n,) commanded position, position and speed, and the joints of a robot.
     """
 
     def __init__(self, chain: Chain) -> None:

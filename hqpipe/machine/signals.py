@@ -30,8 +30,8 @@ NEUTRAL: dict[str, float | str] = {
     "lost": 0.0,  # torque lost between hydraulics and load cell, N·m
     "measured": 0.0,  # torque at the load cell, N·m: effort less lost
 }
-"""Signal → a number, or the signal that it is the same as. A block that lies behind the hydraulics and is to be found in logs
-says how it is undone: of `measured`, the value in front of it; of `lost`, the torque `inner` in front of all friction from the
+"""Signal → a number, or the signal that it is the same as. A block behind the hydraulics says how it is undone where logs are
+to be unwound through it: of `measured`, the value in front of it; of `lost`, the torque `inner` in front of all friction from the
 one behind it (a law that does not read `inner` needs none); of `effort`, the torque `wound` that leaves `behind` while `lost` is
 lost, where `expected` is what the model expected."""
 
