@@ -30,10 +30,14 @@ NEUTRAL: dict[str, float | str] = {
     "lost": 0.0,  # torque lost between hydraulics and load cell, N·m
     "measured": 0.0,  # torque at the load cell, N·m: effort less lost
 }
-"""Signal → a number, or the signal that it is the same as. A block behind the hydraulics says how it is undone where logs are
-to be unwound through it: of `measured`, the value in front of it; of `lost`, the torque `inner` in front of all friction from the
-one behind it (a law that does not read `inner` needs none); of `effort`, the torque `wound` that leaves `behind` while `lost` is
-lost, where `expected` is what the model expected."""
+"""Signal → a number, or the signal that it is the same as.
+
+A block behind the hydraulics says how it is undone where logs are to be unwound through it:
+
+- of `measured`, the value in front of it;
+- of `lost`, the torque `inner` in front of all friction from the one behind it (a law that does not read `inner` needs none);
+- of `effort`, the torque `wound` that leaves `behind` while `lost` is lost, where `expected` is what the model expected.
+"""
 
 FEEDBACK = ("wound", "inner", "effort", "before")
 """What only a running model knows; `before` is `inner` one sample ago."""

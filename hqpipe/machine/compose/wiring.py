@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -70,7 +70,8 @@ class Link:
 
     Attributes:
         name: of the variable that says whether it is present. place: rank in the table of effects.
-        call: None for a delay. outs: signals and states. when: columns of which one is not 0 where it is present; none: always.
+        call: None for a delay. outs: signals and states. shows: owner and names that say whether it is present.
+        when: columns of which one is not 0 where it is present; none: always.
         undo, only_delays: as of the block. by: column of a delay. of_the_log, logged: as of its effect and a delay.
         starts: state → number, signal, law or balance.
     """
@@ -79,7 +80,8 @@ class Link:
     place: int
     call: Call | None
     outs: tuple[Ref, ...]
-    when: tuple[int, ...]
+    shows: tuple[str, tuple[str, ...]]
+    when: tuple[int, ...] = ()
     undo: Call | None = None
     only_delays: bool = False
     by: int = -1
@@ -144,15 +146,15 @@ class Chain:
             name: value if isinstance(value, float) else self._named("", value)
             for name, value in (NEUTRAL | base.signals).items()
         }
-        owned = [(self._own(effect), effect) for effect in (CONTROLLER, *self.effects)]
-        self._states = {state.name for _, effect in owned for state in effect.states}
-        self._constants = {name for c in (*base.constants, *self._listed("constants")) for name in c.names}
+        self._states = {state.name for effect in self.effects for state in effect.states}
+        owned = [*base.constants, *(c for effect in self.effects for c in effect.constants)]
+        self._constants = {name for constants in owned for name in constants.names}
         self.constants = self._ordered_constants()
-        links = [link for own, effect in owned for link in self._links(effect, own)]
-        writers = {link.name for link in links if link.writes & self._reachable(links)}
-        links = [link for link in links if link.name in writers]
+        links = [link for effect in (CONTROLLER, *self.effects) for link in self._links(effect, effect.name)]
+        reachable = self._reachable(links)
+        links = [link for link in links if link.writes & reachable]
         self._links_of = {n: [x for x in links if n in x.writes] for x in links for n in x.writes}
-        self.links = [self._resolved(link) for link in links]
+        self.links = [replace(x, when=tuple(dict.fromkeys(self._present(*x.shows, ())))) for x in links]
         self._links_of = {n: [x for x in self.links if n in x.writes] for x in self.links for n in x.writes}
         running = self._running()
         self.late = [x for x in self.links if x.call is None and x.writes <= set(INPUTS)]
@@ -197,13 +199,6 @@ class Chain:
     def shared(self) -> set[str]:
         """States that other links read than the one which writes them."""
         return {n for n in self._states for x in self.links if n in x.reads - x.writes}
-
-    def _listed(self, what: str) -> list:
-        return [item for effect in self.effects for item in getattr(effect, what)]
-
-    @staticmethod
-    def _own(effect: Effect) -> str:
-        return effect.name
 
     def _named(self, owner: str, name: str) -> Ref:
         """What a name stands for."""
@@ -257,17 +252,22 @@ class Chain:
                 by = self.column(owner, block.by)
                 for signal in block.signals:
                     out = Ref(SIGNAL, signal)
-                    yield Link(
-                        f"{name}_{signal}", place, None, (out,), (by,), only_delays=True, by=by, logged=block.logged
-                    )
+                    shows, given = (owner, (block.by,)), {"only_delays": True, "by": by, "logged": block.logged}
+                    yield Link(f"{name}_{signal}", place, None, (out,), shows, **given)
                 continue
             outs = tuple(self._named("", n) for n in block.writes)
             starts = {s.name: self._start(owner, s) for s in effect.states if s.name in block.writes}
-            undo = self._call(owner, block.undo) if block.undo else None
-            call = self._call(owner, block)
-            link = Link(name, place, call, outs, (), undo, block.only_delays, -1, effect.of_the_log, False, starts)
-            object.__setattr__(link, "_when", (owner, block.when))
-            yield link
+            yield Link(
+                name,
+                place,
+                self._call(owner, block),
+                outs,
+                (owner, block.when),
+                undo=self._call(owner, block.undo) if block.undo else None,
+                only_delays=block.only_delays,
+                of_the_log=effect.of_the_log,
+                starts=starts,
+            )
 
     def _start(self, owner: str, state: State) -> float | Ref | Call | tuple[Call, Call]:
         start = state.start
@@ -279,26 +279,18 @@ class Chain:
             return self._call(owner, start.limit), self._call(owner, start.known)
         return float(start)
 
-    def _resolved(self, link: Link) -> Link:
-        """The link with the columns that say whether it is present."""
-        if link.call is None:
-            return link
-        owner, names = link._when
-        columns = tuple(dict.fromkeys(c for name in names for c in self._presence(owner, name, ())))
-        found = Link(**{f: getattr(link, f) for f in link.__dataclass_fields__} | {"when": columns})
-        return found
-
-    def _presence(self, owner: str, name: str, seen: tuple[str, ...]) -> list[int]:
-        ref = self._named(owner, name)
-        if ref.kind == PARAMETER:
-            return [ref.column]
-        if ref.kind == CONSTANT:
-            return [c for constant in self.constants if name in constant.names for c in constant.when]
+    def _present(self, owner: str, names: tuple[str, ...], seen: tuple[str, ...]) -> list[int]:
+        """Columns of which one is not 0 where one of these names is: a parameter, a constant, or a signal that is written."""
         found = []
-        for link in self._links_of.get(name, ()):
-            if link.name not in seen and link.call is not None:
-                other, names = link._when
-                found += [c for n in names for c in self._presence(other, n, (*seen, link.name))]
+        for name in names:
+            ref = self._named(owner, name)
+            if ref.kind == PARAMETER:
+                found.append(ref.column)
+            if ref.kind == CONSTANT:
+                found += next(constant.when for constant in self.constants if name in constant.names)
+            for link in self._links_of.get(name, ()) if ref.kind in (SIGNAL, STATE) else ():
+                if link.name not in seen:
+                    found += self._present(*link.shows, (*seen, link.name))
         return found
 
     def _aliases(self, names: Iterable[str]) -> set[str]:
