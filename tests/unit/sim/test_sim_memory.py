@@ -25,7 +25,7 @@ LIMIT = ("setting", "effort_limit")
 class Remembering(ActuatorModel):
     """A PD law whose class asks for memory that its kind leaves alone."""
 
-    NAME, KIND, loops().memory = "remembering", PD, COLUMNS
+    NAME, KIND, MEMORY = "remembering", PD, COLUMNS
     FIELDS = {
         "kp": ParameterField("N·m/rad"),
         "kd": ParameterField("N·m·s/rad"),
@@ -73,7 +73,7 @@ def test_memory_of_no_columns_changes_no_other_array():
 class WithEffects(ActuatorModel):
     """Rows of `hqpipe.machine.layout` under their own names; the engines must not care what the columns are called."""
 
-    NAME, KIND, loops().memory = "with_effects", AUGMENTED, loops().memory
+    NAME, KIND, MEMORY = "with_effects", AUGMENTED, loops().memory
     FIELDS = {
         "effort_limit" if key == LIMIT else "_".join(key): ParameterField("1", lower=-np.inf, may_be_infinite=True)
         for key in FIELDS
