@@ -85,13 +85,13 @@ def scalar(ref: Ref) -> str:
     return {CONSTANT: "c_", SIGNAL: "", STATE: "m_", NUMBER: ""}[ref.kind] + ref.name
 
 
-def constants(source: Source, chain: Chain, text: Text = scalar, only: set[str] | None = None) -> None:
+def constants(source: Source, chain: Chain, only: set[str] | None = None) -> None:
     """Values of the constants into variables; only: those that are needed."""
     for constant in chain.constants:
         if only is not None and not only & set(constant.names):
             continue
         names = ", ".join(f"c_{name}" for name in constant.names)
-        value = call(source, constant.call, text)
+        value = call(source, constant.call, scalar)
         if constant.when:
             source.add(*(f"c_{name} = {constant.neutral!r}" for name in constant.names))
             with source.under(f"if {present(constant.when)}:"):

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from hqpipe.machine.compose.windows import Arrays
 
 
-def _fetch(source: Source, arrays: Arrays, names: list[str], k: str, absent: bool = True) -> None:
+def _fetch(source: Source, arrays: Arrays, names: list[str], k: str) -> None:
     """Signals along the log at a sample into variables."""
     for name in names:
         when = arrays.when(name)

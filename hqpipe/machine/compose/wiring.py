@@ -131,7 +131,7 @@ class Chain:
         constants: in an order in which each needs only those before it.
         late: delays of inputs, which come first.
         ahead: links that hang on inputs alone. core: what else lies in front of the base's law. behind: what lies behind it.
-        ended: law and plain law of the base, and what holds a torque.
+        law, plain, needed: of the base. gain: column of its parameter that an opening is multiplied by.
     """
 
     def __init__(self, base: Base, effects: Iterable[Effect]) -> None:
