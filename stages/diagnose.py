@@ -39,6 +39,7 @@ class Params(StageParams):
 
 def run(context: Any) -> dict[str, Any]:
     from hqpipe.gap.diagnosis import LARGEST, diagnose, write_diagnosis
+    from hqpipe.machine import EFFECTS
     from hqpipe.report.diagnosis_page import write_page
     from hqpipe.report.diagnosis_table import diagnosis_table
     from hqpipe.stages.closed_loop import close_loop, closed_loop_lines
@@ -61,7 +62,11 @@ def run(context: Any) -> dict[str, Any]:
     loop = close_loop(context, log_set, diagnosis)
     left_out = f" --set 'without=[{', '.join(context.params.without)}]'" if context.params.without else ""
     since = f" --reference {diagnosis.content[REFERENCE]['path']}" if REFERENCE in context.inputs else ""
-    write_page(context.output, provenance={"command": f"hqpipe diagnose --logs {log_set.path}{since}{left_out}"})
+    write_page(
+        context.output,
+        provenance={"command": f"hqpipe diagnose --logs {log_set.path}{since}{left_out}"},
+        explained={name: (effect.meaning, effect.advice) for name, effect in EFFECTS.items() if effect.advice},
+    )
     if (gap := diagnosis.content["gap"]) is not None:
         show(f"windows of {1e3 * gap['window_s']:.0f} ms: {gap['window_reason']}")
     show(diagnosis_table(diagnosis.content))

@@ -8,14 +8,12 @@ from typing import ClassVar
 import numpy as np
 
 from hqpipe.actuators.base import ActuatorModel, ParameterField, end_to_end
+from hqpipe.actuators.loops.actuator_step import AUGMENTED
 from hqpipe.machine import EFFECTS
+from hqpipe.machine.bases.hydraulic import HYDRAULIC
+from hqpipe.machine.chain import loops
 from hqpipe.machine.layout import FIELDS, neutral_row
-from hqpipe.machine.loops.actuator_step import AUGMENTED
-from hqpipe.machine.loops.augmented_batch import augmented_batch
-from hqpipe.machine.loops.augmented_links import prepare
-from hqpipe.machine.loops.augmented_step import MEMORY
 
-_UNITS = {"k1": "N·m/rad", "k2": "1", "k3": "N·m·s/rad", "k4": "1/rad"}
 _SETTINGS = {
     "sample_time": "s",
     "middle": "rad",
@@ -27,7 +25,7 @@ _SETTINGS = {
     "held": "s",
 }
 _ANY = 1e12  # bound of numbers that may have either sign
-SENSING = tuple(name for name, effect in EFFECTS.items() if effect.layer == "sensing" and name != "position_bias")
+OF_THE_LOG = tuple(name for name, effect in EFFECTS.items() if effect.of_the_log)
 
 
 def _name(owner: str, name: str) -> str:
@@ -37,7 +35,7 @@ def _name(owner: str, name: str) -> str:
 def _field(owner: str, name: str) -> ParameterField:
     """Range and unit; a parameter that is kept as its inverse has the inverse unit."""
     if owner == "base":
-        return ParameterField(_UNITS[name], lower=0.0)
+        return ParameterField(HYDRAULIC.parameters[name], lower=0.0)
     if owner == "setting":
         lower = -_ANY if name in ("middle", "speed_late", "held") else 0.0
         return ParameterField(_SETTINGS[name], lower, may_be_infinite=name == "effort_limit", certain=True)
@@ -45,20 +43,20 @@ def _field(owner: str, name: str) -> ParameterField:
     parameter = next(p for p in effect.parameters if p.name == name)
     unit = "rad" if parameter.unit == "command" else parameter.unit
     unit = f"1/({unit}){'²' if parameter.squared else ''}" if parameter.inverse else unit
-    return ParameterField(unit, lower=-_ANY if parameter.lower < 0.0 else 0.0, shared=effect.machine)
+    return ParameterField(unit, lower=-_ANY if parameter.search.lower < 0.0 else 0.0, shared=effect.machine)
 
 
 class Augmented(ActuatorModel):
     """Eq. (7) in joint space with every effect of `hqpipe.machine`, neutral where it was not found.
 
-    The chain is that of `hqpipe.machine.loops.augmented_windows`. Columns are those of `hqpipe.machine.layout`:
+    The chain is that of `hqpipe.machine.chain`. Columns are those of `hqpipe.machine.layout`:
     limits and stiffnesses are kept as their inverse, so that 0 means "absent".
     """
 
     NAME = "augmented"
     KIND = AUGMENTED
     DT_BOUND = True
-    MEMORY = MEMORY
+    MEMORY = loops().memory
     FIELDS: ClassVar[dict[str, ParameterField]] = {_name(*key): _field(*key) for key in FIELDS}
 
     @property
@@ -67,7 +65,7 @@ class Augmented(ActuatorModel):
         neutral = neutral_row()
         found = {}
         for name in EFFECTS:
-            telling = [parameter.name for parameter in EFFECTS[name].parameters if parameter.counts]
+            telling = [parameter.name for parameter in EFFECTS[name].parameters if parameter.search.counts]
             columns = [i for i, (owner, column) in enumerate(FIELDS) if owner == name and column in telling]
             if columns:
                 active = np.any(self.parameters[:, columns] != neutral[columns], axis=1)
@@ -76,17 +74,17 @@ class Augmented(ActuatorModel):
 
     def fresh_memory(self, count: int) -> np.ndarray:
         """As that of every model; each of the M numbers lies side by side for all joints, as the fast way needs it."""
-        return np.zeros((MEMORY, count, len(self.joints))).transpose(1, 2, 0)
+        return np.zeros((self.MEMORY, count, len(self.joints))).transpose(1, 2, 0)
 
     @cached_property
-    def _prepared(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return prepare(self.parameters)
+    def _prepared(self) -> tuple[np.ndarray, ...]:
+        return loops().prepare(self.parameters)
 
     def _advance(self, tau: np.ndarray, memory: np.ndarray, q_des: np.ndarray, q: np.ndarray, qd: np.ndarray) -> None:
         planes = memory.transpose(2, 0, 1)
         flat = end_to_end(tau, q_des, q, qd)
         if flat and planes.flags.c_contiguous:
             first, *others = flat
-            augmented_batch(*self._prepared, first, planes.reshape(MEMORY, -1), *others, len(self.joints))
+            loops().step_batch(*self._prepared, first, planes.reshape(self.MEMORY, -1), *others, len(self.joints))
         else:
             super()._advance(tau, memory, q_des, q, qd)

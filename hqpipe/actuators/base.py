@@ -8,8 +8,8 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from hqpipe.actuators.loops.actuator_step import NO_WEIGHTS, step_batch
 from hqpipe.errors import UsageError, near_match
-from hqpipe.machine.loops.actuator_step import NO_WEIGHTS, step_batch
 
 FORMAT = "hqpipe-actuator/1"
 DT_TOLERANCE = 0.02  # as hqpipe.logs.clocks: trials of one log set may differ by that much
@@ -39,7 +39,7 @@ class ParameterField:
 class ActuatorModel:
     """Base of the models in `ACTUATOR_MODELS`.
 
-    A class states its name, its kind in hqpipe.machine.loops.actuator_step, the columns of its table (`FIELDS`), how many
+    A class states its name, its kind in hqpipe.actuators.loops.actuator_step, the columns of its table (`FIELDS`), how many
     numbers a joint remembers besides its torque (`MEMORY`), whether the table belongs to one rate (`DT_BOUND`), and what
     actuator.json says of it beyond the table (`KEYS`).
 

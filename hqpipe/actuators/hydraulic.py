@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from hqpipe.actuators.base import ActuatorModel, ParameterField, end_to_end
-from hqpipe.machine.loops.actuator_step import HYDRAULIC
-from hqpipe.machine.loops.batch_step import hydraulic_batch, hydraulic_columns
+from hqpipe.actuators.loops.actuator_step import HYDRAULIC
+from hqpipe.actuators.loops.batch_step import hydraulic_batch, hydraulic_columns
 
 
 class Hydraulic(ActuatorModel):

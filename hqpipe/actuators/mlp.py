@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from hqpipe.actuators.loops import net_step
 from hqpipe.actuators.net import NetActuator
-from hqpipe.machine.loops import net_step
 
 
 class MLP(NetActuator):

@@ -10,8 +10,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from hqpipe.actuators.base import ActuatorModel, ParameterField
+from hqpipe.actuators.loops.net_step import CHANNELS, RING
 from hqpipe.errors import UsageError, near_match
-from hqpipe.machine.loops.net_step import CHANNELS, RING
 
 INPUTS = ("effort", "position_command", "position", "velocity")
 SPREADS = ("input_spread", "output_spread")
@@ -42,7 +42,7 @@ def check_tensors(tensors: Mapping[str, np.ndarray], shapes: Mapping[str, tuple[
 
 @dataclass(frozen=True, eq=False)
 class NetActuator(ActuatorModel):
-    """One net for the whole robot, (4 J · taps, H, J); see `hqpipe.machine.loops.net_step`.
+    """One net for the whole robot, (4 J · taps, H, J); see `hqpipe.actuators.loops.net_step`.
 
     A class states the rows of its first layer per hidden unit (`GATES`), the recurrent states per hidden unit (`STATES`)
     and whether it may look back at past inputs (`LOOKS_BACK`).
@@ -144,7 +144,7 @@ class NetActuator(ActuatorModel):
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """(W,) float64 in the order of `hqpipe.machine.loops.net_step`."""
+        """(W,) float64 in the order of `hqpipe.actuators.loops.net_step`."""
         t, header = self.tensors, (self.hidden, float(self.delta), len(self.taps), *self.taps)
         parts = [np.array(header, dtype=np.float64), t["input_mean"], 1.0 / t["input_spread"]]
         parts += [t["output_mean"], t["output_spread"], t["input_weight"].T, t["input_bias"]]

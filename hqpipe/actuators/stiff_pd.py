@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hqpipe.actuators.base import ActuatorModel, ParameterField
-from hqpipe.machine.loops.actuator_step import PD
+from hqpipe.actuators.loops.actuator_step import PD
 
 
 class StiffPD(ActuatorModel):

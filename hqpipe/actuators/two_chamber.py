@@ -8,14 +8,14 @@ from typing import Self
 import numpy as np
 
 from hqpipe.actuators.base import ActuatorModel, ParameterField
-from hqpipe.machine.loops.actuator_step import CHAMBERS
-from hqpipe.machine.loops.chamber_step import MEMORY
+from hqpipe.actuators.loops.actuator_step import CHAMBERS
+from hqpipe.actuators.loops.chamber_step import MEMORY
 
 
 class TwoChamber(ActuatorModel):
     """Pressures of two chambers, turbulent flow through four lands, a valve that lags, leakage, seal friction.
 
-    Equations: `hqpipe.machine.loops.chamber_step`, after Merritt, *Hydraulic Control Systems*, Wiley 1967, ch. 3, 5 and 6,
+    Equations: `hqpipe.actuators.loops.chamber_step`, after Merritt, *Hydraulic Control Systems*, Wiley 1967, ch. 3, 5 and 6,
     and Jelali and Kroll, *Hydraulic Servo-systems*, Springer 2003, ch. 4. In shares of the supply pressure a torque log
     fixes these combinations of area A, sprocket radius R, supply less return P, bulk modulus β, mean chamber volume V,
     orifice constant k_v (m³/s per √Pa at full stroke) and controller gain k_p (stroke per rad), and no more of them:

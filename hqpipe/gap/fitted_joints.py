@@ -7,18 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hqpipe.actuators.augmented import SENSING, Augmented
+from hqpipe.actuators.augmented import OF_THE_LOG, Augmented
 from hqpipe.layers.actuator.joint import ActuatorJoint
 from hqpipe.layers.actuator.parameters import BASE_NAMES, LOGGED_SPEED
 from hqpipe.logs.trajectory import Trajectory
 from hqpipe.machine import EFFECTS
+from hqpipe.machine.chain import Signals, residual_windows
 from hqpipe.machine.layout import neutral_row, slot, slots
-from hqpipe.machine.loops.augmented_columns import POSITION
-from hqpipe.machine.loops.augmented_errors import residual_windows
-from hqpipe.machine.loops.augmented_signals import Signals
 
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
-_SAG = [slot("supply_droop", p.name) for p in EFFECTS["supply_droop"].parameters if p.counts]
+_SAG = [slot(e.name, p.name) for e in EFFECTS.values() if e.reads("demand") for p in e.parameters if p.search.counts]
+"""Columns of the effects that hang on the flow from the supply."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +51,7 @@ class FittedJoints:
     def actuator(self) -> Augmented:
         """The actuator for the training simulator: what the sensors add is no part of it."""
         rows, neutral = self.rows.copy(), neutral_row()
-        for name in SENSING:
+        for name in OF_THE_LOG:
             rows[:, slots(name)] = neutral[slots(name)]
         return Augmented(self.joints, rows, float(rows[0, slot("setting", "sample_time")]))
 
@@ -95,7 +94,6 @@ class FittedJoints:
             flow,
         )
         return Signals(
-            POSITION,
             *(np.ascontiguousarray(channel, dtype=np.float64) for channel in channels),
             bounds=np.array([0, t.samples]),
             first=np.zeros(0, dtype=np.int64),

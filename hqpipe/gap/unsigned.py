@@ -178,7 +178,7 @@ class _Steps:
 
 def _search(steps: list[_Steps]) -> tuple[list[np.ndarray], float]:
     """Signs (K,) per trial with the least squared error of the linear model, and that error."""
-    from hqpipe.machine.loops.sign_path import sign_path
+    from hqpipe.identify.sign_path import sign_path
 
     best: tuple[list[np.ndarray], float] = ([np.ones(len(s.size)) for s in steps], np.inf)
     for guess in _guesses(steps):

@@ -1,6 +1,9 @@
-"""Candidate effects: one file each, in the order in which they act."""
+"""Candidate effects: one file each, in the order in which they act; and the compiled chain of them and a base model."""
 
 from __future__ import annotations
+
+import sys
+from pathlib import Path
 
 import hqpipe.system.checked_cache  # noqa: F401 (before any function is compiled)
 from hqpipe.machine import (
@@ -29,14 +32,15 @@ from hqpipe.machine import (
     viscous_friction,
 )
 from hqpipe.machine.effect import Effect
+from hqpipe.system.imported_sources import add_import
 
-# A new effect is one file beside this one, one row here, and its place in the loops of hqpipe/machine/loops.
+# A new effect is one file beside this one and one row here; see docs/how-to/add-an-effect.md.
 EFFECTS: dict[str, Effect] = {
     module.EFFECT.name: module.EFFECT
     for module in (
         command_delay,
-        integral_action,
         position_bias,
+        integral_action,
         valve_delay,
         valve_lag,
         valve_deadband,
@@ -59,3 +63,24 @@ EFFECTS: dict[str, Effect] = {
         channel_skew,
     )
 }
+
+
+def add_effect(effect: Effect, behind: str | None = None) -> None:
+    """Put an effect of a module outside the package into the table, before anything is composed of it.
+
+    Args:
+        effect: defined in a module that can be imported by its name.
+        behind: name of the effect behind which it acts; None for the last one.
+
+    Raises:
+        RuntimeError: the chain has been composed already.
+    """
+    if "hqpipe.machine.layout" in sys.modules:
+        raise RuntimeError(f"effect '{effect.name}' comes too late: add it before other modules of hqpipe are imported")
+    names = list(EFFECTS)
+    at = names.index(behind) + 1 if behind else len(names)
+    rows = list(EFFECTS.items())
+    EFFECTS.clear()
+    EFFECTS.update([*rows[:at], (effect.name, effect), *rows[at:]])
+    for module in {law.__module__ for law in effect.laws}:
+        add_import(Path(__file__), Path(sys.modules[module].__file__))

@@ -4,17 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from hqpipe.machine.effect import ANGLE, Effect, Parameter
-
-EFFECT = Effect(
-    name="backlash",
-    layer="actuator",
-    stage="core",
-    parameters=(Parameter("gap", "rad", ANGLE, 0.0, 1.0, (0.01, 0.05, 0.2)),),
-    meaning="lost motion at reversal (chain slack), whole width",
-    source="Nordin & Gutman, Automatica 38, 2002: dead-zone model of backlash",
-    experiment="slow motion through zero torque in both directions",
-)
+from hqpipe.machine.effect import ANGLE, Block, Constants, Effect, Law, Parameter, Search
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -44,3 +34,44 @@ def wound_up(predicted: float, effort: float, half: float, clear: float) -> floa
     if effort < -clear or (effort < 0.0 and predicted < -half):
         return effort - half
     return min(max(predicted, -half), half)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def half_torque(gap: float, oil: float) -> float:
+    """Torque at which half of the slack is taken up, N·m."""
+    return 0.5 * gap * oil
+
+
+@njit(cache=True, nogil=True, inline="always")
+def felt(effort: float, lost: float, half: float) -> float:
+    """Torque that the hydraulics feel where friction takes `lost` in front of a slack chain, N·m."""
+    return transmitted(effort - lost, half) + lost
+
+
+@njit(cache=True, nogil=True, inline="always")
+def rewound(expected: float, behind: float, lost: float, half: float, clear: float) -> float:
+    """`wound_up` where friction takes `lost` in front of the slack chain, N·m."""
+    if half <= 0.0:
+        return behind + lost
+    return wound_up(expected - lost, behind, half, clear) + lost
+
+
+EFFECT = Effect(
+    name="backlash",
+    layer="actuator",
+    parameters=(Parameter("gap", "rad", Search(ANGLE, 0.0, 1.0, (0.01, 0.05, 0.2))),),
+    meaning="lost motion at reversal (chain slack), whole width",
+    source="Nordin & Gutman, Automatica 38, 2002: dead-zone model of backlash",
+    experiment="slow motion through zero torque in both directions",
+    blocks=(
+        Block(transmitted, ("inner", "half"), ("inner",), ("gap",)),
+        Block(
+            felt,
+            ("effort", "lost", "half"),
+            ("effort",),
+            ("gap",),
+            undo=Law(rewound, ("expected", "behind", "lost", "half", "clear")),
+        ),
+    ),
+    constants=(Constants(("half",), half_torque, ("gap", "oil")),),
+)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from hqpipe.machine.effect import ALL_INPUTS, SECOND, Effect, Parameter
+from hqpipe.machine.effect import SECOND, Delay, Effect, Parameter, Search
 
 EFFECT = Effect(
     name="channel_skew",
     layer="sensing",
-    stage="clock",
-    parameters=(Parameter("skew_s", "s", SECOND, -0.02, 0.05, (0.003, 0.012, -0.003), anew=ALL_INPUTS),),
+    parameters=(Parameter("skew_s", "s", Search(SECOND, -0.02, 0.05, (0.003, 0.012, -0.003))),),
     meaning="torque logged later than position",
     source="time stamps taken at the logger instead of at the sensor; e.g. the CANopen SYNC specification CiA 301",
     experiment="a fast motion that the load causes, not the command: push the joint, or step a neighbouring one",
+    blocks=(Delay(("command", "position", "velocity", "sliding"), "skew_s", logged=True),),
+    of_the_log=True,
 )

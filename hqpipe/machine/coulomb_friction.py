@@ -9,23 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.effect import ANGLE, EFFORT, FRICTION, SLIDING, Effect, Parameter
-
-EFFECT = Effect(
-    name="coulomb_friction",
-    layer="actuator",
-    stage="output",
-    parameters=(
-        Parameter("friction_nm", "N·m", EFFORT, 0.0, 20.0, (0.05, 0.2), anew=FRICTION),
-        Parameter("asymmetry_nm", "N·m", EFFORT, -10.0, 10.0, (0.0,), counts=False, anew=FRICTION),
-        Parameter("presliding_rad", "rad", ANGLE, 5e-5, 0.3, (0.001,), counts=False, neutral=1e-3, anew=SLIDING),
-    ),
-    meaning="dry friction: friction + asymmetry when q rises, friction − asymmetry when it falls; asymmetry ≤ friction/2",
-    source="Dahl, Aerospace Corp. TOR-158, 1968: presliding; Jelali & Kroll, Hydraulic Servo-systems, 2003",
-    experiment="slow constant-speed motion in both directions",
-    effort_sources=("load_cell",),
-)
-
+from hqpipe.machine.effect import ANGLE, EFFORT, Block, Effect, Parameter, Search, State
+from hqpipe.machine.sums import added
 
 UNEVEN = 0.5  # of the friction, by which directions may differ: more is an offset, which has its own name; assumption
 
@@ -60,3 +45,50 @@ def coulomb(turned: float, friction: float, asymmetry: float) -> float:
     """Friction torque at a direction of the friction, uneven within limits."""
     most = UNEVEN * friction
     return friction * turned + min(max(asymmetry, -most), most) * abs(turned)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def kept_in(velocity: float, dt: float, presliding: float) -> float:
+    """`kept_after` the travel of a sample."""
+    return kept_after(velocity * dt, presliding)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def turn(turned: float, before: float, inner: float, grip: float, velocity: float, kept: float) -> float:
+    """Direction of the friction one sample later, when the torque in front has changed from `before` to `inner`, N·m.
+
+    Args:
+        grip: most that friction can hold, N·m. velocity: rad/s. kept: share of the direction that the travel leaves.
+    """
+    if grip <= 0.0:
+        return turned
+    return direction(stuck(turned, (inner - before) / grip), velocity, kept)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def rubbed(lost: float, turned: float, friction: float, asymmetry: float) -> float:
+    """Torque lost beside other friction, N·m."""
+    return lost + coulomb(turned, friction, asymmetry)
+
+
+EFFECT = Effect(
+    name="coulomb_friction",
+    layer="actuator",
+    parameters=(
+        Parameter("friction_nm", "N·m", Search(EFFORT, 0.0, 20.0, (0.05, 0.2))),
+        Parameter("asymmetry_nm", "N·m", Search(EFFORT, -10.0, 10.0, (0.0,), counts=False, usual=0.01)),
+        Parameter("presliding_rad", "rad", Search(ANGLE, 5e-5, 0.3, (0.001,), counts=False, free=False), neutral=1e-3),
+    ),
+    meaning="dry friction: friction + asymmetry when q rises, friction − asymmetry when it falls; asymmetry ≤ friction/2",
+    source="Dahl, Aerospace Corp. TOR-158, 1968: presliding; Jelali & Kroll, Hydraulic Servo-systems, 2003",
+    experiment="slow constant-speed motion in both directions",
+    effort_sources=("load_cell",),
+    blocks=(
+        Block(kept_in, ("velocity", "dt", "presliding_rad"), ("kept",), ("grip",)),
+        Block(added, ("grip", "friction_nm"), ("grip",), ("friction_nm",)),
+        Block(turn, ("turned", "before", "inner", "grip", "velocity", "kept"), ("turned",), ("grip",)),
+        Block(rubbed, ("lost", "turned", "friction_nm", "asymmetry_nm"), ("lost",), ("friction_nm",)),
+    ),
+    states=(State("turned"),),
+    common=True,
+)

@@ -9,34 +9,26 @@ from __future__ import annotations
 
 from numba import njit
 
-from hqpipe.machine.effect import NONE, Effect, Parameter
+from hqpipe.machine.effect import NONE, Block, Effect, Parameter, Search
 
 MOST_UNEQUAL = 0.5  # a rod that leaves a third of the piston's area; larger ones are not built; assumption
+
+
+@njit(cache=True, nogil=True, inline="always")
+def asymmetric(opening: float, ratio: float, uneven: float) -> float:
+    """Opening × (1 + (ratio + uneven) · sgn opening)."""
+    return opening + (ratio + uneven) * abs(opening)
+
 
 EFFECT = Effect(
     name="direction_asymmetry",
     layer="actuator",
-    stage="command",
     parameters=(
-        Parameter("ratio", "1", NONE, -0.95, 0.95, (0.1, -0.1)),
-        Parameter(
-            "areas",
-            "1",
-            NONE,
-            -MOST_UNEQUAL,
-            MOST_UNEQUAL,
-            (0.0,),
-            counts=False,
-            beside="orifice_flow",
-        ),
+        Parameter("ratio", "1", Search(NONE, -0.95, 0.95, (0.1, -0.1))),
+        Parameter("areas", "1", Search(NONE, -MOST_UNEQUAL, MOST_UNEQUAL, (0.0,), counts=False, beside="orifice_flow")),
     ),
     meaning="different gain when extending and retracting: flow × (1 + ratio · sgn u)",
     source="Jelali & Kroll, Hydraulic Servo-systems, 2003: differential cylinders and asymmetric lands",
     experiment="motion of the same speed in both directions",
+    blocks=(Block(asymmetric, ("opening", "ratio", "uneven"), ("opening",), ("ratio", "uneven")),),
 )
-
-
-@njit(cache=True, nogil=True, inline="always")
-def asymmetric(opening: float, ratio: float) -> float:
-    """Opening × (1 + ratio · sgn opening)."""
-    return opening + ratio * abs(opening)

@@ -4,17 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from hqpipe.machine.effect import COMMAND, Effect, Parameter
-
-EFFECT = Effect(
-    name="flow_saturation",
-    layer="actuator",
-    stage="command",
-    parameters=(Parameter("limit", "command", COMMAND, 0.0, 1e3, (2.0, 1.3, 0.7), inverse=True),),
-    meaning="valve fully open",
-    source="Merritt, Hydraulic Control Systems, 1967: stroke of the spool",
-    experiment="large steps, until the position error exceeds what the valve can serve",
-)
+from hqpipe.machine.effect import COMMAND, Block, Effect, Parameter, Search
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -22,3 +12,14 @@ def saturate(opening: float, inverse_limit: float) -> float:
     """The opening within ± 1/inverse_limit; 0 means no limit."""
     limit = 1.0 / max(inverse_limit, 1e-300)
     return min(max(opening, -limit), limit)
+
+
+EFFECT = Effect(
+    name="flow_saturation",
+    layer="actuator",
+    parameters=(Parameter("limit", "command", Search(COMMAND, 0.0, 1e3, (2.0, 1.3, 0.7)), inverse=True),),
+    meaning="valve fully open",
+    source="Merritt, Hydraulic Control Systems, 1967: stroke of the spool",
+    experiment="large steps, until the position error exceeds what the valve can serve",
+    blocks=(Block(saturate, ("opening", "limit"), ("opening",), ("limit",)),),
+)

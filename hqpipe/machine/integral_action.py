@@ -5,20 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.effect import COMMAND, NONE, Effect, Parameter
-
-EFFECT = Effect(
-    name="integral_action",
-    layer="actuator",
-    stage="command",
-    parameters=(
-        Parameter("ki", "1/s", NONE, 0.0, 50.0, (0.3, 3.0)),
-        Parameter("limit", "command", COMMAND, 0.0, 20.0, (0.1, 1.0, 4.0), inverse=True, counts=False),
-    ),
-    meaning="the controller has an integrator that the model lacks",
-    source="textbook PID; ki is the integral gain over the proportional gain",
-    experiment="hold a constant load for a few seconds after a step",
-)
+from hqpipe.machine.effect import COMMAND, NONE, Balanced, Block, Effect, Law, Parameter, Search, State
 
 LONGEST = 30.0  # time constants of the integrator: e has long vanished
 
@@ -38,3 +25,34 @@ def wound_up_for(error: float, ki: float, inverse_limit: float, time: float) -> 
     """
     limit = 1.0 / max(inverse_limit, 1e-300)
     return min(max(error * np.expm1(min(ki * time, LONGEST)), -limit), limit)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def integrated(
+    opening: float, integral: float, error: float, ki: float, inverse_limit: float, dt: float
+) -> tuple[float, float]:
+    """Opening and integral after a sample."""
+    return opening + integral, integrate(integral, error, ki, inverse_limit, dt)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def most(inverse_limit: float) -> float:
+    """Largest integral."""
+    return 1.0 / max(inverse_limit, 1e-300)
+
+
+EFFECT = Effect(
+    name="integral_action",
+    layer="actuator",
+    parameters=(
+        Parameter("ki", "1/s", Search(NONE, 0.0, 50.0, (0.3, 3.0))),
+        Parameter("limit", "command", Search(COMMAND, 0.0, 20.0, (0.1, 1.0, 4.0), counts=False), inverse=True),
+    ),
+    meaning="the controller has an integrator that the model lacks",
+    source="textbook PID; ki is the integral gain over the proportional gain",
+    experiment="hold a constant load for a few seconds after a step",
+    blocks=(
+        Block(integrated, ("opening", "integral", "error", "ki", "limit", "dt"), ("opening", "integral"), ("ki",)),
+    ),
+    states=(State("integral", Balanced(Law(most, ("limit",)), Law(wound_up_for, ("error", "ki", "limit", "held")))),),
+)

@@ -5,19 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.effect import EFFORT, Effect, Parameter
+from hqpipe.machine.effect import EFFORT, Block, Constants, Effect, Parameter, Search
 
 LEAST = 0.1  # largest torque over τ_max: below, the root bends the flow by 5 % at most, left to k2; assumption
-
-EFFECT = Effect(
-    name="orifice_flow",
-    layer="actuator",
-    stage="core",
-    parameters=(Parameter("effort_max_nm", "N·m", EFFORT, 0.0, 1.0, (0.05, 0.3), inverse=True, least=LEAST),),
-    meaning="flow ∝ √(1 − sgn(u) τ/τ_max)",
-    source="eq. (1) of the paper; Merritt, Hydraulic Control Systems, 1967",
-    experiment="motion with and against a large load: squats, or weights on the gantry",
-)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -51,3 +41,37 @@ def orifice(
     fed = 0.5 + (0.5 * lean if opening > 0.0 else -0.5 * lean)
     drained = np.sqrt(max(1.0 + mean - signed, 0.0))
     return fed * np.sqrt(max(1.0 - 2.0 * loss - mean - signed, 0.0)) + (1.0 - fed) * drained
+
+
+@njit(cache=True, nogil=True, inline="always")
+def narrowed(
+    passed: float,
+    opening: float,
+    effort: float,
+    inverse_limit: float,
+    loss: float,
+    mean: float,
+    lean: float,
+    areas: float,
+) -> float:
+    """Flow per opening beside what else bends it; arguments as of `orifice`."""
+    return passed * orifice(opening, effort, inverse_limit, loss, mean, lean, areas)
+
+
+EFFECT = Effect(
+    name="orifice_flow",
+    layer="actuator",
+    parameters=(Parameter("effort_max_nm", "N·m", Search(EFFORT, 0.0, 1.0, (0.05, 0.3), least=LEAST), inverse=True),),
+    meaning="flow ∝ √(1 − sgn(u) τ/τ_max)",
+    source="eq. (1) of the paper; Merritt, Hydraulic Control Systems, 1967",
+    experiment="motion with and against a large load: squats, or weights on the gantry",
+    blocks=(
+        Block(
+            narrowed,
+            ("passed", "opening", "effort", "effort_max_nm", "loss", "mean", "lean", "direction_asymmetry.areas"),
+            ("passed",),
+            ("effort_max_nm", "loss"),
+        ),
+    ),
+    constants=(Constants(("even",), balance, ("direction_asymmetry.areas", "effort_max_nm"), when=("effort_max_nm",)),),
+)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from hqpipe.machine.effect import ANGLE, POSITION, Effect, Parameter
+from hqpipe.machine.effect import ANGLE, Block, Effect, Parameter, Search
+from hqpipe.machine.sums import added
 
 EFFECT = Effect(
     name="position_bias",
     layer="sensing",
-    stage="command",
-    parameters=(Parameter("rad", "rad", ANGLE, -1.0, 1.0, (0.02, -0.02)),),
+    parameters=(Parameter("rad", "rad", Search(ANGLE, -1.0, 1.0, (0.02, -0.02))),),
     meaning="the logged position is offset from the one that the controller sees",
     source="null shift of a servo valve (Merritt, 1967); without an integrator an encoder zero shows the same way",
     experiment="hold the joint still at several loads in both directions; a second position sensor",
-    modes=(POSITION,),
+    blocks=(Block(added, ("opening", "rad"), ("opening",), ("rad",)),),
 )

@@ -11,42 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.effect import COMMAND, COMMAND_SIDE, NONE, SUPPLY, Effect, Parameter
-
-EFFECT = Effect(
-    name="position_dependent_stiffness",
-    layer="actuator",
-    stage="core",
-    parameters=(
-        Parameter("slope_per_rad", "1/rad", NONE, -4.0, 4.0, (0.3, -0.3), anew=COMMAND_SIDE),  # bounds the unevenness
-        Parameter(
-            "unevenness",
-            "1",
-            NONE,
-            -0.2,
-            0.2,
-            (0.0,),
-            counts=False,
-            anew=COMMAND_SIDE,
-        ),
-        Parameter(
-            "exchange",
-            "command·s",
-            COMMAND,
-            0.0,
-            100.0,
-            (1.0,),
-            inverse=True,
-            counts=False,
-            beside="supply_droop",
-            anew=SUPPLY,
-        ),
-        Parameter("compression", "1", NONE, 0.0, 0.6, (0.0,), counts=False, beside="supply_droop"),
-    ),
-    meaning="chamber volume changes with q: change of torque × (1 + slope · (q − mean q)); |unevenness| ≤ |slope| · 0.02 rad",
-    source="eqs. (4), (5) of the paper: bulk modulus over chamber volume",
-    experiment="the same small fast motion at both ends of the joint's range",
-)
+from hqpipe.machine.effect import COMMAND, NONE, Block, Constants, Effect, Law, Parameter, Search, State
 
 LEAST = 0.05  # of the stiffness at mid position, so that no position makes it vanish; assumption
 LEVER = 0.02  # rad: a quarter of a chamber's length times how far leakage moves the mean pressure, a few %; assumption
@@ -96,3 +61,51 @@ def exchanged(mean: float, loss: float, opening: float, exchange: float, dt: flo
         return mean
     gained = np.sqrt(max(1.0 - 2.0 * loss - mean, 0.0)) - np.sqrt(max(1.0 + mean, 0.0))
     return mean + min(abs(opening) * exchange * dt, 1.0) * gained
+
+
+@njit(cache=True, nogil=True, inline="always")
+def mixed(mean: float, loss: float, raw_command: float, raw_position: float, exchange: float, dt: float) -> float:
+    """`exchanged` by the opening that the error of the position asks for, whatever bends that on the way."""
+    return exchanged(mean, loss, raw_command - raw_position, exchange, dt)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def stiffened(stiff: float, position: float, middle: float, slope: float) -> float:
+    """Stiffness relative to that in the middle, beside what else changes it."""
+    return stiff * stiffness(slope, position - middle)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def drained(loss: float) -> float:
+    """Mean pressure of the chambers after a long time at a loss of supply pressure."""
+    return -loss
+
+
+EFFECT = Effect(
+    name="position_dependent_stiffness",
+    layer="actuator",
+    parameters=(
+        Parameter("slope_per_rad", "1/rad", Search(NONE, -4.0, 4.0, (0.3, -0.3))),  # bounds the unevenness
+        Parameter("unevenness", "1", Search(NONE, -0.2, 0.2, (0.0,), counts=False)),
+        Parameter("exchange", "command·s", Search(COMMAND, 0.0, 100.0, (1.0,), counts=False, free=False), inverse=True),
+        Parameter("compression", "1", Search(NONE, 0.0, 0.6, (0.0,), counts=False, free=False)),
+    ),
+    meaning="chamber volume changes with q: change of torque × (1 + slope · (q − mean q)); |unevenness| ≤ |slope| · 0.02 rad",
+    source="eqs. (4), (5) of the paper: bulk modulus over chamber volume",
+    experiment="the same small fast motion at both ends of the joint's range",
+    blocks=(
+        Block(
+            mixed,
+            ("mean", "loss", "raw_command", "raw_position", "exchange", "dt"),
+            ("mean",),
+            ("slope_per_rad",),
+        ),
+        Block(stiffened, ("stiff", "position", "middle", "slope_per_rad"), ("stiff",), ("slope_per_rad",)),
+        Block(displaced, ("speed", "mean", "compression"), ("speed",), ("mean",)),
+    ),
+    states=(State("mean", Law(drained, ("loss",))),),
+    constants=(
+        Constants(("uneven",), uneven, ("slope_per_rad", "unevenness"), when=("slope_per_rad",)),
+        Constants(("lean",), lean, ("slope_per_rad",)),
+    ),
+)

@@ -5,25 +5,37 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.effect import EFFORT, FRICTION, NONE, SLIDING, VELOCITY, Effect, Parameter
-
-EFFECT = Effect(
-    name="stribeck_friction",
-    layer="actuator",
-    stage="output",
-    parameters=(
-        Parameter("static_nm", "N·m", EFFORT, 0.0, 20.0, (0.1,), anew=FRICTION),
-        Parameter("velocity_rad_s", "rad/s", VELOCITY, 0.02, 1.0, (0.1, 0.4), counts=False, neutral=1.0, anew=SLIDING),
-        Parameter("exponent", "1", NONE, 0.3, 2.0, (1.0,), counts=False, neutral=1.0, anew=SLIDING),
-    ),
-    meaning="extra friction near zero speed",
-    source="Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30, 1994: exponential Stribeck curves, exponents 0.5 to 2",
-    experiment="very slow motion with many reversals",
-    effort_sources=("load_cell",),
-)
+from hqpipe.machine.effect import EFFORT, NONE, VELOCITY, Block, Effect, Parameter, Search
+from hqpipe.machine.sums import added
 
 
 @njit(cache=True, nogil=True, inline="always")
 def sticking(speed: float, velocity: float, exponent: float) -> float:
     """Share of the extra friction torque that is there at a joint speed."""
     return np.exp(-((abs(speed) / velocity) ** exponent))
+
+
+@njit(cache=True, nogil=True, inline="always")
+def stuck_more(lost: float, static: float, turned: float, slow: float) -> float:
+    """Torque lost beside other friction, N·m."""
+    return lost + static * turned * slow
+
+
+EFFECT = Effect(
+    name="stribeck_friction",
+    layer="actuator",
+    parameters=(
+        Parameter("static_nm", "N·m", Search(EFFORT, 0.0, 20.0, (0.1,))),
+        Parameter("velocity_rad_s", "rad/s", Search(VELOCITY, 0.02, 1.0, (0.1, 0.4), counts=False), neutral=1.0),
+        Parameter("exponent", "1", Search(NONE, 0.3, 2.0, (1.0,), counts=False), neutral=1.0),
+    ),
+    meaning="extra friction near zero speed",
+    source="Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30, 1994: exponential Stribeck curves, exponents 0.5 to 2",
+    experiment="very slow motion with many reversals",
+    effort_sources=("load_cell",),
+    blocks=(
+        Block(sticking, ("sliding", "velocity_rad_s", "exponent"), ("slow",), ("static_nm",)),
+        Block(added, ("grip", "static_nm"), ("grip",), ("static_nm",)),
+        Block(stuck_more, ("lost", "static_nm", "turned", "slow"), ("lost",), ("static_nm",)),
+    ),
+)

@@ -8,22 +8,8 @@ from __future__ import annotations
 
 from numba import njit
 
-from hqpipe.machine.effect import FLOW, SECOND, SLOWNESS, SUPPLY, Effect, Parameter
-
-EFFECT = Effect(
-    name="supply_droop",
-    layer="actuator",
-    stage="core",
-    parameters=(
-        Parameter("droop", "s/rad", SLOWNESS, 0.0, 3.0, (0.05, 0.15), anew=SUPPLY),
-        Parameter("recovery_s", "s", SECOND, 0.003, 5.0, (0.03, 0.3), counts=False, neutral=0.1, anew=SUPPLY),
-        Parameter("pump_velocity_rad_s", "rad/s", FLOW, 0.0, 3.0, (0.0, 0.7), counts=False, anew=SUPPLY),
-    ),
-    meaning="pump pressure sags with the flow that is drawn from it; relative loss per rad/s of total speed",
-    source="Merritt, Hydraulic Control Systems, 1967: supply with accumulator, first order",
-    experiment="all joints fast at the same time, then one joint alone; of one joint fast strokes after a rest, then slow ones",
-    machine=True,
-)
+from hqpipe.machine.effect import FLOW, SECOND, SLOWNESS, Block, Constants, Effect, Law, Parameter, Search, State
+from hqpipe.machine.valve_lag import lag_share
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -39,3 +25,33 @@ def sag(loss: float, demand: float, droop: float, share: float) -> float:
     A full accumulator takes no more oil.
     """
     return max(loss + share * (droop * demand - loss), 0.0)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def sagged(loss: float, demand: float, pump: float, droop: float, share: float) -> float:
+    """Relative loss of pressure after one sample; arguments as of `lacking` and `sag`."""
+    return sag(loss, lacking(demand, pump), droop, share)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def steady(demand: float, pump: float, droop: float) -> float:
+    """The loss if that flow has been drawn for long."""
+    return max(droop * lacking(demand, pump), 0.0)
+
+
+EFFECT = Effect(
+    name="supply_droop",
+    layer="actuator",
+    parameters=(
+        Parameter("droop", "s/rad", Search(SLOWNESS, 0.0, 3.0, (0.05, 0.15))),
+        Parameter("recovery_s", "s", Search(SECOND, 0.003, 5.0, (0.03, 0.3), counts=False), neutral=0.1),
+        Parameter("pump_velocity_rad_s", "rad/s", Search(FLOW, 0.0, 3.0, (0.0, 0.7), counts=False, pauses=True)),
+    ),
+    meaning="pump pressure sags with the flow that is drawn from it; relative loss per rad/s of total speed",
+    source="Merritt, Hydraulic Control Systems, 1967: supply with accumulator, first order",
+    experiment="all joints fast at the same time, then one joint alone; of one joint fast strokes after a rest, then slow ones",
+    machine=True,
+    blocks=(Block(sagged, ("loss", "demand", "pump_velocity_rad_s", "droop", "recovered"), ("loss",), ("droop",)),),
+    states=(State("loss", Law(steady, ("demand", "pump_velocity_rad_s", "droop"))),),
+    constants=(Constants(("recovered",), lag_share, ("recovery_s", "dt")),),
+)

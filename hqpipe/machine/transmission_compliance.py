@@ -4,27 +4,27 @@ from __future__ import annotations
 
 from numba import njit
 
-from hqpipe.machine.effect import STIFFNESS, Effect, Parameter
+from hqpipe.machine.effect import STIFFNESS, Block, Effect, Parameter, Search
+
+
+@njit(cache=True, nogil=True, inline="always")
+def softened(stiff: float, oil: float, compliance: float) -> float:
+    """Stiffness with a spring behind the oil, relative to that of the oil alone, beside what else changes it.
+
+    Args:
+        oil: stiffness of the oil, N·m/rad.
+        compliance: rad/(N·m).
+    """
+    return stiff / (1.0 + oil * compliance)
+
 
 EFFECT = Effect(
     name="transmission_compliance",
     layer="actuator",
-    stage="core",
-    parameters=(Parameter("stiffness_nm_per_rad", "N·m/rad", STIFFNESS, 0.0, 3.0, (0.1, 0.5), inverse=True),),
+    parameters=(Parameter("stiffness_nm_per_rad", "N·m/rad", Search(STIFFNESS, 0.0, 3.0, (0.1, 0.5)), inverse=True),),
     meaning="chain or hose stretch",
     source="series elasticity; Pratt & Williamson, IROS 1995",
     experiment="a second encoder on the cylinder side",
-    modes=(),
+    fitted=False,
+    blocks=(Block(softened, ("stiff", "oil", "stiffness_nm_per_rad"), ("stiff",), ("stiffness_nm_per_rad",)),),
 )
-
-
-@njit(cache=True, nogil=True, inline="always")
-def softened(resistance: float, compliance: float, dt: float) -> float:
-    """Factor on the change of torque: 1 / (1 + stiffness of the oil · compliance).
-
-    Args:
-        resistance: torque lost per sample and rad/s (k3 R²), dt times the oil's stiffness.
-        compliance: rad/(N·m).
-        dt: s.
-    """
-    return 1.0 / (1.0 + resistance / dt * compliance)

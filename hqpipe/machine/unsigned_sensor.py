@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from hqpipe.machine.effect import POSITION, Effect
+from hqpipe.machine.effect import Effect
 
 EFFECT = Effect(
     name="unsigned_sensor",
     layer="sensing",
-    stage="output",
     parameters=(),
     meaning="a channel lost its sign",
     source="unsigned registers, e.g. the present-current register of serial-bus servos",
     experiment="read the sign bit; load the joint in a known direction",
-    modes=(POSITION,),
+    of_the_log=True,
 )

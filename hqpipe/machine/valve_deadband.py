@@ -4,22 +4,9 @@ from __future__ import annotations
 
 from numba import njit
 
-from hqpipe.machine.effect import COMMAND, NONE, Effect, Parameter
+from hqpipe.machine.effect import COMMAND, NONE, Block, Effect, Parameter, Search
 
 SHARP = 1e-300  # half width of a corner that has none
-
-EFFECT = Effect(
-    name="valve_deadband",
-    layer="actuator",
-    stage="command",
-    parameters=(
-        Parameter("half_width", "command", COMMAND, 0.0, 3.0, (0.05, 0.3, 0.8)),
-        Parameter("rounding", "1", NONE, 0.0, 1.5, (0.1,), counts=False),
-    ),
-    meaning="overlap: small commands do nothing",
-    source="Merritt, Hydraulic Control Systems, 1967: overlapped valve centre",
-    experiment="slow motion of small amplitude, so that the command dwells around zero",
-)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -35,3 +22,17 @@ def deadband(opening: float, half_width: float, rounding: float) -> float:
     corner = rounding * half_width
     bend = 0.25 / max(corner, SHARP)
     return beyond(opening - half_width, corner, bend) - beyond(-opening - half_width, corner, bend)
+
+
+EFFECT = Effect(
+    name="valve_deadband",
+    layer="actuator",
+    parameters=(
+        Parameter("half_width", "command", Search(COMMAND, 0.0, 3.0, (0.05, 0.3, 0.8))),
+        Parameter("rounding", "1", Search(NONE, 0.0, 1.5, (0.1,), counts=False)),
+    ),
+    meaning="overlap: small commands do nothing",
+    source="Merritt, Hydraulic Control Systems, 1967: overlapped valve centre",
+    experiment="slow motion of small amplitude, so that the command dwells around zero",
+    blocks=(Block(deadband, ("opening", "half_width", "rounding"), ("opening",), ("half_width",)),),
+)

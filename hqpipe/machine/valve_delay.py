@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from hqpipe.machine.effect import POSITION, SECOND, Effect, Parameter
+from hqpipe.machine.effect import SECOND, Delay, Effect, Parameter, Search
 
 EFFECT = Effect(
     name="valve_delay",
     layer="actuator",
-    stage="command",
-    parameters=(Parameter("delay_s", "s", SECOND, 0.0, 0.08, (0.003, 0.012, 0.03)),),
+    parameters=(Parameter("delay_s", "s", Search(SECOND, 0.0, 0.08, (0.003, 0.012, 0.03))),),
     meaning="delay of what the controller puts out, after the position loop",
     source="Jelali & Kroll, Hydraulic Servo-systems, 2003: dead time of amplifier and pilot stage",
     experiment="let the load or a person move the joint while its command is held, fast enough for the delay to show",
-    modes=(POSITION,),  # in valve mode there is no loop: the command is what is put out
+    blocks=(Delay(("opening",), "delay_s"),),
 )

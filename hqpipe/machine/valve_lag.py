@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.effect import NONE, POSITION, SECOND, Derived, Effect, Parameter
+from hqpipe.machine.effect import NONE, SECOND, Block, Constants, Derived, Effect, Parameter, Search, State
 
 LEAST_DAMPED = 0.3  # damping ratio of a spool; below it swings as no valve is built to; assumption
 ALIKE = 1e-9  # of the squared damping: two poles that are one
@@ -15,31 +15,6 @@ def natural_hz(time_constant_s: float, damping_ratio: float) -> float:
     """Natural frequency of a spool of second order, Hz; infinite without a lag."""
     return damping_ratio / (np.pi * time_constant_s) if time_constant_s > 0.0 else np.inf
 
-
-EFFECT = Effect(
-    name="valve_lag",
-    layer="actuator",
-    stage="command",
-    parameters=(
-        Parameter("time_constant_s", "s", SECOND, 0.0, 0.2, (0.004, 0.02)),
-        Parameter(
-            "damping_ratio",
-            "1",
-            NONE,
-            0.0,
-            1.0 / LEAST_DAMPED**2,
-            (1.0,),
-            inverse=True,
-            squared=True,
-            counts=False,
-            modes=(POSITION,),
-        ),
-    ),
-    meaning="spool dynamics: first order, or second order with ω = 2 · damping_ratio / time_constant_s",
-    derived=(Derived("natural_hz", "Hz", ("time_constant_s", "damping_ratio"), natural_hz),),
-    source="Jelali & Kroll, Hydraulic Servo-systems, 2003: valve models of first and second order",
-    experiment="a chirp of small amplitude up to the valve's corner frequency",
-)
 
 SHORTEST_S = 1e-9  # far below what a fit tells from none: the lag is gone
 
@@ -94,3 +69,43 @@ def swing(time_constant: float, springy: float, dt: float) -> tuple[float, float
     yy, yv, vy, vv = even + fading * odd, odd, -square * odd, even - fading * odd
     mean_y = -(inertia * vy + time_constant * (yy - 1.0)) / dt
     return yy, yv, vy, vv, mean_y, -(inertia * (vv - 1.0) + time_constant * yv) / dt
+
+
+@njit(cache=True, nogil=True, inline="always")
+def lagged(
+    opening: float, spool: float, rate: float, yy: float, yv: float, vy: float, vv: float, my: float, mv: float
+) -> tuple[float, float, float]:
+    """Mean opening of a sample, and position and speed of the spool behind it; the last six are those of `swing`."""
+    behind = spool - opening
+    return opening + my * behind + mv * rate, opening + yy * behind + yv * rate, vy * behind + vv * rate
+
+
+EFFECT = Effect(
+    name="valve_lag",
+    layer="actuator",
+    parameters=(
+        Parameter("time_constant_s", "s", Search(SECOND, 0.0, 0.2, (0.004, 0.02))),
+        Parameter(
+            "damping_ratio",
+            "1",
+            Search(NONE, 0.0, 1.0 / LEAST_DAMPED**2, (1.0,), counts=False),
+            inverse=True,
+            squared=True,
+        ),
+    ),
+    meaning="spool dynamics: first order, or second order with ω = 2 · damping_ratio / time_constant_s",
+    derived=(Derived("natural_hz", "Hz", ("time_constant_s", "damping_ratio"), natural_hz),),
+    source="Jelali & Kroll, Hydraulic Servo-systems, 2003: valve models of first and second order",
+    experiment="a chirp of small amplitude up to the valve's corner frequency",
+    blocks=(
+        Block(
+            lagged,
+            ("opening", "spool", "rate", "yy", "yv", "vy", "vv", "my", "mv"),
+            ("opening", "spool", "rate"),
+            ("time_constant_s",),
+            only_delays=True,
+        ),
+    ),
+    states=(State("spool", "opening"), State("rate")),
+    constants=(Constants(("yy", "yv", "vy", "vv", "my", "mv"), swing, ("time_constant_s", "damping_ratio", "dt")),),
+)

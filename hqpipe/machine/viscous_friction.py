@@ -14,21 +14,8 @@ from __future__ import annotations
 
 from numba import njit
 
-from hqpipe.machine.effect import ALL_INPUTS, DAMPING, NONE, POSITION, Effect, Parameter
-
-EFFECT = Effect(
-    name="viscous_friction",
-    layer="actuator",
-    stage="output",
-    parameters=(
-        Parameter("nm_s_per_rad", "N·m·s/rad", DAMPING, 0.0, 20.0, (0.05, 0.5, 1.5)),
-        Parameter("behind_piston", "1", NONE, 0.0, 0.5, (0.2,), counts=False, modes=(POSITION,), anew=ALL_INPUTS),
-    ),
-    meaning="friction in proportion to speed; a share of the compliance is behind the piston that it rubs on",
-    source="Jelali & Kroll, Hydraulic Servo-systems, 2003",
-    experiment="constant-speed motion at several speeds",
-    effort_sources=("load_cell",),
-)
+from hqpipe.machine.effect import DAMPING, NONE, Block, Constants, Effect, Parameter, Search, State
+from hqpipe.machine.valve_lag import follow, lag_share, mean_share
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -47,3 +34,72 @@ def relaxation(damping: float, behind: float, stiffness: float) -> float:
     if behind == 0.0 or stiffness <= 0.0:
         return 0.0
     return behind * damping / stiffness
+
+
+@njit(cache=True, nogil=True, inline="always")
+def braked(lost: float, speed: float, damping: float) -> float:
+    """Torque lost beside other friction, N·m."""
+    return lost + viscous(speed, damping)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def relaxed(damping: float, behind: float, stiffness: float, dt: float) -> tuple[float, float]:
+    """Share of the way to its joint that the piston goes in one sample, and on average over it; see `relaxation`."""
+    lag = relaxation(damping, behind, stiffness)
+    return lag_share(lag, dt), mean_share(lag, dt)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def fed_late(opening: float, fed: float, share: float, mean: float) -> tuple[float, float]:
+    """The opening as it reaches the joint, and its state."""
+    return follow(fed, opening, mean), follow(fed, opening, share)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def moved_late(
+    velocity: float, sliding: float, piston: float, seal: float, share: float, mean: float
+) -> tuple[float, float, float, float]:
+    """The speeds of the piston, and their states."""
+    return (
+        follow(piston, velocity, mean),
+        follow(seal, sliding, mean),
+        follow(piston, velocity, share),
+        follow(seal, sliding, share),
+    )
+
+
+EFFECT = Effect(
+    name="viscous_friction",
+    layer="actuator",
+    parameters=(
+        Parameter("nm_s_per_rad", "N·m·s/rad", Search(DAMPING, 0.0, 20.0, (0.05, 0.5, 1.5))),
+        Parameter("behind_piston", "1", Search(NONE, 0.0, 0.5, (0.2,), counts=False)),
+    ),
+    meaning="friction in proportion to speed; a share of the compliance is behind the piston that it rubs on",
+    source="Jelali & Kroll, Hydraulic Servo-systems, 2003",
+    experiment="constant-speed motion at several speeds",
+    effort_sources=("load_cell",),
+    blocks=(
+        Block(
+            fed_late,
+            ("opening", "fed", "relaxed_share", "relaxed_mean"),
+            ("opening", "fed"),
+            ("behind_piston",),
+            only_delays=True,
+        ),
+        Block(
+            moved_late,
+            ("velocity", "sliding", "piston", "seal", "relaxed_share", "relaxed_mean"),
+            ("velocity", "sliding", "piston", "seal"),
+            ("behind_piston",),
+        ),
+        Block(braked, ("lost", "sliding", "nm_s_per_rad"), ("lost",), ("nm_s_per_rad",)),
+    ),
+    states=(State("fed", "opening"), State("piston", "velocity"), State("seal", "sliding")),
+    constants=(
+        Constants(
+            ("relaxed_share", "relaxed_mean"), relaxed, ("nm_s_per_rad", "behind_piston", "oil", "dt"), neutral=1.0
+        ),
+    ),
+    common=True,
+)

@@ -13,12 +13,18 @@ from hqpipe.report.diagnosis_template import page
 PAGE = "diagnosis.html"
 
 
-def write_page(folder: Path, *, provenance: Mapping[str, str] | None = None) -> Path:
+def write_page(
+    folder: Path,
+    *,
+    provenance: Mapping[str, str] | None = None,
+    explained: Mapping[str, tuple[str, str]] | None = None,
+) -> Path:
     """Write diagnosis.html beside the files of a diagnosis; the same files give the same bytes.
 
     Args:
         folder: holds diagnosis.json, and residuals.csv and traces.json as far as they were made; a section whose
             file is missing says so.
+        explained: effect → what it is and what can be done about it, of effects that `diagnosis_advice` does not know.
         provenance: further rows of the table "how the numbers were made", such as the seed or the command.
 
     Raises:
@@ -28,7 +34,7 @@ def write_page(folder: Path, *, provenance: Mapping[str, str] | None = None) -> 
     content = files.content
     parts = [
         sections.verdict(content),
-        sections.causes(content),
+        sections.causes(content, explained or {}),
         sections.where(files),
         sections.traces(files),
         sections.remains(content),

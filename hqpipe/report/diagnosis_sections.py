@@ -94,7 +94,7 @@ def _window(gap: Content) -> str:
     return f'<p class="soft">Windows of {1e3 * gap["window_s"]:.0f} ms: {_text(reason)}.</p>' if reason else ""
 
 
-def causes(content: Content) -> str:
+def causes(content: Content, explained: Mapping[str, tuple[str, str]]) -> str:
     """Waterfall, and a card for each cause."""
     if content["gap"] is None:
         return ""
@@ -107,7 +107,7 @@ def causes(content: Content) -> str:
         text = "No effect was accepted."
         if content["effects_considered"]:
             text += " What was tried, and why it was not, is in the table further down."
-    cards = "".join(_card(cause, content["logs"]["joints"]) for cause in found)
+    cards = "".join(_card(cause, content["logs"]["joints"], explained) for cause in found)
     title = f"Changed since {_text(reference_name(content))}" if "reference" in content else "Causes"
     return (
         f"<section><h2>{title}</h2><p>{text}</p>"
@@ -116,7 +116,9 @@ def causes(content: Content) -> str:
     )
 
 
-def _card(cause: Content, machine: Sequence[str]) -> str:
+def _card(cause: Content, machine: Sequence[str], explained: Mapping[str, tuple[str, str]]) -> str:
+    effect = cause["effect"]
+    meaning, advice = explained.get(effect, (words(cause["layer"]), NO_ADVICE))
     low, high = cause["shrink_ci95"]
     many = len(cause["joints"]) > _CHIPS or len(machine) > 1 and set(cause["joints"]) == set(machine)
     chips = [joints_text(cause["joints"], machine, _CHIPS)] if many else cause["joints"]
@@ -125,7 +127,7 @@ def _card(cause: Content, machine: Sequence[str]) -> str:
     doubt = f"These logs cannot tell it from {listed(other, 'or')}." if other else ""
     return (
         f'<article class="card"><h3>{_text(words(cause["effect"]))}</h3>'
-        f'<p class="soft">{_text(MEANINGS.get(cause["effect"], words(cause["layer"])))}</p>'
+        f'<p class="soft">{_text(MEANINGS.get(effect, meaning))}</p>'
         f'<div class="chips">{"".join(f"<span class=chip>{_text(chip)}</span>" for chip in chips)}</div>'
         f'<div class="bar"><i style="width:{100 * min(1.0, max(0.0, cause["shrink"])):.1f}%"></i></div>'
         f"<p>closes <b>{percent(cause['shrink'])}</b> of the gap ({percent(low)} … {percent(high)})<br>"
@@ -133,7 +135,7 @@ def _card(cause: Content, machine: Sequence[str]) -> str:
         + (f'<div class="scroll"><table class="plain"><tbody>{table}</tbody></table></div>' if table else "")
         + _joint_by_joint(cause)
         + (f'<p class="but">{_text(doubt)}</p>' if doubt else "")
-        + f'<p class="do">{_text(ADVICE.get(cause["effect"], NO_ADVICE))}</p></article>'
+        + f'<p class="do">{_text(ADVICE.get(effect, advice))}</p></article>'
     )
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.loops.actuator_step import table_row, take_back
-from hqpipe.machine.loops.net_step import MLP, net_row
+from hqpipe.actuators.loops.actuator_step import table_row, take_back
+from hqpipe.actuators.loops.net_step import MLP, net_row
 
 
 @njit(cache=True, nogil=True, forceinline=True)
@@ -46,7 +46,7 @@ def actuate_robot(
     """Torque of one robot from its present state; all arrays but the first two and `memory` are (J,).
 
     Args:
-        kind: see hqpipe.machine.loops.actuator_step.
+        kind: see hqpipe.actuators.loops.actuator_step.
         parameters: (J, P), with an infinite effort limit. weights: (W,) of a net, else empty.
         limit: N·m, applied here.
         tau: torque, read and overwritten, N·m.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from hqpipe.machine.loops.actuator_step import PD
+from hqpipe.actuators.loops.actuator_step import PD
 from hqpipe.robots import RobotSpec
 from hqpipe.sim.state import WorldArrays
 
@@ -30,7 +30,7 @@ class EngineSetup:
     Attributes:
         base_link, joints, foot_links: names in the URDF; arrays follow this order.
         shank_links: may touch the ground as the feet may.
-        kind: of the actuator model, see hqpipe.machine.loops.actuator_step.
+        kind: of the actuator model, see hqpipe.actuators.loops.actuator_step.
         decimation: physics steps in one policy step.
     """
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hqpipe.actuators.loops.chamber_windows import replay
 from hqpipe.actuators.two_chamber import TwoChamber
-from hqpipe.machine.loops.chamber_windows import replay
 from hqpipe.sysid.normal_equations import NormalEquations
 from hqpipe.sysid.windows import JointData, Windows
 

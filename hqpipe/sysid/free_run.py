@@ -9,12 +9,12 @@ import numpy as np
 
 from hqpipe.actuators.augmented import Augmented
 from hqpipe.actuators.base import ActuatorModel
+from hqpipe.actuators.loops.actuator_step import HYDRAULIC, PD
+from hqpipe.actuators.loops.free_run import free_run as run_kernel
+from hqpipe.actuators.loops.free_run import free_run_remembering
 from hqpipe.errors import IdentificationError, UsageError
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.trajectory import Trajectory
-from hqpipe.machine.loops.actuator_step import HYDRAULIC, PD
-from hqpipe.machine.loops.free_run import free_run as run_kernel
-from hqpipe.machine.loops.free_run import free_run_remembering
 
 # Effects whose state the logged torque does not settle sample by sample (a chain that hangs free under noise), and effects
 # of the sensors, which are no part of what the model steps.

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hqpipe.machine.loops.window_fit import UNKNOWNS, accumulate, one_step_moments
 from hqpipe.sysid.normal_equations import NormalEquations
+from hqpipe.sysid.window_fit import UNKNOWNS, accumulate, one_step_moments
 from hqpipe.sysid.windows import JointData, Windows
 
 COEFFICIENTS = ("k1", "k2", "k3", "k4")

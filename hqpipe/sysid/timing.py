@@ -9,8 +9,8 @@ from typing import TypeVar
 import numpy as np
 
 from hqpipe.actuators.base import ActuatorModel
+from hqpipe.actuators.loops.free_run import step_along
 from hqpipe.logs.trajectory import Trajectory
-from hqpipe.machine.loops.free_run import step_along
 from hqpipe.sysid.free_run import WINDOW_S, window_samples
 
 T = TypeVar("T")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 PACKAGE = __name__.split(".")[0]
 _ROOT = Path(__file__).resolve().parents[1]
+_ADDED: dict[Path, list[Path]] = {}
 
 
 @cache
@@ -29,11 +30,19 @@ def digest_of_sources(module: Path) -> str:
     return hashlib.sha256("".join(_read(path)[0] for path in sorted(seen)).encode()).hexdigest()
 
 
+def add_import(module: Path, other: Path) -> None:
+    """Count a file among those that a module imports, though its text does not say so."""
+    _ADDED.setdefault(module.resolve(), []).append(other.resolve())
+    _read.cache_clear()
+    digest_of_sources.cache_clear()
+
+
 @cache
 def _read(path: Path) -> tuple[str, tuple[Path, ...]]:
     """Hash of a file, and the files of the package that it imports."""
     content = path.read_bytes()
-    return hashlib.sha256(content).hexdigest(), tuple(dict.fromkeys(_imported(ast.parse(content))))
+    imported = (*_imported(ast.parse(content)), *_ADDED.get(path, ()))
+    return hashlib.sha256(content).hexdigest(), tuple(dict.fromkeys(imported))
 
 
 def _imported(tree: ast.Module) -> Iterator[Path]:

@@ -11,7 +11,7 @@ from pathlib import Path
 VARIABLE = "NUMBA_CACHE_DIR"
 """Names the folder to numba; what a user sets here is kept."""
 
-_COMPILED = ("benchmark", "layers", "machine", "plant", "sim")
+_COMPILED = ("actuators", "benchmark", "identify", "layers", "machine", "plant", "sim", "sysid")
 
 
 def set_folder() -> None:

@@ -19,8 +19,8 @@ from hqpipe.layers.actuator.parameters import (
 from hqpipe.layers.actuator.record import Record
 from hqpipe.layers.actuator.repeated_run import RepeatedRun
 from hqpipe.machine import EFFECTS
+from hqpipe.machine.chain import residual_windows
 from hqpipe.machine.layout import BASE, slot
-from hqpipe.machine.loops.augmented_errors import residual_windows
 
 _LOGGED, _SPEED_LATE, _PRESLIDING = (BASE_NAMES.index(name) for name in (LOGGED_SPEED, SPEED_LATE, PRESLIDING))
 _BASE = [slot("base", name) for name in BASE]

@@ -11,22 +11,13 @@ from hqpipe.identify.model import Effect, Parameter
 from hqpipe.layers.actuator.sizes import Sizes
 from hqpipe.machine import EFFECTS
 from hqpipe.machine import effect as scales
-from hqpipe.machine.effect import POSITION
-from hqpipe.machine.layout import BASE, NOT_IN_THE_LOOP
+from hqpipe.machine.layout import BASE
 
 LOGGED_SPEED, SPEED_LATE, PRESLIDING, BY_OPENING = "logged_speed", "speed_late", "presliding_rad", "by_opening"
 BASE_NAMES = (*BASE, LOGGED_SPEED, SPEED_LATE, PRESLIDING)
 """Base parameters in their order."""
 PRESLIDING_SHARE = 0.0003  # of the position's standard deviation: where friction turns round, until it is fitted
-SIZES = {"nm": 0.03, "asymmetry_nm": 0.01}
-"""Over the usual torque: the zero of a load cell is good to 1 % of a range of three times that; friction takes some per cent of
-it, and differs between directions by a fifth of itself; assumption."""
 FROM_NOTHING = 0.1  # share of the unit, or a quarter of the upper bound, of a number that starts at its neutral value
-UNEQUAL = ("orifice_flow", ("direction_asymmetry", "areas"))
-"""Effect in whose set the areas of a cylinder show, and the number of the loops that holds them."""
-COMMON = ("coulomb_friction", "viscous_friction")  # every seal has them
-RESTS_ON_PAUSES = "pump_velocity_rad_s"
-"""Only where little is drawn at times a flow that the pump keeps up with shows beside a loss that is always there."""
 
 
 def base_parameters(first: Mapping[str, float], size: Sizes) -> tuple[Parameter, ...]:
@@ -41,7 +32,7 @@ def base_parameters(first: Mapping[str, float], size: Sizes) -> tuple[Parameter,
     """
     most = {"k2": 1.0, "k4": 1.0 / max(size.widest, 1e-300)}  # neither leakage nor an impact takes more than there is
     turn = PRESLIDING_SHARE * size.of[scales.ANGLE]
-    bounds = next(p for p in EFFECTS["coulomb_friction"].parameters if p.name == PRESLIDING)
+    bounds = next(p for p in EFFECTS["coulomb_friction"].parameters if p.name == PRESLIDING).search
     unit = size.of[bounds.scale]
     return (
         *(Parameter(name, "1", first[name], np.inf, 0.0, most.get(name, np.inf)) for name in BASE),
@@ -59,42 +50,35 @@ def effects_of(
     Args:
         joints: of the machine. barred: effects left out.
     """
-    found, places = [], []
+    found: list[Effect] = []
+    places: list[tuple[str, str]] = []
     for name, effect in EFFECTS.items():
-        shown = POSITION in effect.modes and joints >= effect.least_joints and name not in NOT_IN_THE_LOOP
+        shown = effect.fitted and effect.blocks and joints >= effect.least_joints
         if not shown or name in barred or (effect.effort_sources and effort_source not in effect.effort_sources):
             continue
-        parameters = []
-        for p in effect.parameters:
-            own = POSITION in p.modes and p.beside is None and p.name != PRESLIDING
-            if own and (size.pauses or p.name != RESTS_ON_PAUSES):
-                parameters.append(_parameter(p, size))
-                places.append((name, p.name))
-        if name == UNEQUAL[0]:  # a larger side moves a larger load, which shows where the load slows the flow
-            parameters.append(_parameter(_areas(), size))
-            places.append(UNEQUAL[1])
-        if name == "supply_droop":
+        own = [(name, p) for p in effect.parameters if p.search.beside is None]
+        own += [(other.name, p) for other in EFFECTS.values() for p in other.parameters if p.search.beside == name]
+        own = [(owner, p) for owner, p in own if p.search.free and (size.pauses or not p.search.pauses)]
+        parameters = [_parameter(p, size) for _, p in own]
+        places += [(owner, p.name) for owner, p in own]
+        if effect.reads("demand"):  # from the supply, as speeds or as openings tell it
             parameters.append(Parameter(BY_OPENING, "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0)))
             places.append((name, BY_OPENING))
-        found.append(Effect(name, tuple(parameters), common=name in COMMON))
+        found.append(Effect(name, tuple(parameters), common=effect.common))
     return tuple(found), tuple(places)
-
-
-def _areas() -> scales.Parameter:
-    owner, name = UNEQUAL[1]
-    return next(p for p in EFFECTS[owner].parameters if p.name == name)
 
 
 def _parameter(p: scales.Parameter, size: Sizes) -> Parameter:
     """A number as the loops hold it: of an inverse one, one over the value."""
-    unit = 1.0 / size.of[p.scale] if p.inverse else size.of[p.scale]
-    starts = tuple(start * unit for start in p.starts)
-    known = [SIZES[p.name] * unit] if p.name in SIZES else [abs(start) for start in starts if start]
-    usual = min(known) if known else min(FROM_NOTHING, 0.25 * p.upper) * unit  # the least start is a usual size
-    if p.least:
-        usual = max(usual, p.least / (LEAST_SIZE * size.most_effort))
-    neutral = p.neutral if p.counts or not p.neutral else (starts[0] if len(starts) == 1 else p.neutral)
-    low, high = p.lower * unit, p.upper * unit
+    search = p.search
+    unit = 1.0 / size.of[search.scale] if p.inverse else size.of[search.scale]
+    starts = tuple(start * unit for start in search.starts)
+    known = [search.usual * unit] if search.usual else [abs(start) for start in starts if start]
+    usual = min(known) if known else min(FROM_NOTHING, 0.25 * search.upper) * unit  # the least start is a usual size
+    if search.least:
+        usual = max(usual, search.least / (LEAST_SIZE * size.most_effort))
+    neutral = p.neutral if search.counts or not p.neutral else (starts[0] if len(starts) == 1 else p.neutral)
+    low, high = search.lower * unit, search.upper * unit
     return Parameter(p.name, p.unit, float(np.clip(neutral, low, high)), usual, low, high, starts)
 
 

@@ -11,8 +11,7 @@ from hqpipe.identify.model import Samples
 from hqpipe.logs.differentiate import step_speed
 from hqpipe.logs.end_stops import judged_windows
 from hqpipe.logs.trajectory import Trajectory, Trial, recording_of
-from hqpipe.machine.loops.augmented_columns import POSITION
-from hqpipe.machine.loops.augmented_signals import Signals
+from hqpipe.machine.chain import Signals
 
 MOST_WINDOWS = 400  # of a joint and split; 40 s of windows of 0.1 s say what an hour says, in bounded time
 MOST_SAMPLES = 8_000  # judged of a joint and split: a free run changes little from one millisecond to the next
@@ -91,7 +90,6 @@ def record_of(trials: Sequence[Trial], j: int, steps: int, draws: tuple[np.ndarr
     every = max(1, -(-len(first) * steps // MOST_SAMPLES))
     step = np.arange(every, steps + 1, every)
     signals = Signals(
-        mode=POSITION,
         command=_joined(logs, lambda t: t.position_command[:, j]),
         position=_joined(logs, lambda t: t.position[:, j]),
         velocity=_joined(logs, lambda t: step_speed(t.position[:, j], t.dt)),
@@ -161,7 +159,6 @@ def _joined(logs: Sequence[Trajectory], pick: Callable[[Trajectory], np.ndarray]
 def _empty(steps: int) -> Record:
     none, windows = np.zeros(0), np.zeros(0, dtype=np.int64)
     signals = Signals(
-        POSITION,
         none,
         none,
         none,

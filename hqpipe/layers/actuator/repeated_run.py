@@ -4,14 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hqpipe.machine.layout import FIELDS
-from hqpipe.machine.loops.augmented_columns import ALL, BEHIND, COMMAND, FOLLOW, K3, KI, VISCOUS
-from hqpipe.machine.loops.augmented_errors import CHANGES, errors_of_windows
-from hqpipe.machine.loops.augmented_output import grips
-from hqpipe.machine.loops.augmented_signals import Signals, Work, make_work
-
-_SETTINGS = np.array([owner == "setting" for owner, _ in FIELDS])
-_RELAXING = [VISCOUS, BEHIND, K3]  # columns that the lag of a rubbing piston hangs on
+from hqpipe.machine.chain import Signals, Work, loops
 
 
 class RepeatedRun:
@@ -31,23 +24,10 @@ class RepeatedRun:
         """
         signals = self._signals._replace(velocity=velocity, demand=demand)
         if self._work is None:
-            self._work, self._out = make_work(signals), np.empty((signals.steps, len(signals.first)))
-        inputs = ALL if self._row is None or not same else changed_inputs(self._row, row)
+            self._work = loops().make_work(signals)
+            self._out = np.empty((signals.steps, len(signals.first)))
+        anew = loops().changed(self._row if same else None, row)
         self._row = None  # what a run that fails leaves is no start for the next
-        self._work.held[:] = 0.0
-        errors_of_windows(row, signals, self._work, self._out, inputs)
+        loops().fill_errors(row, signals, self._work, self._out, anew)
         self._row = row
         return self._out
-
-
-def changed_inputs(before: np.ndarray, row: np.ndarray) -> int:
-    """What has to be computed anew beside the core, see `hqpipe.machine.loops.augmented_windows.simulate`."""
-    changed = before != row
-    if np.any((before == 0.0) != (row == 0.0)) or np.any(changed & _SETTINGS):
-        return ALL  # what an effect that was absent needs was not computed
-    if row[BEHIND] != 0.0 and np.any(changed[_RELAXING]):
-        return ALL
-    inputs = int(np.bitwise_or.reduce(CHANGES[changed])) if changed.any() else 0
-    if row[KI] != 0.0:
-        inputs |= COMMAND | FOLLOW  # what the integrator holds at the start hangs on the core
-    return inputs | FOLLOW if grips(row) else inputs

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from hqpipe.actuators.files import load_actuator, save_actuator
+from hqpipe.actuators.loops.chamber_step import LIMIT, SAMPLE_TIME, SPEED
 from hqpipe.actuators.two_chamber import TwoChamber
 from hqpipe.errors import UsageError
-from hqpipe.machine.loops.chamber_step import LIMIT, SAMPLE_TIME, SPEED
 
 JOINTS = ("knee", "hip")
 

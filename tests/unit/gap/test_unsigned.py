@@ -11,7 +11,7 @@ from plant_logs import broken, plant_logs, real, values
 
 from hqpipe.errors import UsageError
 from hqpipe.gap.unsigned import restore_sign, unsigned
-from hqpipe.machine.loops.sign_path import sign_path
+from hqpipe.identify.sign_path import sign_path
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "recovery"))
 import hydraulic_truth

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from hqpipe.machine import EFFECTS
-from hqpipe.machine import effect as scales
 from hqpipe.machine.backlash import transmitted, wound_up
-from hqpipe.machine.command_delay import delayed
+from hqpipe.machine.compose.shared import delayed
 from hqpipe.machine.coulomb_friction import coulomb, direction, kept_after, stuck
 from hqpipe.machine.direction_asymmetry import asymmetric
 from hqpipe.machine.flow_saturation import saturate
 from hqpipe.machine.gain_drift import drifted
 from hqpipe.machine.integral_action import integrate, wound_up_for
-from hqpipe.machine.layout import FIELDS, NOT_IN_THE_LOOP, WIDTH, neutral_row, slot, slots
+from hqpipe.machine.layout import FIELDS, WIDTH, neutral_row, slot, slots
 from hqpipe.machine.load_dependent_friction import load_friction
 from hqpipe.machine.orifice_flow import orifice
 from hqpipe.machine.position_dependent_stiffness import LEAST, exchanged, lean, stiffness
@@ -78,9 +77,7 @@ def test_every_effect_describes_itself(name):
     layer, parameters = SPECIFIED[name]
     own = {p.name for p in effect.parameters}
     assert effect.layer == layer
-    assert set(parameters) <= own and all(not p.counts for p in effect.parameters if p.name not in parameters)
-    assert effect.stage in ("clock", "command", "core", "output")
-    assert set(effect.modes) <= set(scales.MODES)
+    assert set(parameters) <= own and all(not p.search.counts for p in effect.parameters if p.name not in parameters)
     for text in (effect.meaning, effect.source, effect.experiment):
         assert len(text) > 10 and "\n" not in text
     assert effect.least_joints >= 1
@@ -89,29 +86,30 @@ def test_every_effect_describes_itself(name):
 @pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.parameters])
 def test_parameters_have_units_bounds_and_starts(name):
     parameters = EFFECTS[name].parameters
-    assert parameters[0].counts, "the first parameter is the one that shows the effect"
+    assert parameters[0].search.counts, "the first parameter is the one that shows the effect"
     for p in parameters:
         expected = next((unit for suffix, unit in SUFFIXES.items() if p.name.endswith(suffix)), None)
         assert p.unit == (expected or p.unit) and p.unit
-        assert p.scale in SCALES
-        assert p.lower < p.upper and p.starts
-        assert all(p.lower <= start <= p.upper for start in p.starts)
-        if p.counts and name != "torque_scale":
-            assert p.lower <= 0.0 <= p.upper, "the neutral value must be within the bounds"
-        if p.lower < 0.0 and p.counts and p.starts != (0.0,):
-            assert {np.sign(start) for start in p.starts} == {-1.0, 1.0}, "either sign must be tried"
+        s = p.search
+        assert s.scale in SCALES
+        assert s.lower < s.upper and s.starts
+        assert all(s.lower <= start <= s.upper for start in s.starts)
+        if s.counts and name != "torque_scale":
+            assert s.lower <= 0.0 <= s.upper, "the neutral value must be within the bounds"
+        if s.lower < 0.0 and s.counts and s.starts != (0.0,):
+            assert {np.sign(start) for start in s.starts} == {-1.0, 1.0}, "either sign must be tried"
 
 
 def test_row_holds_every_number_once():
     assert len(FIELDS) == WIDTH == len(set(FIELDS))
     for name, effect in EFFECTS.items():
         names = [FIELDS[i][1] for i in slots(name)]
-        assert names == ([] if name in NOT_IN_THE_LOOP else [p.name for p in effect.parameters])
+        assert names == ([p.name for p in effect.parameters] if effect.blocks else [])
     row = neutral_row()
     assert row.shape == (WIDTH,) and np.isinf(row[slot("setting", "effort_limit")])
     for name, effect in EFFECTS.items():
         for column, p in zip(slots(name), effect.parameters, strict=False):
-            assert (row[column] == 0.0) or not p.counts
+            assert (row[column] == 0.0) or not p.search.counts
 
 
 def test_deadband_is_a_rounded_dead_zone():
@@ -140,9 +138,9 @@ def test_saturation_clips_at_the_limit_and_is_off_at_zero():
 
 
 def test_asymmetry_and_drift():
-    assert asymmetric(0.2, 0.1) == pytest.approx(0.22)
-    assert asymmetric(-0.2, 0.1) == pytest.approx(-0.18)
-    assert asymmetric(-0.2, 0.0) == -0.2
+    assert asymmetric(0.2, 0.1, 0.0) == pytest.approx(0.22)
+    assert asymmetric(-0.2, 0.04, 0.06) == pytest.approx(-0.18)
+    assert asymmetric(-0.2, 0.0, 0.0) == -0.2
     assert drifted(0.2, 0.01, 10.0) == pytest.approx(0.22)
     assert drifted(-0.2, -0.5, 10.0) == 0.0, "no negative gain"
 
@@ -190,13 +188,13 @@ def test_integrator_sums_and_is_clamped_both_ways():
 def test_delay_interpolates_and_holds_the_ends():
     signal = np.array([5.0, 0.0, 1.0, 3.0, 6.0, 9.0])
     first, last = 1, 4
-    assert delayed(signal, first, last, 3, 0.0) == 3.0
-    assert delayed(signal, first, last, 3, 1.0) == 1.0
-    assert delayed(signal, first, last, 3, 0.25) == pytest.approx(2.5)
-    assert delayed(signal, first, last, 2, 1.75) == pytest.approx(0.0)
-    assert delayed(signal, first, last, 3, 50.0) == 0.0
-    assert delayed(signal, first, last, 4, 0.0) == 6.0
-    assert delayed(signal, first, last, 4, -3.0) == 6.0
+    assert delayed(signal, first, last, 3 - (0.0)) == 3.0
+    assert delayed(signal, first, last, 3 - (1.0)) == 1.0
+    assert delayed(signal, first, last, 3 - (0.25)) == pytest.approx(2.5)
+    assert delayed(signal, first, last, 2 - (1.75)) == pytest.approx(0.0)
+    assert delayed(signal, first, last, 3 - (50.0)) == 0.0
+    assert delayed(signal, first, last, 4 - (0.0)) == 6.0
+    assert delayed(signal, first, last, 4 - (-3.0)) == 6.0
 
 
 def test_orifice_without_load_passes_all_and_brakes_only_the_loaded_side():
@@ -258,8 +256,8 @@ def test_stiffness_has_a_floor():
 
 def test_compliance_in_series_halves_the_stiffness_of_an_equal_spring():
     oil = 21.6 / 1e-3  # N·m/rad
-    assert softened(21.6, 0.0, 1e-3) == 1.0
-    assert softened(21.6, 1.0 / oil, 1e-3) == pytest.approx(0.5)
+    assert softened(1.0, oil, 0.0) == 1.0
+    assert softened(0.8, oil, 1.0 / oil) == pytest.approx(0.4)
 
 
 @pytest.mark.parametrize("half", [0.0, 20.0])

@@ -10,9 +10,9 @@ import pytest
 
 from hqpipe.actuators.base import ActuatorModel, ParameterField
 from hqpipe.actuators.hydraulic import Hydraulic
+from hqpipe.actuators.loops.actuator_step import AUGMENTED, PD
+from hqpipe.machine.chain import loops
 from hqpipe.machine.layout import FIELDS, neutral_row
-from hqpipe.machine.loops.actuator_step import AUGMENTED, PD
-from hqpipe.machine.loops.augmented_step import MEMORY
 from hqpipe.sim.state import ArraySizes
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "actuators"))
@@ -73,7 +73,7 @@ def test_memory_of_no_columns_changes_no_other_array():
 class WithEffects(ActuatorModel):
     """Rows of `hqpipe.machine.layout` under their own names; the engines must not care what the columns are called."""
 
-    NAME, KIND, MEMORY = "with_effects", AUGMENTED, MEMORY
+    NAME, KIND, MEMORY = "with_effects", AUGMENTED, loops().memory
     FIELDS = {
         "effort_limit" if key == LIMIT else "_".join(key): ParameterField("1", lower=-np.inf, may_be_infinite=True)
         for key in FIELDS

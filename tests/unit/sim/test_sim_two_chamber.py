@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hqpipe.actuators.loops.chamber_step import AWAKE, SUM
 from hqpipe.actuators.two_chamber import TwoChamber
-from hqpipe.machine.loops.chamber_step import AWAKE, SUM
 
 
 def test_robot_stands_on_its_oil(engine, make_world, nominal, robot):

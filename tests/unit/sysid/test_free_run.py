@@ -19,7 +19,7 @@ from hqpipe.sysid.baselines import CommandedTorque, MeanTorque, Persistence, fit
 from hqpipe.sysid.free_run import free_run, predict
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "actuators"))
-sys.path.insert(0, str(Path(__file__).parents[1] / "kernels"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "machine"))
 from augmented_rows import planted, row
 from net_examples import random_net
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from small_logs import trajectory
 
-from hqpipe.machine.loops.free_run import step_along
+from hqpipe.actuators.loops.free_run import step_along
 from hqpipe.sysid import timing
 from hqpipe.sysid.timing import step_time, timed
 

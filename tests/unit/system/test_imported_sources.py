@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hqpipe.machine.loops import augmented_columns, augmented_errors
+from hqpipe.actuators.loops import actuator_step, laws
 from hqpipe.system import imported_sources
 from hqpipe.system.imported_sources import digest_of_sources
 
@@ -55,7 +55,7 @@ def test_a_change_elsewhere_does_not(toy):
 
 
 def test_the_cache_of_a_loop_goes_by_them():
-    file = Path(augmented_errors.__file__)
-    stamp = augmented_errors.residual_windows._cache._cache_file._source_stamp
+    file = Path(actuator_step.__file__)
+    stamp = actuator_step.table_row._cache._cache_file._source_stamp
     assert stamp[1] == digest_of_sources(file)
-    assert Path(augmented_columns.__file__) in imported_sources._read(file)[1]
+    assert Path(laws.__file__) in imported_sources._read(file)[1]

@@ -92,7 +92,9 @@ def test_a_full_disk_is_done_without(tmp_path):
 @pytest.mark.parametrize(
     "module",
     [
-        "machine.loops.laws",
+        "actuators.loops.laws",
+        "identify.sign_path",
+        "sysid.window_fit",
         "machine",
         "plant.plant",
         "sim.mujoco_loop",

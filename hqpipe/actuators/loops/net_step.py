@@ -1,0 +1,183 @@
+"""One sample of a neural actuator model for a robot: one net reads all joints and gives all torques.
+
+Inputs are, channel after channel, torque, target, position and velocity of the J joints; in the paper's size (48, 64, 12)
+we read the 48 as 4 signals of 12 joints. An MLP may also read them as they were some samples ago (taps). They are standardised,
+go through one hidden layer, and come out as the torque one sample later or, with `delta`, as its change:
+
+    MLP    h = softsign(W x + b)        (softsign: Hwangbo et al. 2019, for the cost of it)
+    LSTM   Hochreiter and Schmidhuber 1997 with forget gate; gates in the order input, forget, cell, output
+    GRU    Cho et al. 2014, reset gate after the recurrent product; gates in the order reset, update, new
+
+`weights` is one array for all robots: hidden units, delta, the number of taps, the taps; mean and 1/spread of the inputs,
+mean and spread of the outputs; then the matrices, input by output, each followed by its bias.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numba import njit
+
+from hqpipe.actuators.loops.laws import clip
+
+MLP: Final = 4
+LSTM: Final = 5
+GRU: Final = 6
+CHANNELS: Final = 4
+HIDDEN, DELTA, TAPS, FIRST_TAP = range(4)
+LIMIT: Final = 0  # column of the parameter table
+SEEN, RING = 0, 1  # columns of an MLP's memory: samples so far, and the ring of past inputs
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _sigmoid(x: float) -> float:
+    return 1.0 / (1.0 + np.exp(-x))
+
+
+@njit(cache=True, nogil=True)
+def _add_product(x: np.ndarray, weights: np.ndarray, at: int, out: np.ndarray) -> int:
+    """out += x W, with W (inputs, outputs) from `at` on; returns where W ends."""
+    size = out.shape[0]
+    for i in range(x.shape[0]):
+        row, value = weights[at + i * size : at + (i + 1) * size], x[i]
+        for o in range(size):
+            out[o] += value * row[o]
+    return at + x.shape[0] * size
+
+
+@njit(cache=True, nogil=True)
+def _affine(x: np.ndarray, weights: np.ndarray, at: int, out: np.ndarray) -> int:
+    """out = x W + b; returns where b ends."""
+    out[:] = 0.0
+    at = _add_product(x, weights, at, out)
+    for o in range(out.shape[0]):
+        out[o] += weights[at + o]
+    return at + out.shape[0]
+
+
+@njit(cache=True, nogil=True)
+def _read(
+    weights: np.ndarray, tau: np.ndarray, memory: np.ndarray, q_des: np.ndarray, q: np.ndarray, qd: np.ndarray
+) -> np.ndarray:
+    """(taps · 4 J,) standardised inputs; the ring in `memory` takes up those of this sample.
+
+    Before the first sample there was none: a tap that reaches further back reads the first one.
+    """
+    joints, taps = tau.shape[0], int(weights[TAPS])
+    width = CHANNELS * joints
+    mean, scale = FIRST_TAP + taps, FIRST_TAP + taps + width
+    length = int(weights[FIRST_TAP + taps - 1]) + 1
+    inputs = np.empty(taps * width)
+    for j in range(joints):
+        inputs[j], inputs[joints + j], inputs[2 * joints + j], inputs[3 * joints + j] = tau[j], q_des[j], q[j], qd[j]
+    if length > 1:
+        for j in range(joints):
+            now = int(memory[j, SEEN])
+            for c in range(CHANNELS):
+                memory[j, RING + CHANNELS * (now % length) + c] = inputs[c * joints + j]
+                for t in range(taps):
+                    past = (now - min(int(weights[FIRST_TAP + t]), now)) % length
+                    inputs[t * width + c * joints + j] = memory[j, RING + CHANNELS * past + c]
+            memory[j, SEEN] = now + 1.0
+    for t in range(taps):
+        for i in range(width):
+            inputs[t * width + i] = (inputs[t * width + i] - weights[mean + i]) * weights[scale + i]
+    return inputs
+
+
+@njit(cache=True, nogil=True)
+def _write(parameters: np.ndarray, weights: np.ndarray, hidden: np.ndarray, at: int, tau: np.ndarray) -> None:
+    """The output layer, whose matrix starts at `at`, and the effort limit."""
+    joints, taps = tau.shape[0], int(weights[TAPS])
+    mean = FIRST_TAP + taps + 2 * CHANNELS * joints
+    out = np.empty(joints)
+    _affine(hidden, weights, at, out)
+    for j in range(joints):
+        value = weights[mean + j] + weights[mean + joints + j] * out[j]
+        tau[j] = clip(tau[j] + value if weights[DELTA] != 0.0 else value, parameters[j, LIMIT])
+
+
+@njit(cache=True, nogil=True)
+def _recall(memory: np.ndarray, state: np.ndarray) -> None:
+    """Read recurrent states out of the (J, M) memory, row after row."""
+    joints, columns = memory.shape
+    for i in range(state.shape[0]):
+        state[i] = memory[i // columns, i % columns]
+
+
+@njit(cache=True, nogil=True)
+def _keep(memory: np.ndarray, state: np.ndarray) -> None:
+    """The inverse of `_recall`."""
+    joints, columns = memory.shape
+    for i in range(state.shape[0]):
+        memory[i // columns, i % columns] = state[i]
+
+
+@njit(cache=True, nogil=True)
+def _lstm(weights: np.ndarray, inputs: np.ndarray, at: int, state: np.ndarray) -> int:
+    """Advance `state`, h and c one after the other; returns where the weights of the cell end."""
+    units = state.shape[0] // 2
+    gates, past = np.empty(4 * units), np.empty(4 * units)
+    at = _affine(inputs, weights, at, gates)
+    at = _affine(state[:units], weights, at, past)
+    for u in range(4 * units):
+        gates[u] += past[u]
+    for u in range(units):
+        cell = np.tanh(gates[2 * units + u]) * _sigmoid(gates[u])
+        cell += state[units + u] * _sigmoid(gates[units + u])
+        state[units + u] = cell
+        state[u] = np.tanh(cell) * _sigmoid(gates[3 * units + u])
+    return at
+
+
+@njit(cache=True, nogil=True)
+def _gru(weights: np.ndarray, inputs: np.ndarray, at: int, state: np.ndarray) -> int:
+    """Advance the state h; returns where the weights of the cell end."""
+    units = state.shape[0]
+    gates, past = np.empty(3 * units), np.empty(3 * units)
+    at = _affine(inputs, weights, at, gates)
+    at = _affine(state, weights, at, past)
+    for u in range(units):
+        reset, update = _sigmoid(gates[u] + past[u]), _sigmoid(gates[units + u] + past[units + u])
+        new = np.tanh(gates[2 * units + u] + reset * past[2 * units + u])
+        state[u] = new + update * (state[u] - new)
+    return at
+
+
+@njit(cache=True, nogil=True)
+def net_row(
+    kind: int,
+    parameters: np.ndarray,
+    weights: np.ndarray,
+    tau: np.ndarray,
+    memory: np.ndarray,
+    q_des: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+) -> None:
+    """Advance the joints of one robot by one sample, in place.
+
+    Args:
+        kind: MLP, LSTM or GRU.
+        parameters: (J, 1) effort limit, N·m.
+        weights: (W,) see above.
+        tau: (J,) joint torque, overwritten, N·m.
+        memory: (J, M) past inputs or recurrent states; all zero before the first sample.
+        q_des, q, qd: (J,) rad, rad, rad/s.
+    """
+    joints, taps, units = tau.shape[0], int(weights[TAPS]), int(weights[HIDDEN])
+    at = FIRST_TAP + taps + 2 * (CHANNELS + 1) * joints
+    inputs = _read(weights, tau, memory, q_des, q, qd)
+    if kind == MLP:
+        hidden = np.empty(units)
+        at = _affine(inputs, weights, at, hidden)
+        for u in range(units):
+            hidden[u] /= 1.0 + abs(hidden[u])
+        _write(parameters, weights, hidden, at, tau)
+        return
+    state = np.empty(2 * units if kind == LSTM else units)
+    _recall(memory, state)
+    at = _lstm(weights, inputs, at, state) if kind == LSTM else _gru(weights, inputs, at, state)
+    _keep(memory, state)
+    _write(parameters, weights, state[:units], at, tau)

@@ -1,0 +1,191 @@
+"""Source of what is found sample by sample along a trial: states before each window, and the start of states that the whole
+trial tells."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hqpipe.machine.compose.source import Source, Straight, call, constants, constants_of, present, scalar, started
+from hqpipe.machine.compose.wiring import SIGNAL, STATE, Chain
+
+if TYPE_CHECKING:
+    from hqpipe.machine.compose.windows import Arrays
+
+
+def _fetch(source: Source, arrays: Arrays, names: list[str], k: str) -> None:
+    """Signals along the log at a sample into variables."""
+    for name in names:
+        when = arrays.when(name)
+        given = f"a_{name}[{k}]"
+        if when is not None:
+            given = f"a_{name}[{k}] if on_{name} else {arrays.neutral(name)}"
+        source.add(f"{'m_' * (name in arrays.chain.shared)}{name} = {given}")
+
+
+def write_follow(source: Source, chain: Chain, arrays: Arrays) -> None:
+    """`follow`: the torque of the base and the states behind it at the start of each window.
+
+    They hang on what went before, so they are followed along with the logged torque.
+    """
+    names = arrays.needed
+    states = [out.name for x in (*chain.core, *chain.behind) for out in x.outs if out.kind == STATE]
+    effort = [x for x in chain.behind if "effort" in x.writes and x.undo]
+    carried = chain.when(*states, *(["effort"] if effort else []))
+    says = "Torque of the base and states behind it at the start of each window, into the first lines."
+    with source.function("follow", f"p, s, w, {', '.join(f'a_{n}' for n in names)}", says):
+        constants(source, chain)
+        for name in names:
+            if (when := arrays.when(name)) is not None:
+                source.add(f"on_{name} = {present(when)}")
+        source.add(*(f"m_{name} = 0.0" for name in states))
+        if carried:
+            with source.under(f"if {present(carried)}:"), source.under("for trial in range(s.bounds.shape[0] - 1):"):
+                source.add("first, last = s.bounds[trial], s.bounds[trial + 1] - 1")
+                source.add(*(f"m_{name} = 0.0" for name in states))
+                _trial(source, chain, arrays, states, bool(effort))
+        with source.under("for i in range(s.first.shape[0]):"):
+            source.add("k = s.first[i]")
+            _fetch(source, arrays, names, "k")
+            expected = "0.0"
+            if carried:
+                with source.under(f"if {present(carried)}:"):
+                    source.add(*(f"m_{name} = w.states[{1 + j}, k]" for j, name in enumerate(states)))
+                expected = f"w.states[0, k] if {present(carried)} else 0.0"
+            code = Straight(source, chain, names)
+            code.unmeasured("s.target[0, i]")
+            code.unloaded()
+            source.add(f"expected = {expected}")
+            code.rewound()
+            source.add("w.lines[0, i] = wound", *(f"w.lines[{1 + j}, i] = m_{name}" for j, name in enumerate(states)))
+
+
+def _trial(source: Source, chain: Chain, arrays: Arrays, states: list[str], slack: bool) -> None:
+    names = arrays.needed
+    source.add("k = first")
+    _fetch(source, arrays, names, "k")
+    code = Straight(source, chain, names)
+    code.unmeasured("s.effort[first]")
+    code.unloaded()
+    source.add("expected = 0.0")
+    code.rewound()
+    record = ["w.states[0, k] = wound", *(f"w.states[{1 + j}, k] = m_{name}" for j, name in enumerate(states))]
+    with source.under("for k in range(first, last):"):
+        source.add(*record)
+        _fetch(source, arrays, names, "k")
+        code = Straight(source, chain, [*names, "wound"])
+        code.behind({"inner"}, True)
+        source.add("before = inner")
+        code.known.add("before")
+        code.behind({"lost"}, True)
+        code.behind({"effort"}, True)
+        for link in chain.core:
+            code.link(link)
+        code.law("wound")
+        code.behind({"inner", "grip", "turned"}, True)
+        for link in chain.behind:
+            if link.writes <= set(states) and "turned" not in link.writes:
+                code.link(link)
+        late = sorted(
+            {n for x in chain.behind if x.writes & {"lost", "effort", "measured"} for n in x.reads} & set(names)
+        )
+        _fetch(source, arrays, late, "k + 1")
+        code.unmeasured("s.effort[k + 1]")
+        if not slack:
+            code.unloaded()
+        else:
+            link = next(x for x in chain.behind if "effort" in x.writes)
+            with source.under(f"if {present(link.when)}:"):
+                code.behind({"lost"}, True)
+                source.add("expected = wound")
+                code.rewound()
+            with source.under("else:"):
+                code.unloaded()
+    source.add("k = last", *record)
+
+
+def write_balances(source: Source, chain: Chain, arrays: Arrays) -> None:
+    """`balance_<state>` for each state whose start only the whole trial tells."""
+    for link in chain.ahead:
+        if link.balance:
+            _missing(source, chain, arrays, link)
+            _balance(source, chain, arrays, link)
+
+
+def balance_arrays(chain: Chain, arrays: Arrays, link) -> list[str]:
+    """Signals along the log that the search for a start reads."""
+    at = chain.ahead.index(link)
+    own = {n for x in chain.ahead[at + 1 :] for n in x.writes} - {"opening"}
+    calls = [x.call for x in (*chain.ahead[at:], *chain.core) if x.call] + [
+        chain.law,
+        chain.plain,
+        link.starts[link.balance][1],
+    ]
+    read = {ref.name for made in calls for ref in made.args if ref.kind in (SIGNAL, STATE)} - {link.balance}
+    states = {out.name for out in link.outs if out.kind == STATE}
+    return sorted(((read & arrays.along) - own - states) | {"opening", "error"})
+
+
+def _head(chain: Chain, arrays: Arrays, link) -> tuple[list[str], str]:
+    names = balance_arrays(chain, arrays, link)
+    return names, ", ".join(f"a_{name}" for name in names)
+
+
+def _missing(source: Source, chain: Chain, arrays: Arrays, link) -> None:
+    state, at = link.balance, chain.ahead.index(link)
+    names, given = _head(chain, arrays, link)
+    says = "Torque, N·m, that a start leaves open by the end of a trial, and over how many samples."
+    with source.function(f"missing_{state}", f"p, s, first, last, start, most, {given}", says):
+        constants(source, chain)
+        for name in names:
+            if (when := arrays.when(name)) is not None:
+                source.add(f"on_{name} = {present(when)}")
+        links = [x for x in chain.ahead[at:] if x.call is not None and not x.only_delays]
+        source.add(f"m_{state} = start", "total, end = 0.0, last")
+        source.add(*(f"m_{name} = 0.0" for x in links for name in x.starts if name != state))
+        with source.under("for k in range(first, last):"):
+            _fetch(source, arrays, names, "k")
+            code = Straight(source, chain, names)
+            code.unmeasured("s.effort[k]")
+            source.add("inner, effort, wound = behind, behind, behind")
+            code.known |= {"inner", "effort", "wound"}
+            for x in links:
+                if own := {name: start for name, start in x.starts.items() if name != state}:
+                    code.needs_of(x.call)
+                    with source.under("if k == first:"):
+                        source.add(*(f"m_{name} = {started(source, start, scalar)}" for name, start in own.items()))
+                code.link(x)
+            for x in chain.core:
+                code.link(x)
+            code.law("following")
+            source.add("total += following - behind")
+            with source.under(f"if abs(m_{state}) >= most and k - first >= s.steps:"):
+                source.add("end = k + 1", "break")
+        source.add("return s.effort[end] - s.effort[first] - total, end - first")
+
+
+def _balance(source: Source, chain: Chain, arrays: Arrays, link) -> None:
+    state = link.balance
+    limit, known = link.starts[state]
+    names, given = _head(chain, arrays, link)
+    held = chain.column("setting", "held")
+    says = "What a state is at the start of a trial, so that the torques of the law add up to the logged ones."
+    with source.function(f"balance_{state}", f"p, s, first, last, {given}", says):
+        constants(source, chain, only=constants_of(chain, [limit, known]))
+        with source.under(f"if p[{held}] >= 0.0 and s.time[first] == 0.0:"):
+            source.add("k = first")
+            _fetch(source, arrays, [n for n in names if n in {r.name for r in known.args}], "k")
+            source.add(f"return {call(source, known, scalar)}")
+        source.add(f"most = {call(source, limit, scalar)}", "low, high, start = -most, most, 0.0")
+        with source.under("for _ in range(PASSES):"):
+            source.add(f"missing, samples = missing_{state}(p, s, first, last, start, most, {given})")
+            with source.under("if missing > 0.0:"):
+                source.add("low = start")
+            with source.under("else:"):
+                source.add("high = start")
+            source.add(f"wanted = start + missing / max(p[{chain.gain}] * samples, 1e-300)")
+            with source.under("if wanted <= low or wanted >= high:  # the limit takes from what the start is worth"):
+                source.add("wanted = 0.5 * (low + high)")
+            source.add("close = abs(wanted - start) < CLOSE * abs(wanted)", "start = wanted")
+            with source.under("if close:"):
+                source.add("break")
+        source.add("return start")
