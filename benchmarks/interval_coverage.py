@@ -29,11 +29,11 @@ from closed_loop_truth import Sensors, trot
 from hydraulic_truth import RADIUS, TRUTH, log_set
 
 from hqpipe.gap.share import wilson
+from hqpipe.identify.paper_model.fit_actuator import fit_actuator
+from hqpipe.identify.paper_model.problem import COEFFICIENTS, Problem
+from hqpipe.identify.paper_model.results import FitResult, JointFit
+from hqpipe.identify.windows import cut_windows, joint_data
 from hqpipe.logs.trajectory import LogSet
-from hqpipe.sysid.fit_actuator import fit_actuator
-from hqpipe.sysid.problem import COEFFICIENTS, Problem
-from hqpipe.sysid.results import FitResult, JointFit
-from hqpipe.sysid.windows import cut_windows, joint_data
 
 KNOWN = np.array([TRUTH[name] for name in COEFFICIENTS])
 DRIFT, RIPPLE = 8.0, 1.0  # N·m, and N·m a sample

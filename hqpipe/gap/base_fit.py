@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hqpipe.identify.paper_model.problem import COEFFICIENTS, Problem
+from hqpipe.identify.paper_model.solve import first_guess, solve
+from hqpipe.identify.windows import JointData, Windows
 from hqpipe.layers.actuator.record import MOST_WINDOWS, window_starts
 from hqpipe.logs.columns import COMMAND_CHANNEL
 from hqpipe.logs.differentiate import step_speed
 from hqpipe.logs.trajectory import Trajectory
-from hqpipe.sysid.problem import COEFFICIENTS, Problem
-from hqpipe.sysid.solve import first_guess, solve
-from hqpipe.sysid.windows import JointData, Windows
 
 _OUTLIER = 0.5  # of the RMS torque, from which on an error counts linearly (Huber); assumption: impacts are smaller
 _FREE = {

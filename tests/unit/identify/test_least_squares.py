@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from toy_joint import ToyJoint
+from identify.toy_joint import ToyJoint
 
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.left_out import left_out_square
