@@ -10,7 +10,7 @@ from hqpipe.identify.paper_model.fit_actuator import fit_actuator
 from hqpipe.identify.rivals.compare import compare_models
 from hqpipe.logs.log_set import read_log_set
 
-DATA = Path(__file__).resolve().parents[3] / ".." / "shared" / "data"
+DATA = Path(__file__).resolve().parents[4] / ".." / "shared" / "data"
 
 
 def real(name):

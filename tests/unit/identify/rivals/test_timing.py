@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
+from actuators.net_examples import random_net
 from identify.small_logs import trajectory
 
 from hqpipe.identify.rivals import timing
 from hqpipe.identify.rivals.timing import step_time, timed
 from hqpipe.machine.loops.free_run import step_along
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "actuators"))
-from net_examples import random_net
 
 
 def test_result_comes_back_with_its_time():

@@ -12,7 +12,7 @@ from hqpipe.logs.trajectory import Trajectory
 from hqpipe.machine import EFFECTS
 from hqpipe.machine.layout import neutral_row, slot
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "recovery"))
+sys.path.insert(0, str(Path(__file__).parents[3] / "recovery"))
 import planted_effects as planted
 from signal_windows import windows_of
 

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from identify.small_logs import log_set, trajectory
 
 from hqpipe.actuators import ACTUATOR_MODELS
 from hqpipe.errors import IdentificationError, UsageError
 from hqpipe.identify.free_run import predict
 from hqpipe.identify.rivals.nets.data import net_data
 from hqpipe.identify.rivals.nets.fit_net import KINDS, fit_paper_net, fit_strong_net
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-from identify.small_logs import log_set, trajectory
 
 QUICK = {"warm_up": 3, "iterations": 4, "hidden": 4, "windows": 2, "every": 2, "window_s": 0.02}
 

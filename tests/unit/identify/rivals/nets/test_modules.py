@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
+from identify.small_logs import log_set, trajectory
 
 from hqpipe.actuators import ACTUATOR_MODELS
 from hqpipe.identify.free_run import predict
 from hqpipe.identify.rivals.nets.data import net_data
 from hqpipe.identify.rivals.nets.modules import NETS, actuator_of
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-from identify.small_logs import log_set, trajectory
 
 STEPS = 30
 CASES = [
