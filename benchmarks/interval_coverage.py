@@ -62,7 +62,7 @@ def independent(logs: LogSet, fit: JointFit) -> np.ndarray:
     data = [joint_data(logs.fit, joint) for joint in logs.joints]
     windows = cut_windows(logs.fit, 0.1)
     problem = Problem(data, windows, np.full(joints, RADIUS), np.full(joints, np.inf))
-    at = problem.evaluate(np.array([c.value for c in fit.coefficients]), problem.measured_starts())
+    at, _ = problem.evaluate(np.array([c.value for c in fit.coefficients]), problem.measured_starts())
     return Z95 * fit.free_run_rmse * np.sqrt(np.diag(np.linalg.inv(at.hessian)))
 
 

@@ -13,19 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.identify.correlation import correlation_time
+from hqpipe.identify.descent import SLOW, descended, stepped, stopped
 from hqpipe.identify.model import JointModel, all_parameters
 
 _STEP = 3e-3  # of the spread: long enough that a stick-slip event which moves by a substep does not decide the slope
 _CHANGE = 3.0
 """Size of the error's change, over its root mean square, that the step of a difference is to bring: as a few standard
 deviations of the parameter if the errors were white. Longer ones pass over the corners of a limit that the data resolve."""
-_SLOW = 0.01  # of the cost, per step, from which on shorter differences are taken: a good slope brings more, or nothing
 _SHORTEST = 0.01  # of the long step; assumption: a jump of the error has no slope, however short the step
 _TOLERANCE = 1e-5  # of the cost, per step: so small a one lets a weak prior decide where the logs do not
 _WORTH = 0.1  # of twice ln B, per step: below it no decision changes; assumption
-_ITERATIONS = 40  # assumption: a fit that needs more does not converge
 _PRIOR_HOLDS = 0.5  # of the variance that a prior was weighed with, below which the fit is made again; assumption
-_LEAST_DAMPING, _DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
 _SEEN = 1e-7  # of the size of the error, that a difference must reach to be told from rounding
 
 
@@ -105,27 +103,8 @@ class Fitter:
         Args:
             jacobian: (N, F), of the last differences. fine: whether differences are short.
         """
-        least, damping = self._tolerance(point.error) if fine else _SLOW, _DAMPING
-        for _ in range(_ITERATIONS):
-            before, steps = point.cost, self._steps(point.values, free)
-            if fine:
-                steps = np.clip(self._resolved(jacobian, point.error), _SHORTEST * steps, steps)
-            jacobian = slopes = self.jacobian(point.values, point.error, free, steps)
-            while damping <= _MOST_DAMPING:
-                trial = self._at(self._stepped(point.values, point.error, slopes, free, noise, damping), free, noise)
-                last, helps = point, trial.cost < point.cost
-                if helps:
-                    slopes = _followed(slopes, last, trial, free, steps)
-                    point, damping = trial, max(damping / 10.0, _LEAST_DAMPING)
-                    if last.cost - point.cost <= least * last.cost:
-                        break
-                elif slopes is not jacobian:
-                    break
-                else:
-                    damping *= 10.0
-            if before - point.cost <= least * before:
-                break
-        return point, jacobian
+        problem = _Differences(self, jacobian, free, noise, fine)
+        return descended(problem, point, self._tolerance(point.error) if fine else SLOW)
 
     def _tolerance(self, error: np.ndarray) -> float:
         """Of the cost, per step, below which a fit ends: less changes the odds of nothing, as errors that stay alike for long
@@ -138,8 +117,7 @@ class Fitter:
 
     def stopped(self, values: np.ndarray, free: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """(F,) whether a parameter is at a bound that it would pass on the way down; `slope`: (F,) of half the cost."""
-        now = values[free]
-        return ((now <= self.low[free]) & (slope > 0.0)) | ((now >= self.high[free]) & (slope < 0.0))
+        return stopped(slope, values[free], self.low[free], self.high[free])
 
     def jacobian(self, values: np.ndarray, error: np.ndarray, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """(N, F) of the error by one-sided differences of the length `steps` (F,), away from a bound."""
@@ -200,21 +178,46 @@ class Fitter:
         noise: float,
         damping: float,
     ) -> np.ndarray:
+        equations = self._equations(values, error, jacobian, free, noise)
+        return stepped(*equations, values, free, self.low, self.high, damping)
+
+    def _equations(
+        self, values: np.ndarray, error: np.ndarray, jacobian: np.ndarray, free: np.ndarray, noise: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(F, F) normal matrix and (F,) slope of half the cost, the priors among them."""
         prior = np.zeros(len(free))  # curvature of the prior
         known = np.isfinite(self.spread[free])
         prior[known] = 2.0 * noise / self.spread[free][known] ** 2 / (1.0 + self._relative(values, free)[known] ** 2)
         normal = jacobian.T @ jacobian + np.diag(prior)
-        slope = jacobian.T @ error + prior * (values - self.neutral)[free]
-        moves = ~self.stopped(values, free, slope) & (np.diag(normal) > 0.0)
-        if not moves.any():
-            return values
-        part = normal[np.ix_(moves, moves)]
-        scale = np.sqrt(np.diag(part))
-        part = part / np.outer(scale, scale) + damping * np.eye(len(scale))
-        step = -np.linalg.solve(part, slope[moves] / scale) / scale
-        trial = values.copy()
-        trial[free[moves]] += step
-        return np.clip(trial, self.low, self.high)
+        return normal, jacobian.T @ error + prior * (values - self.neutral)[free]
+
+
+class _Differences:
+    """The fit of some parameters as `hqpipe.identify.descent` asks for it: sensitivities are differences, followed between."""
+
+    exact = False
+
+    def __init__(self, fitter: Fitter, jacobian: np.ndarray, free: np.ndarray, noise: float, fine: bool) -> None:
+        self._fitter, self._jacobian, self._noise, self._fine = fitter, jacobian, noise, fine
+        self.free, self.low, self.high = free, fitter.low, fitter.high
+        self._steps = np.zeros(len(free))
+
+    def at(self, values: np.ndarray, last: _Point) -> _Point:
+        return self._fitter._at(values, self.free, self._noise)
+
+    def slopes(self, point: _Point) -> np.ndarray:
+        fitter, self._steps = self._fitter, self._fitter._steps(point.values, self.free)
+        if self._fine:
+            resolved = fitter._resolved(self._jacobian, point.error)
+            self._steps = np.clip(resolved, _SHORTEST * self._steps, self._steps)
+        self._jacobian = fitter.jacobian(point.values, point.error, self.free, self._steps)
+        return self._jacobian
+
+    def followed(self, slopes: np.ndarray, last: _Point, now: _Point) -> np.ndarray:
+        return _followed(slopes, last, now, self.free, self._steps)
+
+    def equations(self, slopes: np.ndarray, point: _Point) -> tuple[np.ndarray, np.ndarray]:
+        return self._fitter._equations(point.values, point.error, slopes, self.free, self._noise)
 
 
 def lengths(normal: np.ndarray) -> np.ndarray:

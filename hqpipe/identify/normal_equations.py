@@ -1,4 +1,4 @@
-"""Normal equations of a fit over windows, and the damped step that they ask for."""
+"""Normal equations of a fit, window by window."""
 
 from __future__ import annotations
 
@@ -33,19 +33,17 @@ class NormalEquations:
         """Whether every number is finite: the model did not run away within a window."""
         return bool(np.isfinite(self.cost) and np.isfinite(self.hessian).all() and np.isfinite(self.gradient).all())
 
-    def step(self, x: np.ndarray, free: np.ndarray, lower: np.ndarray, upper: np.ndarray, damping: float) -> np.ndarray:
-        """(P,) damped Gauss-Newton step; a parameter that its gradient presses against a bound stays there.
+    @classmethod
+    def of(cls, jacobian: np.ndarray, error: np.ndarray, edges: np.ndarray, free: np.ndarray) -> NormalEquations:
+        """Those of a dense fit.
 
         Args:
-            x: (P,) the point. free: (P,) bool. lower, upper: (P,) bounds.
-            damping: of Levenberg-Marquardt, in units of the diagonal.
+            jacobian: (N, F) of the error. error: (N,). edges: (W,) first sample of each window.
+            free: (P,) bool, which parameters the columns belong to; the others have 0.
         """
-        gradient, hessian = self.gradient, self.hessian
-        pressed = ((x <= lower) & (gradient > 0)) | ((x >= upper) & (gradient < 0))
-        active = free & ~pressed & (np.diag(hessian) > 0)
-        step = np.zeros(len(x))
-        if active.any():
-            unit = np.sqrt(np.diag(hessian)[active])
-            scaled = hessian[np.ix_(active, active)] / np.outer(unit, unit) + damping * np.eye(len(unit))
-            step[active] = -np.linalg.lstsq(scaled, gradient[active] / unit, rcond=1e-14)[0] / unit
-        return step
+        count, size, index = len(edges), len(free), np.flatnonzero(free)
+        hessians, scores = np.zeros((count, size, size)), np.zeros((count, size))
+        scores[:, index] = np.add.reduceat(jacobian * error[:, None], edges, axis=0)
+        for column, i in enumerate(index):
+            hessians[:, i, index] = np.add.reduceat(jacobian[:, [column]] * jacobian, edges, axis=0)
+        return cls(float(error @ error), hessians, scores)

@@ -9,8 +9,9 @@ from itertools import combinations
 import numpy as np
 
 from hqpipe.actuators.posterior import factor
+from hqpipe.identify.descent import stepped
+from hqpipe.identify.determined import MAX_INFLATION, inflation
 from hqpipe.identify.normal_equations import NormalEquations
-from hqpipe.identify.paper_model.excitation import MAX_INFLATION, inflation
 from hqpipe.identify.window_intervals import uncertainty
 from hqpipe.identify.windows import Windows
 
@@ -172,8 +173,8 @@ def _section(
     told = _told(own, free)
     if not told.any():
         return None
-    step = own.step(x, told, lower, upper, 0.0)
-    there = np.clip(x + step, lower, upper)
+    index = np.flatnonzero(told)
+    there = stepped(own.hessian[np.ix_(told, told)], own.gradient[told], x, index, lower, upper, 0.0)
     moved = NormalEquations(0.0, own.hessians, own.scores + own.hessians @ (there - x))
     information = np.zeros(len(told))
     information[told] = np.diag(own.hessian)[told] / inflation(own.hessian, told)[told]

@@ -33,14 +33,19 @@ class Windows:
 
 @dataclass(frozen=True, eq=False)
 class JointData:
-    """What the model of one joint sees, (T,) each: torque N·m, error rad, velocity rad/s; whether the torque was recorded."""
+    """What the model of one joint sees, (T,) each.
+
+    Attributes:
+        joint: name. effort: torque, N·m. error: of the position, rad. velocity: rad/s. command: rad.
+        weight: of the torque's sample in a fit; 0 where it was not recorded.
+    """
 
     joint: str
     effort: np.ndarray
     error: np.ndarray
     velocity: np.ndarray
     command: np.ndarray
-    observed: np.ndarray
+    weight: np.ndarray
 
 
 def common_dt(trials: list[Trial]) -> float:
@@ -95,5 +100,5 @@ def joint_data(trials: list[Trial], joint: str) -> JointData:
         j = t.joint(joint)
         command = t.position_command[:, j]
         parts.append((t.effort[:, j], command - t.position[:, j], t.velocity[:, j], command, t.recorded[:, j]))
-    effort, error, velocity, command, observed = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return JointData(joint, effort, error, velocity, command, observed)
+    effort, error, velocity, command, recorded = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return JointData(joint, effort, error, velocity, command, recorded.astype(np.float64))

@@ -10,13 +10,13 @@ import numpy as np
 from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.actuators.posterior import Range
 from hqpipe.errors import IdentificationError, UsageError, near_match
+from hqpipe.identify.determined import single_window
 from hqpipe.identify.free_run import WINDOW_S
 from hqpipe.identify.noise import noise_floor
 from hqpipe.identify.outliers import outlier_size
-from hqpipe.identify.paper_model.excitation import inseparable, single_window, unexcited
-from hqpipe.identify.paper_model.problem import COEFFICIENTS, HELD, LOWER, UPPER, Problem
+from hqpipe.identify.paper_model.excitation import inseparable, unexcited
+from hqpipe.identify.paper_model.problem import COEFFICIENTS, HELD, LOWER, UPPER, Problem, Solution
 from hqpipe.identify.paper_model.results import Coefficient, FitResult, JointFit
-from hqpipe.identify.paper_model.solve import Solution, first_guess, solve
 from hqpipe.identify.posterior import Known, posterior_of
 from hqpipe.identify.sections import sections_of
 from hqpipe.identify.window_intervals import Uncertainty, uncertainty
@@ -41,7 +41,7 @@ def fit_actuator(
 ) -> FitResult:
     """Fit k1 … k4 to the fit trials, free-running in windows; held-out trials are never touched.
 
-    The first guess is linear least squares. Then the squared error of the simulated windows is minimised over
+    Linear least squares gives the starts. Then the squared error of the simulated windows is minimised over
     the coefficients within their physical bounds and over each window's start torque, which is known from the
     log only to within its noise. Gross errors beyond six robust standard deviations count linearly (Huber).
 
@@ -67,7 +67,7 @@ def fit_actuator(
         solution, fit, one_step[group] = _fit_group(problem, noise)
         fits.append(fit)
         if solution:
-            k[group] = solution.k
+            k[group] = solution.values
         if _enough(windows):
             known.append(_known(problem, solution, fit))
     _require_any(log_set, fits)
@@ -132,12 +132,12 @@ def _fit_group(problem: Problem, noise: np.ndarray) -> tuple[Solution | None, Jo
     one_step = problem.one_step(1) if free.any() else np.zeros(4)
     solution = None
     if free.any():
-        guess = first_guess(problem, free)
-        reasons |= inseparable(problem.evaluate(guess, problem.measured_starts()), free)
+        starts = problem.starts(free)
+        reasons |= inseparable(problem.evaluate(starts[0], problem.measured_starts())[0], free)
         free = np.array([name not in reasons for name in COEFFICIENTS])
     if free.any():
-        solution = _two_passes(problem, np.where(free, guess, 0.0), free, noise)
-    k = solution.k if solution else np.zeros(4)
+        solution = _two_passes(problem, [np.where(free, start, 0.0) for start in starts], free, noise)
+    k = solution.values if solution else np.zeros(4)
     rmse = np.sqrt(np.mean(np.concatenate(problem.residuals(k)) ** 2))
     bounds = problem.windows.bounds
     spread = None
@@ -169,10 +169,10 @@ def _known(problem: Problem, solution: Solution | None, fit: JointFit) -> Known:
     single = [solution]
     if len(joints) > 1:
         starts = solution.starts
-        single = [solve(problem.alone(j), solution.k, [starts[j]], free) for j in range(len(joints))]
-    sections = sections_of([(part.k, part.at) for part in single], problem.windows, free, LOWER, UPPER)
-    assumed = {"k4": _assumed_k4(problem, solution.k)}
-    return Known(joints, solution.k, free, held, fit.covariance, sections, LOWER, UPPER, assumed)
+        single = [problem.alone(j).fit(free, [solution.values], [starts[j]]) for j in range(len(joints))]
+    sections = sections_of([(part.values, part.at) for part in single], problem.windows, free, LOWER, UPPER)
+    assumed = {"k4": _assumed_k4(problem, solution.values)}
+    return Known(joints, solution.values, free, held, fit.covariance, sections, LOWER, UPPER, assumed)
 
 
 def _assumed_k4(problem: Problem, k: np.ndarray) -> Range:
@@ -182,14 +182,14 @@ def _assumed_k4(problem: Problem, k: np.ndarray) -> Range:
     return Range(0.0, high, "assumption: at the largest error of the logs an impact at most doubles the leakage")
 
 
-def _two_passes(problem: Problem, guess: np.ndarray, free: np.ndarray, noise: np.ndarray) -> Solution:
+def _two_passes(problem: Problem, starts: Sequence[np.ndarray], free: np.ndarray, noise: np.ndarray) -> Solution:
     """Fit with the starts held to the log, then with the starts and outliers weighed by what is left over."""
-    first = solve(problem, guess, problem.measured_starts(), free)
-    for j, residual in enumerate(problem.residuals(first.k)):
+    first = problem.fit(free, starts)
+    for j, residual in enumerate(problem.residuals(first.values)):
         rms = np.sqrt(np.mean(residual**2))
         problem.outlier[j] = outlier_size(residual)
         problem.start_weight[j] = min(max((rms / max(noise[j], 1e-12)) ** 2, 1.0), HELD)
-    return solve(problem, first.k, first.starts, free)
+    return problem.fit(free, [first.values], first.starts)
 
 
 def _coefficients(
@@ -200,14 +200,14 @@ def _coefficients(
     reasons: Mapping[str, str],
 ) -> tuple[Coefficient, ...]:
     if spread:
-        low, high = spread.interval(solution.k)
+        low, high = spread.interval(solution.values)
     found = []
     for i, name in enumerate(COEFFICIENTS):
         unit, before = Hydraulic.FIELDS[name].unit, float(one_step[i])
         if not free[i]:
             found.append(Coefficient(name, unit, None, None, before, False, reasons[name]))
             continue
-        value = float(solution.k[i])
+        value = float(solution.values[i])
         if name in reasons:
             found.append(Coefficient(name, unit, value, None, before, False, reasons[name]))
             continue

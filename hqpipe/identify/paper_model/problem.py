@@ -1,11 +1,16 @@
-"""The least-squares problem of the paper's four coefficients over windows of one or several joints."""
+"""The fit of the paper's four coefficients over windows of one or several joints, with exact sensitivities.
+
+The torque at which a window starts is known from the log only to within its noise: it is free, and eliminated window by window.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from hqpipe.identify.descent import SLOW, descended
 from hqpipe.identify.normal_equations import NormalEquations
 from hqpipe.identify.windows import JointData, Windows
 from hqpipe.machine.loops.window_fit import UNKNOWNS, accumulate, one_step_moments
@@ -15,16 +20,24 @@ LOWER = np.zeros(4)  # physics: no term of eq. (7) may act against its meaning
 UPPER = np.array([np.inf, 1.0, np.inf, np.inf])  # a share of the torque leaks away in a sample
 HELD = 1e9  # start weight that holds a window's start to the log
 DROWNED = 1e-12  # of what a window says of a coefficient: less, once its start is eliminated, is rounding
+_SPANS = (1, 5, 20)  # samples of the differences that starts are made of
+_LEAST = 1e-9  # of the cost, per step: exact sensitivities end a fit in few steps more than a coarse rule
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluation(NormalEquations):
-    """In k1 … k4, after elimination of the start torques.
+class Solution:
+    """A point of a fit, and where it ended.
 
     Attributes:
+        values: (4,) coefficients. starts: (W,) start torques per joint. at: normal equations in the coefficients there,
+            after elimination of the start torques. cost: of `at`; infinite where the model runs away within a window.
         blocks: per joint, what the elimination needs to find the start torques again.
     """
 
+    values: np.ndarray
+    starts: list[np.ndarray]
+    at: NormalEquations
+    cost: float
     blocks: tuple[tuple[np.ndarray, np.ndarray], ...]
 
 
@@ -38,6 +51,8 @@ class Problem:
         limit: (J,) effort limit, N·m.
     """
 
+    low, high, exact = LOWER, UPPER, True  # as `hqpipe.identify.descent` asks for them
+
     def __init__(self, joints: list[JointData], windows: Windows, radius: np.ndarray, limit: np.ndarray) -> None:
         self.joints = joints
         self.windows = windows
@@ -48,13 +63,68 @@ class Problem:
         self._residuals = [np.full(len(data.effort), np.nan) for data in joints]
         self.start_weight = np.full(len(joints), HELD)
         self.outlier = np.full(len(joints), np.inf)
+        self.free = np.arange(len(COEFFICIENTS))
+
+    def fit(self, free: np.ndarray, starts: Sequence[np.ndarray], torques: list[np.ndarray] | None = None) -> Solution:
+        """Minimise the cost over the free coefficients within their bounds, and over the start torques.
+
+        Near from every start, then to the end from the best, as `hqpipe.identify.least_squares` does.
+
+        Args:
+            free: (4,) bool. starts: of (4,); what is not free stays there.
+            torques: (W,) start torques per joint to begin with; those of the log if not given.
+
+        Returns:
+            A start that runs away within a window if all of them do.
+        """
+        self.free = np.flatnonzero(free)
+        points = [self._point(k, self.measured_starts() if torques is None else torques) for k in starts]
+        sound = [point for point in points if np.isfinite(point.cost)]
+        if not sound:
+            return points[0]
+        near = [descended(self, point, SLOW)[0] for point in sound] if len(sound) > 1 else sound
+        return descended(self, min(near, key=lambda point: point.cost), _LEAST)[0]
+
+    def starts(self, free: np.ndarray) -> list[np.ndarray]:
+        """(4,) coefficients from differences over a few samples, the best in the free run first; what is not free is 0.
+
+        Args:
+            free: (4,) bool.
+        """
+        spans = [span for span in _SPANS if span <= self.windows.samples // 2] or [1]
+        guesses = [np.where(free, self.one_step(span), 0.0) for span in spans]
+        costs = [self._point(guess, self.measured_starts()).cost for guess in guesses]
+        if min(costs) == np.inf:  # k4 large enough to make the free run diverge
+            return [np.where(np.arange(4) == COEFFICIENTS.index("k4"), 0.0, guesses[-1])]
+        return [guess for _, guess in sorted(zip(costs, guesses, strict=True), key=lambda pair: pair[0])]
+
+    def at(self, values: np.ndarray, last: Solution) -> Solution:
+        """The point after a step, the start torques moved along with the coefficients; see `descent.Problem`."""
+        step, pairs = values - last.values, zip(last.starts, last.blocks, strict=True)
+        return self._point(values, [start - (offset + ratio @ step) for start, (ratio, offset) in pairs])
+
+    def slopes(self, point: Solution) -> NormalEquations:
+        return point.at
+
+    def followed(self, slopes: NormalEquations, last: Solution, now: Solution) -> NormalEquations:
+        return now.at
+
+    def equations(self, slopes: NormalEquations, point: Solution) -> tuple[np.ndarray, np.ndarray]:
+        return slopes.hessian[np.ix_(self.free, self.free)], slopes.gradient[self.free]
+
+    def _point(self, k: np.ndarray, starts: list[np.ndarray]) -> Solution:
+        with np.errstate(over="ignore", invalid="ignore"):
+            at, blocks = self.evaluate(k, starts)
+        return Solution(k, starts, at, at.cost if at.sound() else np.inf, blocks)
 
     def measured_starts(self) -> list[np.ndarray]:
         """(W,) logged torque at the start of every window, per joint."""
         return [data.effort[self.windows.bounds[:, 0]].copy() for data in self.joints]
 
-    def evaluate(self, k: np.ndarray, starts: list[np.ndarray]) -> Evaluation:
-        """Normal equations at the coefficients `k` (4,) and start torques (W,) per joint."""
+    def evaluate(
+        self, k: np.ndarray, starts: list[np.ndarray]
+    ) -> tuple[NormalEquations, tuple[tuple[np.ndarray, np.ndarray], ...]]:
+        """Normal equations at the coefficients `k` (4,) and start torques (W,) per joint, and how these follow a step."""
         count = len(self.windows.bounds)
         total, hessians, scores, blocks = 0.0, np.zeros((count, 4, 4)), np.zeros((count, 4)), []
         for j, data in enumerate(self.joints):
@@ -74,7 +144,7 @@ class Problem:
                 g,
                 cost,
                 self._residuals[j],
-                data.observed,
+                data.weight,
             )
             unit = np.append(self.scale[j], 1.0)
             a *= unit[:, None] * unit
@@ -82,15 +152,14 @@ class Problem:
             ratio = a[:, :4, 4] / a[:, 4, 4, None]
             left, score = a[:, :4, :4] - a[:, :4, 4, None] * ratio[:, None, :], g[:, :4] - ratio * g[:, 4, None]
             known, kept = (np.diagonal(matrix[:, :4, :4], axis1=1, axis2=2) for matrix in (a, left))
-            drowned = (kept < DROWNED * known).any(
-                axis=1
-            )  # the window is chaotic: its end hangs on nothing but its start
+            # In a chaotic window the end hangs on nothing but the start.
+            drowned = (kept < DROWNED * known).any(axis=1)
             left[drowned], score[drowned] = 0.0, 0.0
             hessians += left
             scores += score
             total += cost.sum()
             blocks.append((ratio, g[:, 4] / a[:, 4, 4]))
-        return Evaluation(float(total), hessians, scores, tuple(blocks))
+        return NormalEquations(float(total), hessians, scores), tuple(blocks)
 
     def alone(self, j: int) -> Problem:
         """The problem of one of the joints by itself."""
@@ -107,12 +176,11 @@ class Problem:
         """(W,) mean squared error of each window, restarted from the log, per joint; infinite where it runs away."""
         with np.errstate(over="ignore", invalid="ignore"):
             self.evaluate(k, self.measured_starts())
-            squares = [np.where(d.observed, r**2, 0.0) for d, r in zip(self.joints, self._residuals, strict=True)]
             means = [
                 np.array(
-                    [x[a + 1 : b + 1].sum() / max(d.observed[a + 1 : b + 1].sum(), 1) for a, b in self.windows.bounds]
+                    [_weighted_mean(r[a + 1 : b + 1] ** 2, d.weight[a + 1 : b + 1]) for a, b in self.windows.bounds]
                 )
-                for d, x in zip(self.joints, squares, strict=True)
+                for d, r in zip(self.joints, self._residuals, strict=True)
             ]
         return [np.where(np.isfinite(mean), mean, np.inf) for mean in means]
 
@@ -130,6 +198,12 @@ class Problem:
             moments += self.scale[j][:, None] * self.scale[j] * m
             right += self.scale[j] * r
         return bounded_least_squares(moments, right, LOWER, UPPER)
+
+
+def _weighted_mean(values: np.ndarray, weight: np.ndarray) -> float:
+    """0 where nothing counts."""
+    counts = weight > 0.0
+    return float(values[counts] @ weight[counts] / weight[counts].sum()) if counts.any() else 0.0
 
 
 def bounded_least_squares(moments: np.ndarray, right: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:

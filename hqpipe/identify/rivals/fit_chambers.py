@@ -9,11 +9,12 @@ import numpy as np
 from hqpipe.actuators.posterior import Posterior
 from hqpipe.actuators.two_chamber import TwoChamber
 from hqpipe.errors import IdentificationError, UsageError, near_match
+from hqpipe.identify.determined import MAX_INFLATION, inflation, single_window
 from hqpipe.identify.free_run import WINDOW_S
 from hqpipe.identify.noise import noise_floor
 from hqpipe.identify.normal_equations import NormalEquations
 from hqpipe.identify.outliers import outlier_size
-from hqpipe.identify.paper_model.excitation import MAX_INFLATION, inflation, single_window, unexcited
+from hqpipe.identify.paper_model.excitation import unexcited
 from hqpipe.identify.paper_model.fit_actuator import PerJoint, per_joint
 from hqpipe.identify.posterior import Known, posterior_of
 from hqpipe.identify.rivals.chamber_problem import PARAMETERS, ChamberProblem

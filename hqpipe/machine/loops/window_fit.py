@@ -36,12 +36,15 @@ def advance(gains: np.ndarray, limit: float, torque: float, error: float, qd: fl
 
 
 @njit(cache=True, nogil=True)
-def add_residual(residual: float, outlier: float, s: np.ndarray, hessian: np.ndarray, gradient: np.ndarray) -> float:
-    """Add one residual to the lower triangle (5, 5) and the gradient (5,); returns its Huber loss."""
+def add_residual(
+    residual: float, weight: float, outlier: float, s: np.ndarray, hessian: np.ndarray, gradient: np.ndarray
+) -> float:
+    """Add one weighted residual to the lower triangle (5, 5) and the gradient (5,); returns its Huber loss."""
     size = abs(residual)
-    weight, loss = 1.0, residual * residual
+    loss = weight * residual * residual
     if size > outlier:
-        weight, loss = outlier / size, outlier * (2.0 * size - outlier)
+        loss = weight * outlier * (2.0 * size - outlier)
+        weight *= outlier / size
     for i in range(UNKNOWNS):
         scaled = weight * s[i]
         gradient[i] += scaled * residual
@@ -65,7 +68,7 @@ def accumulate(
     gradient: np.ndarray,
     cost: np.ndarray,
     residuals: np.ndarray,
-    observed: np.ndarray,
+    weight: np.ndarray,
 ) -> None:
     """Fill the Gauss-Newton normal equations of every window of one joint.
 
@@ -79,7 +82,7 @@ def accumulate(
         outlier: residuals beyond this (N·m) count linearly (Huber's loss); may be infinite.
         hessian: (W, 5, 5), gradient: (W, 5), cost: (W,) – overwritten.
         residuals: (T,) simulated − measured torque, overwritten where a window predicts what was recorded.
-        observed: (T,) whether the torque was recorded; what was not counts for nothing.
+        weight: (T,) of each sample of the torque; what was not recorded has 0 and counts for nothing.
     """
     s = np.empty(UNKNOWNS)
     for w in range(windows.shape[0]):
@@ -95,11 +98,11 @@ def accumulate(
         s[4] = 1.0
         for k in range(first, last):
             torque = advance(gains, limit, torque, error[k], qd[k], s)
-            if not observed[k + 1]:
+            if weight[k + 1] == 0.0:
                 continue
             residual = torque - effort[k + 1]
             residuals[k + 1] = residual
-            total += add_residual(residual, outlier, s, hessian[w], gradient[w])
+            total += add_residual(residual, weight[k + 1], outlier, s, hessian[w], gradient[w])
         for i in range(UNKNOWNS):
             for m in range(i):
                 hessian[w, m, i] = hessian[w, i, m]

@@ -8,7 +8,6 @@ from identify.small_logs import log_set, trajectory
 
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.paper_model.problem import HELD, Problem, bounded_least_squares
-from hqpipe.identify.paper_model.solve import solve
 from hqpipe.identify.windows import cut_windows, joint_data
 
 
@@ -74,18 +73,17 @@ GAINS = np.array([400.0, 0.04, 8.0, 0.3])
 def test_solver_finds_the_truth_from_afar(limit):
     problem = problem_of(driven(GAINS, limit=limit), limit)
     far = GAINS * [0.2, 3.0, 2.0, 0.0]
-    solution = solve(problem, far, problem.measured_starts(), np.ones(4, bool))
-    assert solution.converged
-    np.testing.assert_allclose(solution.k, GAINS, rtol=1e-5)
+    solution = problem.fit(np.ones(4, bool), [far])
+    np.testing.assert_allclose(solution.values, GAINS, rtol=1e-5)
 
 
 def test_solver_respects_bounds_and_what_is_not_free():
     against = problem_of(driven(GAINS * [1, 1, -1, 1]))
-    solution = solve(against, GAINS, against.measured_starts(), np.ones(4, bool))
-    assert solution.k[2] == 0.0
+    solution = against.fit(np.ones(4, bool), [GAINS])
+    assert solution.values[2] == 0.0
     problem = problem_of(driven(GAINS))
-    pinned = solve(problem, GAINS * [1, 1, 1, 0], problem.measured_starts(), np.arange(4) < 3)
-    assert pinned.k[3] == 0.0 and pinned.at.cost > 1.0
+    pinned = problem.fit(np.arange(4) < 3, [GAINS * [1, 1, 1, 0]])
+    assert pinned.values[3] == 0.0 and pinned.at.cost > 1.0
 
 
 def test_start_torques_follow_the_weight():
@@ -96,13 +94,13 @@ def test_start_torques_follow_the_weight():
     problem = problem_of(trajectory(samples=1500, joints=("hip",), effort=effort))
     everything = np.ones(4, bool)
     problem.start_weight[:] = HELD
-    held = solve(problem, GAINS, problem.measured_starts(), everything)
+    held = problem.fit(everything, [GAINS])
     np.testing.assert_allclose(held.starts[0], problem.measured_starts()[0], atol=1e-3)
     problem.start_weight[:] = 1.0
-    free = solve(problem, GAINS, problem.measured_starts(), everything)
+    free = problem.fit(everything, [GAINS])
     truth = trial.effort[problem.windows.bounds[:, 0], 0]
     assert np.abs(free.starts[0] - truth).mean() < 15.0
-    assert np.abs(free.k / GAINS - 1).max() < np.abs(held.k / GAINS - 1).max()
+    assert np.abs(free.values / GAINS - 1).max() < np.abs(held.values / GAINS - 1).max()
 
 
 def test_a_window_in_chaos_says_nothing():
@@ -113,6 +111,6 @@ def test_a_window_in_chaos_says_nothing():
     problem = problem_of(trial)
     problem.start_weight[:] = 1.0
     starts = problem.measured_starts()
-    assert (problem.evaluate(np.array([0.0, 0.01, 1.0, 10.0]), starts).hessians == 0.0).all()
-    steady = problem.evaluate(np.array([0.0, 0.01, 1.0, 1.0]), starts).hessians
+    assert (problem.evaluate(np.array([0.0, 0.01, 1.0, 10.0]), starts)[0].hessians == 0.0).all()
+    steady = problem.evaluate(np.array([0.0, 0.01, 1.0, 1.0]), starts)[0].hessians
     assert (np.diagonal(steady, axis1=1, axis2=2) > 0.0).all()

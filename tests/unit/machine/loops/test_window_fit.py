@@ -21,7 +21,7 @@ def channels():
     return effort, error, qd, windows
 
 
-def evaluate(gains, start, channels, limit=np.inf, outlier=np.inf, start_weight=1.0, observed=None):
+def evaluate(gains, start, channels, limit=np.inf, outlier=np.inf, start_weight=1.0, weight=None):
     effort, error, qd, windows = channels
     count = len(windows)
     hessian, gradient, cost = np.empty((count, 5, 5)), np.empty((count, 5)), np.empty(count)
@@ -39,7 +39,7 @@ def evaluate(gains, start, channels, limit=np.inf, outlier=np.inf, start_weight=
         gradient,
         cost,
         np.empty(400),
-        np.ones(400, dtype=bool) if observed is None else observed,
+        np.ones(400) if weight is None else weight,
     )
     return hessian, gradient, cost
 
@@ -109,11 +109,20 @@ def test_moments_solve_noise_free_data_exactly(channels, span):
 
 def test_samples_that_were_not_recorded_count_for_nothing(channels):
     effort, error, qd, windows = channels
-    observed = np.ones(400, dtype=bool)
-    observed[[7, 60, 61, 333]] = False
+    weight = np.ones(400)
+    weight[[7, 60, 61, 333]] = 0.0
     gains, start = GAINS, effort[windows[:, 0]]
-    plain = evaluate(gains, start, (effort, error, qd, windows), observed=observed)
-    effort = np.where(observed, effort, 1e6)
-    for a, b in zip(plain, evaluate(gains, start, (effort, error, qd, windows), observed=observed), strict=True):
+    plain = evaluate(gains, start, (effort, error, qd, windows), weight=weight)
+    effort = np.where(weight > 0.0, effort, 1e6)
+    for a, b in zip(plain, evaluate(gains, start, (effort, error, qd, windows), weight=weight), strict=True):
         np.testing.assert_array_equal(a, b)
     assert evaluate(gains, start, (effort, error, qd, windows))[2].sum() > 1e9
+
+
+@pytest.mark.parametrize("outlier", [np.inf, 40.0])
+def test_a_sample_of_weight_two_counts_twice(channels, outlier):
+    start = channels[0][channels[3][:, 0]]
+    once, twice = (evaluate(GAINS, start, channels, outlier=outlier, weight=np.full(400, w)) for w in (1.0, 2.0))
+    held = evaluate(GAINS, start, channels, outlier=outlier, weight=np.zeros(400))  # the start alone
+    for a, b, c in zip(once, twice, held, strict=True):
+        np.testing.assert_allclose(b - c, 2.0 * (a - c), rtol=1e-12)

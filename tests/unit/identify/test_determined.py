@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hqpipe.identify.paper_model.excitation import single_window
+from hqpipe.identify.determined import single_window
 
 BOTH = np.ones(2, bool)
 APART, TOGETHER = np.eye(2), np.ones((2, 2))  # information of a window that tells both, or their sum only
