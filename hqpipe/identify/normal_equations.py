@@ -34,16 +34,19 @@ class NormalEquations:
         return bool(np.isfinite(self.cost) and np.isfinite(self.hessian).all() and np.isfinite(self.gradient).all())
 
     @classmethod
-    def of(cls, jacobian: np.ndarray, error: np.ndarray, edges: np.ndarray, free: np.ndarray) -> NormalEquations:
+    def of(
+        cls, jacobian: np.ndarray, error: np.ndarray, window: np.ndarray, count: int, free: np.ndarray
+    ) -> NormalEquations:
         """Those of a dense fit.
 
         Args:
-            jacobian: (N, F) of the error. error: (N,). edges: (W,) first sample of each window.
+            jacobian: (N, F) of the error. error: (N,). window: (N,) number of each sample's window, below `count`.
             free: (P,) bool, which parameters the columns belong to; the others have 0.
         """
-        count, size, index = len(edges), len(free), np.flatnonzero(free)
+        size, index = len(free), np.flatnonzero(free)
         hessians, scores = np.zeros((count, size, size)), np.zeros((count, size))
-        scores[:, index] = np.add.reduceat(jacobian * error[:, None], edges, axis=0)
-        for column, i in enumerate(index):
-            hessians[:, i, index] = np.add.reduceat(jacobian[:, [column]] * jacobian, edges, axis=0)
+        for a, i in enumerate(index):
+            scores[:, i] = np.bincount(window, jacobian[:, a] * error, count)
+            for b, j in enumerate(index[: a + 1]):
+                hessians[:, i, j] = hessians[:, j, i] = np.bincount(window, jacobian[:, a] * jacobian[:, b], count)
         return cls(float(error @ error), hessians, scores)

@@ -17,7 +17,7 @@ _LEAST = 1e-3  # of any coefficient, so that a regression on its bound still giv
 
 
 def first_guesses(joints: list[JointData], windows: Windows, limit: np.ndarray) -> list[np.ndarray]:
-    """(9,) guesses in the order of `hqpipe.identify.rivals.chamber_problem.PARAMETERS`.
+    """(9,) guesses in the order of `hqpipe.identify.rivals.chamber_model.PARAMETERS`.
 
     Stiffness, flow gain and relaxation follow from the coefficients of eq. (7); the full torque is the effort limit if
     that is known, else a multiple of the largest torque.

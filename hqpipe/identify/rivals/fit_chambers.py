@@ -17,15 +17,13 @@ from hqpipe.identify.outliers import outlier_size
 from hqpipe.identify.paper_model.excitation import unexcited
 from hqpipe.identify.paper_model.fit_actuator import PerJoint, per_joint
 from hqpipe.identify.posterior import Known, posterior_of
-from hqpipe.identify.rivals.chamber_problem import PARAMETERS, ChamberProblem
-from hqpipe.identify.rivals.chamber_solve import solve_chambers
+from hqpipe.identify.rivals.chamber_model import PARAMETERS, ChamberModel, fitted
 from hqpipe.identify.rivals.chamber_start import first_guesses
 from hqpipe.identify.sections import sections_of
 from hqpipe.identify.window_intervals import uncertainty
 from hqpipe.identify.windows import Windows, cut_windows, joint_data
 from hqpipe.logs.trajectory import LogSet
 
-UNIT = np.array([1.0, 10.0, 0.1, 1e-4, 0.1, 1e-3, 0.1, 1.0, 1.0])  # sizes that finite differences scale with
 _FRICTION = np.array([name.endswith("_friction") for name in PARAMETERS])
 _LEAST_LAG = 1e-4  # s; assumption: a servo valve is slower, and below a fraction of a sample the lag is none
 _LONGEST_LAG = 0.05  # s; assumption: a valve slower than this is no servo valve
@@ -90,23 +88,15 @@ class ChamberFit:
 
 @dataclass(eq=False)
 class _Group:
-    """Joints that share their parameters, on their way through the fit."""
+    """Joints that share their parameters, and their fit."""
 
-    problem: ChamberProblem
+    model: ChamberModel
     lower: np.ndarray
     upper: np.ndarray
     free: np.ndarray
-    guesses: list[np.ndarray]
     noise: float
     x: np.ndarray
-    at: NormalEquations | None = None
-
-    def cost(self, x: np.ndarray) -> float:
-        cost = self.problem.cost(np.clip(x, self.lower, self.upper))
-        return cost if np.isfinite(cost) else np.inf
-
-    def solve(self, x: np.ndarray) -> None:
-        self.x, self.at = solve_chambers(self.problem, x, self.free, self.lower, self.upper)
+    at: NormalEquations
 
 
 def fit_chambers(
@@ -121,9 +111,8 @@ def fit_chambers(
 ) -> ChamberFit:
     """Fit the two-chamber model to the fit trials, free-running in windows; held-out trials are never touched.
 
-    The first guess translates the paper's coefficients. Every joint is solved from its best guess, then once more from
-    the median of all joints where that fits better (joints of a machine share their design), then with gross errors
-    counted linearly (Huber 1964). Seal friction is fitted unless the torque comes from pressures, which do not feel it.
+    The starts translate the paper's coefficients. Every joint is fitted from them, then once more with gross errors counted
+    linearly (Huber 1964). Seal friction is fitted unless the torque comes from pressures, which do not feel it.
 
     Args:
         log_set: with `position_command` and `effort`. window_s: length of a window, s.
@@ -145,13 +134,6 @@ def fit_chambers(
     groups = [_group(log_set, joints, windows, settings, half) for joints in scopes[scope]]
     if not any(group.free.any() for group in groups):
         raise IdentificationError(f"{log_set.path}: no joint moves in the fit trials; record some that do")
-    for group in groups:
-        costs = [group.cost(guess) for guess in group.guesses]
-        group.solve(group.guesses[int(np.argmin(costs))])
-    _restart(groups)
-    for group in groups:
-        _hold_outliers(group)
-        group.solve(group.x)
     table = np.empty((len(names), len(TwoChamber.FIELDS)))
     for joints, group in zip(scopes[scope], groups, strict=True):
         table[joints] = np.concatenate((np.tile(group.x, (len(joints), 1)), settings[joints]), axis=1)
@@ -181,32 +163,20 @@ def _settings(
 
 def _group(log_set: LogSet, joints: list[int], windows: Windows, settings: np.ndarray, half: np.ndarray) -> _Group:
     data = [joint_data(log_set.fit, log_set.joints[j]) for j in joints]
-    problem = ChamberProblem(data, windows, settings[joints], UNIT)
     lower, upper = np.zeros(len(PARAMETERS)), np.full(len(PARAMETERS), np.inf)
     lower[:4] = 1e-3, 1e-3, 1e-3, _LEAST_LAG
     upper[3] = _LONGEST_LAG
     upper[6] = 1.0 / max(half[joints].max(), 1e-9)
+    model = ChamberModel(data, windows, settings[joints], lower, upper)
     moving = "k1" not in unexcited(data, windows)
     free = np.full(len(PARAMETERS), moving)
     free[_FRICTION] &= log_set.effort_source != "pressure"
-    guesses = [
-        np.clip(np.where(_FRICTION, 0.0, g), lower, upper) for g in first_guesses(data, windows, settings[joints, 3])
-    ]
+    starts = first_guesses(data, windows, settings[joints, 3])
+    first = fitted(model, free, [np.where(_FRICTION, 0.0, start) for start in starts])
+    model.outlier[:] = [outlier_size(residual) for residual in model.residuals(first.values)]
+    found = fitted(model, free, [first.values])
     noise = np.sqrt(np.mean([noise_floor(log_set.fit, log_set.joints[j]).value ** 2 for j in joints]))
-    return _Group(problem, lower, upper, free, guesses, float(noise), guesses[0])
-
-
-def _restart(groups: list[_Group]) -> None:
-    """Solve a joint again from the median of all where that fits it better than where it ended."""
-    median = np.median([group.x for group in groups if group.free.any()], axis=0)
-    for group in groups:
-        if group.free.any() and group.cost(median) < group.cost(group.x):
-            group.solve(median)
-
-
-def _hold_outliers(group: _Group) -> None:
-    for j, residual in enumerate(group.problem.residuals(group.x)):
-        group.problem.outlier[j] = outlier_size(residual)
+    return _Group(model, lower, upper, free, float(noise), found.values, model.at(found))
 
 
 def _report(group: _Group) -> ChamberJointFit:
@@ -231,22 +201,19 @@ def _report(group: _Group) -> ChamberJointFit:
         )
         for i, name in enumerate(PARAMETERS)
     )
-    rmse = float(np.sqrt(np.mean(np.concatenate(group.problem.residuals(group.x)) ** 2)))
-    joints = group.problem.joints
-    name = joints[0].joint if len(joints) == 1 else "all"
-    return ChamberJointFit(name, parameters, spread.covariance, spread.freedom, rmse, group.noise)
+    rmse = float(np.sqrt(np.mean(np.concatenate(group.model.residuals(group.x)) ** 2)))
+    return ChamberJointFit(group.model.joint, parameters, spread.covariance, spread.freedom, rmse, group.noise)
 
 
 def _known(group: _Group, report: ChamberJointFit, windows: Windows) -> Known:
     """What the fit of one group knows, for the posterior."""
-    problem = group.problem
     determined = np.array([p.identifiable for p in report.parameters])
     held = np.array([p.held for p in report.parameters])
-    inner = determined & ~held
+    inner, joints = determined & ~held, tuple(data.joint for data in group.model.joints)
     single = [(group.x, group.at)]
-    if len(problem.joints) > 1:
-        parts = [problem.alone(j) for j in range(len(problem.joints))]
-        single = [solve_chambers(part, group.x, inner, group.lower, group.upper) for part in parts]
+    if len(joints) > 1:
+        parts = [group.model.alone(j) for j in range(len(joints))]
+        found = [fitted(part, inner, [group.x]) for part in parts]
+        single = [(solution.values, part.at(solution)) for part, solution in zip(parts, found, strict=True)]
     sections = sections_of(single, windows, inner, group.lower, group.upper)
-    joints = tuple(data.joint for data in problem.joints)
     return Known(joints, group.x, determined, held, report.covariance, sections, group.lower, group.upper)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hqpipe.identify.constants.chamber_constants import chamber_constants
-from hqpipe.identify.rivals.chamber_problem import PARAMETERS
+from hqpipe.identify.rivals.chamber_model import PARAMETERS
 from hqpipe.identify.rivals.fit_chambers import ChamberJointFit, ChamberParameter
 
 VALUES = dict(zip(PARAMETERS, (1000.0, 2e4, 25.0, 1.5e-3, 4.0, 1e-3, 0.3, 8.0, 2.0), strict=True))
