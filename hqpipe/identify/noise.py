@@ -1,58 +1,46 @@
-"""How small a torque error could be at all: the noise of the torque signal itself."""
+"""The noise of a sensor, from its signal alone: how small the error of a prediction could be at all."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from hqpipe.logs.survey.signal import block_rms, difference_noise
+from hqpipe.logs.survey.signal import difference_noise, noise, resolution
 from hqpipe.logs.trajectory import Trial
 
-_AR_ORDER = 20
-_AR_SAMPLES = 10_000  # of the start of a trial; plenty for 20 coefficients
+PIECE = 400  # samples; assumption: long enough to tell white noise, short enough to lie between two impacts
 
 
-@dataclass(frozen=True)
-class NoiseFloor:
-    """Standard deviation of the torque noise of one joint, N·m.
-
-    Attributes:
-        differencing: from differences of order 1 … 8 (a smooth signal vanishes in them, white noise stays).
-        innovation: what an autoregression of order 20 cannot predict from the torque's own past.
-    """
-
-    differencing: float
-    innovation: float
-
-    @property
-    def value(self) -> float:
-        """The smaller estimate: each is an upper bound for white noise."""
-        return min(self.differencing, self.innovation)
-
-
-def innovation_noise(signal: np.ndarray) -> float:
-    """RMS of what a linear autoregression of the (T,) signal leaves over."""
-    signal = signal[:_AR_SAMPLES] - signal[:_AR_SAMPLES].mean()
-    order = min(_AR_ORDER, len(signal) // 10)
-    past = np.lib.stride_tricks.sliding_window_view(signal, order)[:-1]
-    future = signal[order:]
-    coefficients = np.linalg.lstsq(past.T @ past, past.T @ future, rcond=1e-14)[0]
-    return block_rms(future - past @ coefficients)
-
-
-def noise_floor(trials: list[Trial], joint: str) -> NoiseFloor:
-    """Noise floor of one joint's torque over some trials.
+def white_noise(pieces: Iterable[tuple[np.ndarray, float | None]]) -> float | None:
+    """Standard deviation of the white noise in most pieces of a signal, the median over them; None where most show none.
 
     Args:
-        trials: with effort. joint: name.
+        pieces: of about `PIECE` samples, each with the step of its sensor, see `hqpipe.logs.survey.signal.resolution`.
     """
-    trajectories = [trial.trajectory for trial in trials]
-    j = trajectories[0].joint(joint)
-    signals = [t.effort[:, j] for t in trajectories]
-    weights = np.array([len(s) for s in signals], dtype=float)
+    found = [noise(values, step) for values, step in pieces]
+    known = [value for value in found if value is not None]
+    return float(np.median(known)) if 2 * len(known) > len(found) else None
 
-    def pooled(estimate) -> float:
-        return float(np.sqrt(np.average([estimate(s) ** 2 for s in signals], weights=weights)))
 
-    return NoiseFloor(pooled(difference_noise), pooled(innovation_noise))
+def sensor_noise(signals: Sequence[np.ndarray]) -> float:
+    """Standard deviation of the noise of a sensor: white in most pieces of its signals, else what differences leave, in which
+    some of the motion is left too.
+
+    Args:
+        signals: (T,) of each trial.
+    """
+    most = float(np.sqrt(np.mean([difference_noise(signal) ** 2 for signal in signals])))
+    steps = [resolution(signal) for signal in signals]
+    white = white_noise(
+        (signal[at : at + PIECE], step)
+        for signal, step in zip(signals, steps, strict=True)
+        for at in range(0, len(signal) - PIECE + 1, PIECE)
+    )
+    return most if white is None else min(most, white)
+
+
+def torque_noise(trials: Sequence[Trial], joint: str) -> float:
+    """Standard deviation of the noise of one joint's measured torque over some trials, N·m."""
+    j = trials[0].trajectory.joint(joint)
+    return sensor_noise([trial.trajectory.effort[:, j] for trial in trials])

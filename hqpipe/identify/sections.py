@@ -12,7 +12,7 @@ from hqpipe.actuators.posterior import factor
 from hqpipe.identify.descent import stepped
 from hqpipe.identify.determined import MAX_INFLATION, inflation
 from hqpipe.identify.normal_equations import NormalEquations
-from hqpipe.identify.window_intervals import uncertainty
+from hqpipe.identify.uncertainty import uncertainty
 from hqpipe.identify.windows import Windows
 
 SECTION_S = 5.0  # s; assumption: several strides, so that sections differ in more than the phase of the gait

@@ -12,14 +12,14 @@ from hqpipe.actuators.posterior import Range
 from hqpipe.errors import IdentificationError, UsageError, near_match
 from hqpipe.identify.determined import single_window
 from hqpipe.identify.free_run import WINDOW_S
-from hqpipe.identify.noise import noise_floor
+from hqpipe.identify.noise import torque_noise
 from hqpipe.identify.outliers import outlier_size
 from hqpipe.identify.paper_model.excitation import inseparable, unexcited
 from hqpipe.identify.paper_model.problem import COEFFICIENTS, HELD, LOWER, UPPER, Problem, Solution
 from hqpipe.identify.paper_model.results import Coefficient, FitResult, JointFit
 from hqpipe.identify.posterior import Known, posterior_of
 from hqpipe.identify.sections import sections_of
-from hqpipe.identify.window_intervals import Uncertainty, uncertainty
+from hqpipe.identify.uncertainty import Uncertainty, uncertainty
 from hqpipe.identify.windows import Windows, cut_windows, joint_data
 from hqpipe.logs.trajectory import LogSet, Trial
 
@@ -62,7 +62,7 @@ def fit_actuator(
     fits, known = [], []
     for group in _groups(scope, len(log_set.joints)):
         data = [joint_data(trials, log_set.joints[j]) for j in group]
-        noise = np.array([noise_floor(trials, joint.joint).value for joint in data])
+        noise = np.array([torque_noise(trials, joint.joint) for joint in data])
         problem = Problem(data, windows, radius[group], limit[group])
         solution, fit, one_step[group] = _fit_group(problem, noise)
         fits.append(fit)
@@ -200,7 +200,7 @@ def _coefficients(
     reasons: Mapping[str, str],
 ) -> tuple[Coefficient, ...]:
     if spread:
-        low, high = spread.interval(solution.values)
+        low, high = spread.interval(solution.values, LOWER, UPPER)
     found = []
     for i, name in enumerate(COEFFICIENTS):
         unit, before = Hydraulic.FIELDS[name].unit, float(one_step[i])

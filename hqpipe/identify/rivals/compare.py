@@ -9,7 +9,7 @@ import numpy as np
 
 from hqpipe.errors import IdentificationError, UsageError
 from hqpipe.identify.free_run import WINDOW_S, Model, predict, require_channels, window_samples
-from hqpipe.identify.noise import noise_floor
+from hqpipe.identify.noise import torque_noise
 from hqpipe.identify.rivals.baselines import CommandedTorque, MeanTorque, Persistence, fit_stiff_pd
 from hqpipe.identify.rivals.metrics import ErrorStats, error_stats, loaded_threshold
 from hqpipe.logs.trajectory import LogSet, Trial
@@ -59,7 +59,7 @@ class _Bench:
     def of(cls, logs: str, trials: list[Trial], joints: tuple[str, ...], window_s: float) -> _Bench:
         effort = np.concatenate([trial.trajectory.effort for trial in trials])
         threshold = np.array([loaded_threshold(column) for column in effort.T])
-        noise = np.array([noise_floor(trials, joint).value for joint in joints])
+        noise = np.array([torque_noise(trials, joint) for joint in joints])
         return cls(logs, trials, joints, window_s, effort.std(axis=0), threshold, noise)
 
 

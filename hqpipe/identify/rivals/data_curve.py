@@ -10,7 +10,7 @@ import numpy as np
 
 from hqpipe.errors import IdentificationError, UsageError
 from hqpipe.identify.free_run import WINDOW_S, Model, predict, window_samples
-from hqpipe.identify.noise import noise_floor
+from hqpipe.identify.noise import torque_noise
 from hqpipe.identify.rivals.baselines import Persistence
 from hqpipe.logs.trajectory import LogSet, Trial
 
@@ -72,7 +72,7 @@ def data_curve(
             points.append(CurvePoint(name, length, *errors, refused.get(name, "")))
     ordered = sorted(points, key=lambda point: list(fits).index(point.model))
     _, persistence = _errors(log_set.heldout, Persistence(), window_s)
-    noise = np.array([noise_floor(log_set.heldout, joint).value for joint in log_set.joints])
+    noise = np.array([torque_noise(log_set.heldout, joint) for joint in log_set.joints])
     return DataCurve(tuple(ordered), persistence, float(np.sqrt(np.mean(noise**2))))
 
 

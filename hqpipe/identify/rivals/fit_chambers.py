@@ -11,7 +11,7 @@ from hqpipe.actuators.two_chamber import TwoChamber
 from hqpipe.errors import IdentificationError, UsageError, near_match
 from hqpipe.identify.determined import MAX_INFLATION, inflation, single_window
 from hqpipe.identify.free_run import WINDOW_S
-from hqpipe.identify.noise import noise_floor
+from hqpipe.identify.noise import torque_noise
 from hqpipe.identify.normal_equations import NormalEquations
 from hqpipe.identify.outliers import outlier_size
 from hqpipe.identify.paper_model.excitation import unexcited
@@ -20,7 +20,7 @@ from hqpipe.identify.posterior import Known, posterior_of
 from hqpipe.identify.rivals.chamber_model import PARAMETERS, ChamberModel, fitted
 from hqpipe.identify.rivals.chamber_start import first_guesses
 from hqpipe.identify.sections import sections_of
-from hqpipe.identify.window_intervals import uncertainty
+from hqpipe.identify.uncertainty import uncertainty
 from hqpipe.identify.windows import Windows, cut_windows, joint_data
 from hqpipe.logs.trajectory import LogSet
 
@@ -175,7 +175,7 @@ def _group(log_set: LogSet, joints: list[int], windows: Windows, settings: np.nd
     first = fitted(model, free, [np.where(_FRICTION, 0.0, start) for start in starts])
     model.outlier[:] = [outlier_size(residual) for residual in model.residuals(first.values)]
     found = fitted(model, free, [first.values])
-    noise = np.sqrt(np.mean([noise_floor(log_set.fit, log_set.joints[j]).value ** 2 for j in joints]))
+    noise = np.sqrt(np.mean([torque_noise(log_set.fit, log_set.joints[j]) ** 2 for j in joints]))
     return _Group(model, lower, upper, free, float(noise), found.values, model.at(found))
 
 

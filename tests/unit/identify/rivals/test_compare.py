@@ -1,4 +1,4 @@
-"""Error measures, noise floors and the comparison table."""
+"""Error measures and the comparison table."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ import pytest
 from identify.small_logs import log_set, trajectory
 
 from hqpipe.errors import IdentificationError, UsageError
-from hqpipe.identify.noise import innovation_noise
 from hqpipe.identify.rivals.compare import compare_models
 from hqpipe.identify.rivals.metrics import error_stats, loaded_threshold
 from hqpipe.identify.rivals.score_files import long_rows, score_tree
-from hqpipe.logs.survey.signal import difference_noise
 
 
 class Shifted:
@@ -47,16 +45,6 @@ def test_threshold_is_the_papers_for_strong_joints_and_smaller_for_weak_ones():
     wave = np.sin(np.linspace(0, 50, 5000))
     assert loaded_threshold(500 * wave) == 50.0
     assert loaded_threshold(2.0 * wave) == pytest.approx(0.5, rel=0.01)
-
-
-@pytest.mark.parametrize("sigma", [0.1, 5.0])
-@pytest.mark.parametrize("estimate", [difference_noise, innovation_noise])
-def test_noise_of_a_smooth_signal(estimate, sigma):
-    t = np.arange(8000) * 1e-3
-    signal = 200 * np.sin(9 * t) + 60 * np.sin(40 * t) + sigma * np.random.default_rng(0).normal(size=8000)
-    assert 0.75 * sigma < estimate(signal) < 1.5 * sigma
-    signal[4000:4030] += 300.0
-    assert difference_noise(signal) == pytest.approx(sigma, rel=0.25), "an impact is no noise"
 
 
 @pytest.fixture
