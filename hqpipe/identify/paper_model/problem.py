@@ -194,7 +194,7 @@ class Problem:
         moments, right = np.zeros((4, 4)), np.zeros(4)
         for j, data in enumerate(self.joints):
             bounds = self.windows.bounds
-            m, r = one_step_moments(data.effort, data.error, data.velocity, bounds, span)
+            m, r = one_step_moments(data.effort, data.error, data.velocity, data.weight, bounds, span)
             moments += self.scale[j][:, None] * self.scale[j] * m
             right += self.scale[j] * r
         return bounded_least_squares(moments, right, LOWER, UPPER)
@@ -202,7 +202,7 @@ class Problem:
 
 def _weighted_mean(values: np.ndarray, weight: np.ndarray) -> float:
     """0 where nothing counts."""
-    counts = weight > 0.0
+    counts = (weight > 0.0) & ~np.isnan(values)  # no residual where a window says nothing
     return float(values[counts] @ weight[counts] / weight[counts].sum()) if counts.any() else 0.0
 
 

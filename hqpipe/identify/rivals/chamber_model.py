@@ -47,7 +47,8 @@ class ChamberModel:
         first, last = windows.bounds.T
         predicted = np.concatenate([np.arange(a + 1, b + 1) for a, b in zip(first, last, strict=True)])
         owner = np.repeat(np.arange(len(first)), last - first)
-        counts = [data.weight[predicted] > 0.0 for data in joints]
+        # What starts from a torque that was not recorded says nothing.
+        counts = [(data.weight[predicted] > 0.0) & (data.weight[first][owner] > 0.0) for data in joints]
         self._predicted = [predicted[kept] for kept in counts]
         self._owner = np.concatenate([owner[kept] for kept in counts])
         self._root = [np.sqrt(data.weight[at]) for data, at in zip(joints, self._predicted, strict=True)]

@@ -82,13 +82,18 @@ def accumulate(
         outlier: residuals beyond this (N·m) count linearly (Huber's loss); may be infinite.
         hessian: (W, 5, 5), gradient: (W, 5), cost: (W,) – overwritten.
         residuals: (T,) simulated − measured torque, overwritten where a window predicts what was recorded.
-        weight: (T,) of each sample of the torque; what was not recorded has 0 and counts for nothing.
+        weight: (T,) of each sample of the torque; what was not recorded has 0 and counts for nothing, nor does a window that
+            starts from it.
     """
     s = np.empty(UNKNOWNS)
     for w in range(windows.shape[0]):
         first, last = windows[w, 0], windows[w, 1]
         hessian[w] = 0.0
         gradient[w] = 0.0
+        cost[w] = 0.0
+        if weight[first] == 0.0:  # what starts from a torque that was not recorded says nothing
+            hessian[w, 4, 4] = 1.0
+            continue
         torque = start[w]
         offset = torque - effort[first]
         hessian[w, 4, 4] = start_weight
@@ -111,12 +116,12 @@ def accumulate(
 
 @njit(cache=True, nogil=True)
 def one_step_moments(
-    effort: np.ndarray, error: np.ndarray, qd: np.ndarray, windows: np.ndarray, span: int
+    effort: np.ndarray, error: np.ndarray, qd: np.ndarray, weight: np.ndarray, windows: np.ndarray, span: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Normal equations of the least squares of τ(k+span) − τ(k) on the regressors summed over `span` samples.
 
     ``span=1`` is the paper's one-step regression. A longer span averages the torque noise that stands in the
-    regressors and biases the one-step fit.
+    regressors and biases the one-step fit. Steps with a torque that was not recorded, of `weight` (T,) 0, are left out.
 
     Returns:
         (4, 4) and (4,) moments in the joint-space gains.
@@ -127,11 +132,15 @@ def one_step_moments(
     for w in range(windows.shape[0]):
         for k in range(windows[w, 0], windows[w, 1] - span + 1, span):
             x[:] = 0.0
+            recorded = weight[k + span] > 0.0
             for i in range(k, k + span):
+                recorded &= weight[i] > 0.0
                 x[0] += error[i]
                 x[1] -= effort[i]
                 x[2] -= qd[i]
                 x[3] += impact(effort[i], error[i])
+            if not recorded:
+                continue
             rise = effort[k + span] - effort[k]
             for i in range(4):
                 right[i] += x[i] * rise

@@ -103,7 +103,7 @@ def test_moments_solve_noise_free_data_exactly(channels, span):
     for k in range(399):
         h = error[k] * max(-effort[k] * np.sign(error[k]), 0.0)
         effort[k + 1] = GAINS[0] * error[k] + (1 - GAINS[1]) * effort[k] - GAINS[2] * qd[k] + GAINS[3] * h
-    moments, right = one_step_moments(effort, error, qd, windows, span)
+    moments, right = one_step_moments(effort, error, qd, np.ones(400), windows, span)
     np.testing.assert_allclose(np.linalg.solve(moments, right), GAINS, rtol=1e-6)
 
 
