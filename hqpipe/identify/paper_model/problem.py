@@ -226,6 +226,8 @@ def bounded_least_squares(moments: np.ndarray, right: np.ndarray, lower: np.ndar
             x[free] = np.linalg.lstsq(reduced / np.outer(unit, unit), target, rcond=1e-12)[0] / unit
         if (x < lower).any() or (x > upper).any():
             continue
+        if free.all():
+            return x  # no bound matters
         cost = 0.5 * x @ moments @ x - right @ x
         if cost < best_cost:
             best, best_cost = x, cost
