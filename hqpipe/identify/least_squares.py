@@ -66,6 +66,8 @@ class Fitter:
         self.spread = np.array([p.spread for p in parameters], dtype=np.float64)
         self.low = np.array([p.low for p in parameters], dtype=np.float64)
         self.high = np.array([p.high for p in parameters], dtype=np.float64)
+        # Of its class: a model that wraps another one does not have the sensitivities of that.
+        self._sensitivity = getattr(type(model), "sensitivity", lambda model, values, index: None)
 
     def error(self, values: np.ndarray) -> np.ndarray:
         """(N,) at the fit samples; infinite where the prediction overflows."""
@@ -120,10 +122,15 @@ class Fitter:
         return stopped(slope, values[free], self.low[free], self.high[free])
 
     def jacobian(self, values: np.ndarray, error: np.ndarray, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """(N, F) of the error by one-sided differences of the length `steps` (F,), away from a bound."""
+        """(N, F) of the error: those that the model gives, else one-sided differences of the length `steps` (F,), away from a
+        bound."""
         columns = np.empty((len(error), len(free)))
         size = float(np.sqrt(error @ error)) or 1.0
         for k, index in enumerate(free):
+            exact = self._sensitivity(self.model, values, int(index))
+            if exact is not None:
+                columns[:, k] = exact
+                continue
             step = self._within(values, int(index), float(steps[k]))
             for _ in range(4):
                 moved = values.copy()
