@@ -14,16 +14,14 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.stats import norm
-from scipy.stats import t as student
 
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.least_squares import Fitter, lengths
 from hqpipe.identify.normal_equations import NormalEquations
 from hqpipe.identify.sampling import BLOCK, blocks
 from hqpipe.identify.search import Known, Search
-from hqpipe.identify.uncertainty import uncertainty
+from hqpipe.identify.uncertainty import LEVEL, student, uncertainty
 
-_LEVEL = 0.975  # one-sided, of a 95 % interval
 _FAR = 50.0  # ln of odds beyond which nothing changes
 _PRIOR_HOLDS = (
     0.5  # of the variance beforehand, that samples leave at most if they say something of a number; assumption
@@ -77,7 +75,7 @@ def _between(fitter: Fitter, known: Known) -> np.ndarray:
     count = np.sum(seen, axis=0)
     mean = np.sum(np.where(seen, steps, 0.0), axis=0) / np.maximum(count, 1)
     square = np.sum(np.where(seen, (np.array(steps) - mean) ** 2, 0.0), axis=0)
-    half = np.array([_factor(int(n) - 1) for n in count]) * np.sqrt((count - 1.0) / np.maximum(count, 1) * square)
+    half = student(count - 1.0) * np.sqrt((count - 1.0) / np.maximum(count, 1) * square)
     return np.where(count > 1, half, 0.0)
 
 
@@ -89,7 +87,7 @@ def _law(search: Search, known: Known) -> np.ndarray:
         probability = 1.0 / (1.0 + np.exp(-np.clip(search.gain(larger, known), -_FAR, _FAR)))
         move = _share(search, known, larger) * (larger.solution.values - values)[free]
         variance += probability * move**2
-    return float(norm.ppf(_LEVEL)) * np.sqrt(variance)
+    return float(norm.ppf(0.5 + LEVEL / 2.0)) * np.sqrt(variance)
 
 
 def _share(search: Search, known: Known, larger: Known) -> float:
@@ -121,8 +119,3 @@ def _step(
     step = -np.linalg.lstsq(unit, slope, rcond=_SINGULAR)[0] / scale
     variance = np.diag(np.linalg.pinv(unit, rcond=_SINGULAR, hermitian=True)) / scale**2
     return step, ~sized | (variance * prior < _PRIOR_HOLDS)
-
-
-def _factor(freedom: int) -> float:
-    """Quantile of Student's t of a 95 % interval."""
-    return float(student.ppf(_LEVEL, max(freedom, 1)))

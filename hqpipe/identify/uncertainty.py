@@ -23,14 +23,18 @@ class Uncertainty:
     @property
     def half_widths(self) -> np.ndarray:
         """(P,) of the 95 % intervals."""
-        from scipy.special import stdtrit
-
-        quantile = stdtrit(np.maximum(self.freedom, 1.0), 0.5 + LEVEL / 2.0)
-        return quantile * np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return student(self.freedom) * np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     def interval(self, values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper ends (P,) of the 95 % intervals around `values`, cut to the bounds (P,)."""
         return np.maximum(values - self.half_widths, lower), np.minimum(values + self.half_widths, upper)
+
+
+def student(freedom: np.ndarray | float) -> np.ndarray:
+    """Half width of a 95 % interval over the standard deviation, for some degrees of freedom; fewer than one count as one."""
+    from scipy.special import stdtrit
+
+    return stdtrit(np.maximum(freedom, 1.0), 0.5 + LEVEL / 2.0)
 
 
 def uncertainty(at: NormalEquations, free: np.ndarray, prior: np.ndarray | None = None) -> Uncertainty:

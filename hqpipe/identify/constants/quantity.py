@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_UPPER = 0.975  # of Student's distribution, for 95 % intervals
+from hqpipe.identify.uncertainty import student
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,4 @@ def half_width(slope: np.ndarray, covariance: np.ndarray, freedom: np.ndarray) -
         slope: (P,) exact derivatives of the quantity. covariance: (P, P) of the parameters.
         freedom: (P,) degrees of freedom of its diagonal; the fewest among those that the quantity depends on count.
     """
-    from scipy.special import stdtrit
-
-    fewest = max(float(freedom[slope != 0.0].min()), 1.0)
-    return float(stdtrit(fewest, _UPPER) * np.sqrt(max(slope @ covariance @ slope, 0.0)))
+    return float(student(freedom[slope != 0.0].min()) * np.sqrt(max(slope @ covariance @ slope, 0.0)))

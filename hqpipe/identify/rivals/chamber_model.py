@@ -10,6 +10,7 @@ from hqpipe.actuators.two_chamber import TwoChamber
 from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.model import Parameter, Samples
 from hqpipe.identify.normal_equations import NormalEquations
+from hqpipe.identify.outliers import huber
 from hqpipe.identify.windows import JointData, Windows
 from hqpipe.machine.loops.chamber_windows import replay
 
@@ -36,7 +37,7 @@ class ChamberModel:
     def __init__(
         self, joints: list[JointData], windows: Windows, settings: np.ndarray, lower: np.ndarray, upper: np.ndarray
     ) -> None:
-        self.joints, self.windows, self.settings = joints, windows, settings
+        self.joints, self.windows, self.settings, self.lower, self.upper = joints, windows, settings, lower, upper
         self.joint, self.dt = joints[0].joint if len(joints) == 1 else "all", windows.dt
         self.outlier = np.full(len(joints), np.inf)
         self.base = tuple(
@@ -57,8 +58,7 @@ class ChamberModel:
 
     def alone(self, j: int) -> ChamberModel:
         """The model of one of the joints by itself."""
-        lower, upper = ([getattr(p, end) for p in self.base] for end in ("low", "high"))
-        found = ChamberModel([self.joints[j]], self.windows, self.settings[[j]], np.array(lower), np.array(upper))
+        found = ChamberModel([self.joints[j]], self.windows, self.settings[[j]], self.lower, self.upper)
         found.outlier = self.outlier[[j]]
         return found
 
@@ -112,14 +112,3 @@ def fitted(model: ChamberModel, free: np.ndarray, starts: Sequence[np.ndarray]) 
     starts = [np.clip(start, fitter.low, fitter.high) for start in starts]
     best = min(starts, key=lambda start: float(np.sum(fitter.error(start) ** 2)))
     return fitter.fit(np.flatnonzero(free), [best], 0.0)
-
-
-def huber(residual: np.ndarray, outlier: float) -> np.ndarray:
-    """(S,) whose square is the loss of Huber (1964): linear beyond `outlier`."""
-    size = np.abs(residual)
-    gross = size > outlier
-    if not gross.any():
-        return residual
-    found = residual.copy()
-    found[gross] = np.sign(residual[gross]) * np.sqrt(outlier * (2.0 * size[gross] - outlier))
-    return found

@@ -91,8 +91,6 @@ class _Group:
     """Joints that share their parameters, and their fit."""
 
     model: ChamberModel
-    lower: np.ndarray
-    upper: np.ndarray
     free: np.ndarray
     noise: float
     x: np.ndarray
@@ -176,11 +174,11 @@ def _group(log_set: LogSet, joints: list[int], windows: Windows, settings: np.nd
     model.outlier[:] = [outlier_size(residual) for residual in model.residuals(first.values)]
     found = fitted(model, free, [first.values])
     noise = np.sqrt(np.mean([torque_noise(log_set.fit, log_set.joints[j]) ** 2 for j in joints]))
-    return _Group(model, lower, upper, free, float(noise), found.values, model.at(found))
+    return _Group(model, free, float(noise), found.values, model.at(found))
 
 
 def _report(group: _Group) -> ChamberJointFit:
-    pressed = group.free & ((group.x <= group.lower + _BOUND) | (group.x >= group.upper - _BOUND))
+    pressed = group.free & ((group.x <= group.model.lower + _BOUND) | (group.x >= group.model.upper - _BOUND))
     known = group.free & (inflation(group.at.hessian, group.free) < MAX_INFLATION)
     # A bound counts as a number that is known, unless a single window pressed the parameter against it.
     lone = single_window(group.at.hessians, known & ~pressed) > 0.0
@@ -188,7 +186,7 @@ def _report(group: _Group) -> ChamberJointFit:
     known &= ~lone
     inner = known & ~pressed
     spread = uncertainty(group.at, inner)
-    low, high = spread.interval(group.x, group.lower, group.upper)
+    low, high = spread.interval(group.x, group.model.lower, group.model.upper)
     parameters = tuple(
         ChamberParameter(
             name,
@@ -215,5 +213,5 @@ def _known(group: _Group, report: ChamberJointFit, windows: Windows) -> Known:
         parts = [group.model.alone(j) for j in range(len(joints))]
         found = [fitted(part, inner, [group.x]) for part in parts]
         single = [(solution.values, part.at(solution)) for part, solution in zip(parts, found, strict=True)]
-    sections = sections_of(single, windows, inner, group.lower, group.upper)
-    return Known(joints, group.x, determined, held, report.covariance, sections, group.lower, group.upper)
+    sections = sections_of(single, windows, inner, group.model.lower, group.model.upper)
+    return Known(joints, group.x, determined, held, report.covariance, sections, group.model.lower, group.model.upper)
