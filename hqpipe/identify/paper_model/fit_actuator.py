@@ -60,7 +60,7 @@ def fit_actuator(
     limit = per_joint(effort_limit, log_set.joints, "effort_limit")
     k, one_step = np.zeros((2, len(log_set.joints), 4))
     fits, known = [], []
-    for group in _groups(scope, len(log_set.joints)):
+    for group in groups_of(scope, len(log_set.joints)):
         data = [joint_data(trials, log_set.joints[j]) for j in group]
         noise = np.array([torque_noise(trials, joint.joint) for joint in data])
         problem = Problem(data, windows, radius[group], limit[group])
@@ -100,8 +100,12 @@ def _hydraulic(log_set: LogSet, k: np.ndarray, fixed: dict[str, Any]) -> Hydraul
     return Hydraulic.build(log_set.joints, **dict(zip(COEFFICIENTS, k.T, strict=True)), **fixed)
 
 
-def _groups(scope: str, joints: int) -> list[list[int]]:
-    """Joints that share their coefficients."""
+def groups_of(scope: str, joints: int) -> list[list[int]]:
+    """Joints that share their parameters.
+
+    Raises:
+        UsageError: an unknown scope.
+    """
     scopes = {"per_joint": [[j] for j in range(joints)], "shared": [list(range(joints))]}
     if scope not in scopes:
         raise UsageError(f"scope is '{scope}'{near_match(scope, scopes)}, expected per_joint or shared")

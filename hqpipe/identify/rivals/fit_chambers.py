@@ -8,14 +8,14 @@ import numpy as np
 
 from hqpipe.actuators.posterior import Posterior
 from hqpipe.actuators.two_chamber import TwoChamber
-from hqpipe.errors import IdentificationError, UsageError, near_match
+from hqpipe.errors import IdentificationError
 from hqpipe.identify.determined import MAX_INFLATION, inflation, single_window
 from hqpipe.identify.free_run import WINDOW_S
 from hqpipe.identify.noise import torque_noise
 from hqpipe.identify.normal_equations import NormalEquations
 from hqpipe.identify.outliers import outlier_size
 from hqpipe.identify.paper_model.excitation import unexcited
-from hqpipe.identify.paper_model.fit_actuator import PerJoint, per_joint
+from hqpipe.identify.paper_model.fit_actuator import PerJoint, groups_of, per_joint
 from hqpipe.identify.posterior import Known, posterior_of
 from hqpipe.identify.rivals.chamber_model import PARAMETERS, ChamberModel, fitted
 from hqpipe.identify.rivals.chamber_start import first_guesses
@@ -126,14 +126,12 @@ def fit_chambers(
     windows = cut_windows(log_set.fit, window_s)
     settings, half = _settings(log_set, windows, effort_limit, speed_limit, position_lower, position_upper)
     names = log_set.joints
-    scopes = {"per_joint": [[j] for j in range(len(names))], "shared": [list(range(len(names)))]}
-    if scope not in scopes:
-        raise UsageError(f"scope is '{scope}'{near_match(scope, scopes)}, expected per_joint or shared")
-    groups = [_group(log_set, joints, windows, settings, half) for joints in scopes[scope]]
+    shared = groups_of(scope, len(names))
+    groups = [_group(log_set, joints, windows, settings, half) for joints in shared]
     if not any(group.free.any() for group in groups):
         raise IdentificationError(f"{log_set.path}: no joint moves in the fit trials; record some that do")
     table = np.empty((len(names), len(TwoChamber.FIELDS)))
-    for joints, group in zip(scopes[scope], groups, strict=True):
+    for joints, group in zip(shared, groups, strict=True):
         table[joints] = np.concatenate((np.tile(group.x, (len(joints), 1)), settings[joints]), axis=1)
     reports = tuple(_report(group) for group in groups)
     known = [_known(*pair, windows) for pair in zip(groups, reports, strict=True)]
