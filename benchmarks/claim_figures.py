@@ -42,7 +42,7 @@ BASELINES = (
     "mean torque",
     "stiff PD (fitted gains)",
     "ideal actuator",
-)  # names of hqpipe.sysid.baselines
+)  # names of hqpipe.identify.rivals.baselines
 AIM = (93.0, 97.0)  # %, in which an interval of 95 % is to lie
 COEFFICIENTS = {"k1": VERMILION, "k2": BLUE, "k3": GREEN, "k4": PURPLE}
 SEED_MARKERS = "os^"

@@ -25,9 +25,9 @@ from diagnosis_speed import ROBOT, record
 from diagnosis_speed import log_set as two_trials
 from hydraulic_truth import log_set
 
+from hqpipe.identify.paper_model.fit_actuator import fit_actuator
 from hqpipe.logs.trajectory import LogSet
 from hqpipe.robots import load_robot
-from hqpipe.sysid.fit_actuator import fit_actuator
 
 JOINTS = 12
 

@@ -29,11 +29,11 @@ from closed_loop_truth import Sensors, trot
 from hydraulic_truth import RADIUS, TRUTH, log_set
 
 from hqpipe.gap.share import wilson
+from hqpipe.identify.paper_model.fit_actuator import fit_actuator
+from hqpipe.identify.paper_model.problem import COEFFICIENTS, Problem
+from hqpipe.identify.paper_model.results import FitResult, JointFit
+from hqpipe.identify.windows import cut_windows, joint_data
 from hqpipe.logs.trajectory import LogSet
-from hqpipe.sysid.fit_actuator import fit_actuator
-from hqpipe.sysid.problem import COEFFICIENTS, Problem
-from hqpipe.sysid.results import FitResult, JointFit
-from hqpipe.sysid.windows import cut_windows, joint_data
 
 KNOWN = np.array([TRUTH[name] for name in COEFFICIENTS])
 DRIFT, RIPPLE = 8.0, 1.0  # N·m, and N·m a sample
@@ -62,7 +62,7 @@ def independent(logs: LogSet, fit: JointFit) -> np.ndarray:
     data = [joint_data(logs.fit, joint) for joint in logs.joints]
     windows = cut_windows(logs.fit, 0.1)
     problem = Problem(data, windows, np.full(joints, RADIUS), np.full(joints, np.inf))
-    at = problem.evaluate(np.array([c.value for c in fit.coefficients]), problem.measured_starts())
+    at, _ = problem.evaluate(np.array([c.value for c in fit.coefficients]), problem.measured_starts())
     return Z95 * fit.free_run_rmse * np.sqrt(np.diag(np.linalg.inv(at.hessian)))
 
 

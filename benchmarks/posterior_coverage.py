@@ -19,13 +19,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
+from hqpipe.identify.paper_model.fit_actuator import fit_actuator
+from hqpipe.identify.paper_model.problem import COEFFICIENTS
+from hqpipe.identify.paper_model.results import FitResult
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.rl.config import ActuatorRandomisationConfig
 from hqpipe.robots import robot_folder
 from hqpipe.stages.paper_fits import joint_constants
-from hqpipe.sysid.fit_actuator import fit_actuator
-from hqpipe.sysid.problem import COEFFICIENTS
-from hqpipe.sysid.results import FitResult
 
 DRAWS = 4000
 HALF_RANGE = ActuatorRandomisationConfig().half_range

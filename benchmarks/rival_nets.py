@@ -20,12 +20,12 @@ import numpy as np
 from diagnosis_speed import ROBOT, log_set, record
 
 from hqpipe.actuators.base import ActuatorModel
+from hqpipe.identify.paper_model.fit_actuator import fit_actuator
+from hqpipe.identify.rivals.compare import ALL, PERSISTENCE, compare_models
+from hqpipe.identify.rivals.nets.fit_net import KINDS, fit_paper_net, fit_strong_net
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.logs.trajectory import LogSet
 from hqpipe.robots import load_robot
-from hqpipe.sysid.compare import ALL, PERSISTENCE, compare_models
-from hqpipe.sysid.fit_actuator import fit_actuator
-from hqpipe.sysid.nets.fit_net import KINDS, fit_paper_net, fit_strong_net
 
 FIT_S, HELDOUT_S = 20.0, 8.0
 ROBOTS = 100  # in the batch that is timed

@@ -18,13 +18,13 @@ def write_constants(context: Any, log_set: Any, fit: Any, chamber_fits: Sequence
     Args:
         fit: `FitResult`. chamber_fits: `ChamberJointFit` of each joint; empty without that rival.
     """
+    from hqpipe.identify.constants.chamber_constants import chamber_constants
+    from hqpipe.identify.constants.design import chamber_expected, paper_expected
+    from hqpipe.identify.constants.paper_constants import paper_quantities
     from hqpipe.report.constants_figures import SHOWN, constants_chart
     from hqpipe.report.tables import constants_table
     from hqpipe.stages.terminal import show
     from hqpipe.stages.training import write_rows
-    from hqpipe.sysid.chamber_constants import chamber_constants
-    from hqpipe.sysid.design import chamber_expected, paper_expected
-    from hqpipe.sysid.paper_constants import paper_quantities
 
     reports = {chambers.joint: chambers for chambers in chamber_fits}
     designs, rows = joint_designs(context.robot, log_set), []
@@ -46,7 +46,7 @@ def write_constants(context: Any, log_set: Any, fit: Any, chamber_fits: Sequence
 def _rows(joint: str, model: str, quantities: Sequence[Any], design: Any, expected: Any) -> list[dict[str, Any]]:
     from math import isfinite
 
-    from hqpipe.sysid.design import oil_quantities
+    from hqpipe.identify.constants.design import oil_quantities
 
     wanted = expected(design)
     rows = []
@@ -61,9 +61,9 @@ def _rows(joint: str, model: str, quantities: Sequence[Any], design: Any, expect
 
 
 def joint_designs(robot_folder: Any, log_set: Any) -> dict[str, Any]:
-    """Joint → `Design` from the robot's files, see `hqpipe.sysid.robot_design`."""
+    """Joint → `Design` from the robot's files, see `hqpipe.identify.constants.robot_design`."""
+    from hqpipe.identify.constants.robot_design import designs_at
     from hqpipe.robots import load_robot
-    from hqpipe.sysid.robot_design import designs_at
 
     robot = load_robot(robot_folder)
     middle = 0.5 * (robot.position_lower + robot.position_upper)

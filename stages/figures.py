@@ -93,9 +93,9 @@ def draw_data_curve(folder: Path, curve: Any) -> None:
 def draw_fit(folder: Path, log_set: Any, model: Any, window_s: float) -> None:
     """fit.png: a typical and the worst window of the longest held-out trial for three joints, one step ahead and
     free-running; fit_joints.png: the worst window of every joint."""
+    from hqpipe.identify.free_run import free_run, predict, window_samples
     from hqpipe.report.fit_figures import PredictedTrial, actuator_fit, worst_windows
     from hqpipe.stages.terminal import show
-    from hqpipe.sysid.free_run import free_run, predict, window_samples
 
     trial = max((trial.trajectory for trial in log_set.heldout), key=lambda t: t.samples)
     if trial.samples <= window_samples(trial.dt, window_s):

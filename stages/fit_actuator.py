@@ -55,12 +55,12 @@ class Params(StageParams):
 
 
 def run(context: Any) -> dict[str, Any]:
+    from hqpipe.identify.paper_model.fit_actuator import fit_actuator
+    from hqpipe.identify.rivals.timing import timed
+    from hqpipe.identify.window_choice import window_for
     from hqpipe.report.tables import coefficient_table
     from hqpipe.stages.figures import draw_fit
     from hqpipe.stages.terminal import show
-    from hqpipe.sysid.fit_actuator import fit_actuator
-    from hqpipe.sysid.timing import timed
-    from hqpipe.sysid.window_choice import window_for
 
     log_set = read_logs(context)
     constants = joint_constants(context.robot, log_set.joints)

@@ -17,7 +17,7 @@ def judge(
 
     Args:
         context: of the stage; its parameters have `strict`. window_s: of the free run.
-        log_set: with held-out trials. models: name → any model of `hqpipe.sysid.free_run`.
+        log_set: with held-out trials. models: name → any model of `hqpipe.identify.free_run`.
         fit_s: wall time of the fits, s, of any of the models. Times are told, and are in no file, so that the same seed
             gives the same bytes.
 
@@ -25,14 +25,14 @@ def judge(
         held_out_rmse, and stress_rmse where there are stress trials: model → one_step and free_run, N·m, None where it
         diverged; noise_floor, N·m; nrmse: model → free run over the torque's standard deviation; fit_s; step_us.
     """
+    from hqpipe.identify.rivals.compare import ALL, HELDOUT, STRESS, compare_models
+    from hqpipe.identify.rivals.score_files import finite, long_rows, score_tree
+    from hqpipe.identify.rivals.timing import step_time
     from hqpipe.report.tables import comparison_table
     from hqpipe.stages.figures import draw_comparison
     from hqpipe.stages.rivals import stepped
     from hqpipe.stages.terminal import show
     from hqpipe.stages.training import write_rows
-    from hqpipe.sysid.compare import ALL, HELDOUT, STRESS, compare_models
-    from hqpipe.sysid.score_files import finite, long_rows, score_tree
-    from hqpipe.sysid.timing import step_time
 
     rows = compare_models(log_set, models, window_s=window_s, stress=read_stress(context, log_set))
     longest = max((trial.trajectory for trial in log_set.heldout), key=lambda t: t.samples)
@@ -66,12 +66,12 @@ def write_data_curve(context: Any, log_set: Any, fits: Mapping[str, Callable[[An
 
     Args:
         context: of the stage; its parameters have `data_seconds`. window_s: of the free run.
-        log_set: with fit and held-out trials. fits: name → fit, see `hqpipe.sysid.data_curve`.
+        log_set: with fit and held-out trials. fits: name → fit, see `hqpipe.identify.rivals.data_curve`.
     """
+    from hqpipe.identify.rivals.data_curve import data_curve
+    from hqpipe.identify.rivals.score_files import finite
     from hqpipe.stages.figures import draw_data_curve
     from hqpipe.stages.terminal import show
-    from hqpipe.sysid.data_curve import data_curve
-    from hqpipe.sysid.score_files import finite
 
     p = context.params
     curve = data_curve(log_set, fits, p.data_seconds, window_s=window_s, workers=context.workers)

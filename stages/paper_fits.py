@@ -21,7 +21,7 @@ def both_models(fit: Any) -> dict[str, Any]:
 
 def paper_fits(options: dict[str, Any]) -> dict[str, Callable[[Any], Any]]:
     """Name → fit of the paper's model, in the names of `both_models`; the two of a scope share their work."""
-    from hqpipe.sysid.fit_actuator import fit_actuator
+    from hqpipe.identify.paper_model.fit_actuator import fit_actuator
 
     @lru_cache(maxsize=len(SCOPES))
     def fitted(log_set: Any, scope: str) -> dict[str, Any]:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Rival = Literal["diagnosed", "two_chamber", "mlp", "lstm", "gru", "strong_mlp", "strong_lstm", "strong_gru"]
 """The paper's model with the effects of `hqpipe.gap.diagnosed`; nets as in the paper, and `strong_` with every advantage, see
-`hqpipe.sysid.nets`."""
+`hqpipe.identify.rivals.nets`."""
 EVERY: tuple[Rival, ...] = get_args(Rival)
 TITLES = {
     "diagnosed": "paper's model with diagnosed effects",
@@ -70,7 +70,7 @@ def fit_rivals(
 
 @contextmanager
 def rival_fits(names: Sequence[str], settings: Settings) -> Iterator[dict[str, Callable[[Any], Any]]]:
-    """Title → fit in a process of its own, as `hqpipe.sysid.data_curve` asks for it."""
+    """Title → fit in a process of its own, as `hqpipe.identify.rivals.data_curve` asks for it."""
     from hqpipe.errors import IdentificationError
 
     with WorkerPool(min(settings.workers, len(names))) as pool:
@@ -89,9 +89,9 @@ def fit_rival(name: str, log_set: Any, settings: Settings) -> Fitted:
     """One of them."""
     from hqpipe.errors import IdentificationError
     from hqpipe.gap.diagnosed import fit_diagnosed
-    from hqpipe.sysid.fit_chambers import fit_chambers
-    from hqpipe.sysid.nets.fit_net import fit_paper_net, fit_strong_net
-    from hqpipe.sysid.timing import timed
+    from hqpipe.identify.rivals.fit_chambers import fit_chambers
+    from hqpipe.identify.rivals.nets.fit_net import fit_paper_net, fit_strong_net
+    from hqpipe.identify.rivals.timing import timed
 
     limit = settings.effort_limit
 

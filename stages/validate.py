@@ -132,9 +132,9 @@ def failure(what: str, value: float | None, limit: float) -> str:
 
 def _torque_error(context: Any) -> dict[str, float]:
     """Free-running error of the actuator model on held-out trials, beside persistence."""
+    from hqpipe.identify.rivals.compare import PERSISTENCE, compare_models
     from hqpipe.stages.logs import foreign_fit, model_for, read_logs
     from hqpipe.stages.terminal import show
-    from hqpipe.sysid.compare import PERSISTENCE, compare_models
 
     log_set = read_logs(context)
     show(*(f"warning: {text}" for text in foreign_fit(context, log_set)))

@@ -11,13 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hqpipe.identify.paper_model.problem import COEFFICIENTS, Problem
+from hqpipe.identify.windows import JointData, Windows
 from hqpipe.layers.actuator.record import MOST_WINDOWS, window_starts
 from hqpipe.logs.columns import COMMAND_CHANNEL
 from hqpipe.logs.differentiate import step_speed
 from hqpipe.logs.trajectory import Trajectory
-from hqpipe.sysid.problem import COEFFICIENTS, Problem
-from hqpipe.sysid.solve import first_guess, solve
-from hqpipe.sysid.windows import JointData, Windows
 
 _OUTLIER = 0.5  # of the RMS torque, from which on an error counts linearly (Huber); assumption: impacts are smaller
 _FREE = {
@@ -70,7 +69,7 @@ class BaseFit:
             return np.zeros(0)
         problem, free = self._problem(fitted_to), _FREE[self.mode]
         problem.outlier[:] = _OUTLIER * np.sqrt(self.mean_square)
-        k = solve(problem, first_guess(problem, free), problem.measured_starts(), free).k
+        k = problem.fit(free, problem.starts(free)).values
         return self._problem(None).window_errors(k)[0]
 
     def _problem(self, some: np.ndarray | None) -> Problem:
@@ -89,4 +88,4 @@ def _data(trials: Sequence[Trajectory], j: int, mode: str, logged_speed: bool) -
         speed = t.velocity[:, j] if logged_speed else step_speed(t.position[:, j], t.dt)
         parts.append((t.effort[:, j], drive, speed, command, t.recorded[:, j]))
     *channels, recorded = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return JointData(trials[0].joints[j], *(np.asarray(c, dtype=np.float64) for c in channels), recorded)
+    return JointData(trials[0].joints[j], *(np.asarray(c, dtype=np.float64) for c in (*channels, recorded)))

@@ -12,9 +12,9 @@ import numpy as np
 
 from hqpipe.errors import LogError
 from hqpipe.gap.joint_scale import joint_scale, pooled
+from hqpipe.identify.free_run import WINDOW_S, free_run
+from hqpipe.identify.paper_model.fit_actuator import fit_actuator
 from hqpipe.logs.log_set import read_log_set
-from hqpipe.sysid.fit_actuator import fit_actuator
-from hqpipe.sysid.free_run import WINDOW_S, free_run
 
 FORMAT = "hqpipe-blind/1"
 ANSWERS = "answers.json"

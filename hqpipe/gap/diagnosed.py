@@ -18,26 +18,26 @@ from hqpipe.gap.diagnosis import LARGEST
 from hqpipe.gap.fitted_joints import FittedJoints
 from hqpipe.gap.intake import take_in
 from hqpipe.identify.found import Fitted, JointFound
+from hqpipe.identify.free_run import WINDOW_S, require_channels, window_samples
 from hqpipe.identify.identify import identify
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel, LayerJoints, parameter_names, positions
+from hqpipe.identify.paper_model.fit_actuator import PerJoint, per_joint
 from hqpipe.identify.passing import PassingJoint
+from hqpipe.identify.windows import common_dt
 from hqpipe.layers.actuator import Actuator
 from hqpipe.layers.actuator.joint import ActuatorJoint
 from hqpipe.layers.actuator.parameters import BASE_NAMES, LOGGED_SPEED
 from hqpipe.logs.end_stops import mark_end_stops
 from hqpipe.logs.split import fit_sections, hold_back
 from hqpipe.logs.trajectory import LogSet, Trajectory
-from hqpipe.sysid.fit_actuator import PerJoint, per_joint
-from hqpipe.sysid.free_run import WINDOW_S, require_channels, window_samples
-from hqpipe.sysid.windows import common_dt
 
 Effects = dict[str, tuple[str, ...]]
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosed:
-    """The fitted model; a `hqpipe.sysid.free_run.TorquePredictor`.
+    """The fitted model; a `hqpipe.identify.free_run.TorquePredictor`.
 
     Attributes:
         rows: what the logs say, effects of the sensors included.

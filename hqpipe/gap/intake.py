@@ -22,12 +22,12 @@ from hqpipe.gap.sanity import check_logs
 from hqpipe.gap.sanity_order import order_defects
 from hqpipe.gap.sensing import channel_warnings
 from hqpipe.gap.signs import SignedLogs, restore_efforts
+from hqpipe.identify.free_run import window_samples
+from hqpipe.identify.window_choice import MIN_WINDOWS, WindowChoice, window_for
 from hqpipe.logs.columns import COMMAND_CHANNEL, joint_column
 from hqpipe.logs.end_stops import Travel, judged_windows, mark_end_stops
 from hqpipe.logs.findings import in_trials
 from hqpipe.logs.trajectory import LogSet
-from hqpipe.sysid.free_run import window_samples
-from hqpipe.sysid.window_choice import MIN_WINDOWS, WindowChoice, window_for
 
 LONGER = "record longer trials in which every joint moves, one of them held out"
 MEND = "correct the logs, then diagnose them again"

@@ -21,7 +21,7 @@ from hqpipe.logs.trajectory import LogSet
 __all__ = ["KINDS", "Defect", "check_logs", "too_short"]
 
 MIN_WINDOWS = 20  # of each split; assumption: with fewer, an error has no usable uncertainty
-WINDOW_S = 0.1  # as hqpipe.sysid.free_run
+WINDOW_S = 0.1  # as hqpipe.identify.free_run
 
 
 def check_logs(log_set: LogSet, *, window_s: float = WINDOW_S) -> list[Defect]:

@@ -1,1 +1,1 @@
-"""The one fit and the one criterion: parameters, least squares, evidence, search over sets of effects, what changed."""
+"""The one fit, its intervals and its noise; the one criterion, the search over sets of effects, what changed."""

@@ -1,6 +1,6 @@
 """95 % intervals of the numbers of a fit, from three sources of error.
 
-- Within trials: the robust covariance, see `hqpipe.identify.sampling`.
+- Within trials: the scatter of correlated errors, see `hqpipe.identify.uncertainty`.
 - Between trials: what differs from one trial to the next, as oil temperature or a law that is wrong in another way at another
   motion, is one observation a trial. Leaving out one trial at a time (the jackknife of Quenouille and Tukey) shows it; with few
   trials its Student factor is large.
@@ -14,15 +14,20 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.stats import norm
-from scipy.stats import t as student
 
+from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.least_squares import Fitter, lengths
+from hqpipe.identify.normal_equations import NormalEquations
+from hqpipe.identify.sampling import BLOCK, blocks
 from hqpipe.identify.search import Known, Search
+from hqpipe.identify.uncertainty import LEVEL, student, uncertainty
 
-_LEVEL = 0.975  # one-sided, of a 95 % interval
 _FAR = 50.0  # ln of odds beyond which nothing changes
 _PRIOR_HOLDS = (
     0.5  # of the variance beforehand, that samples leave at most if they say something of a number; assumption
+)
+_FEWEST_BLOCKS = (
+    50  # so that no block decides a number where many samples tell it; what blocks share, the estimator sees
 )
 _SINGULAR = 1e-10  # of the largest eigenvalue: what the samples do not show stays as it is
 
@@ -35,9 +40,19 @@ def half_widths(search: Search, known: Known) -> np.ndarray:
     free = known.solution.free
     if not np.isfinite(known.solution.square):
         return np.full(len(free), np.inf)
-    within = np.sqrt(np.maximum(np.diag(known.covariance.robust), 0.0))
-    within = _factor(known.covariance.blocks - len(free)) * within
+    within = _within(search.fitter, known)
     return np.sqrt(within**2 + _between(search.fitter, known) ** 2 + _law(search, known) ** 2)
+
+
+def _within(fitter: Fitter, known: Known) -> np.ndarray:
+    """(F,) from errors that are correlated in time, block by block."""
+    solution, samples = known.solution, fitter.model.fit
+    length = min(BLOCK * correlation_time(solution.error, samples), len(solution.error) / _FEWEST_BLOCKS)
+    block, all_of_them = blocks(samples, length), np.ones(len(solution.free), dtype=bool)
+    at = NormalEquations.of(solution.jacobian, solution.error, block, int(block.max()) + 1, all_of_them)
+    spread, noise = fitter.spread[solution.free], known.covariance.noise
+    prior = np.where(np.isfinite(spread), noise / spread**2, 0.0)
+    return uncertainty(at, all_of_them, np.stack([prior, noise * prior])).half_widths
 
 
 def _between(fitter: Fitter, known: Known) -> np.ndarray:
@@ -60,7 +75,7 @@ def _between(fitter: Fitter, known: Known) -> np.ndarray:
     count = np.sum(seen, axis=0)
     mean = np.sum(np.where(seen, steps, 0.0), axis=0) / np.maximum(count, 1)
     square = np.sum(np.where(seen, (np.array(steps) - mean) ** 2, 0.0), axis=0)
-    half = np.array([_factor(int(n) - 1) for n in count]) * np.sqrt((count - 1.0) / np.maximum(count, 1) * square)
+    half = student(count - 1.0) * np.sqrt((count - 1.0) / np.maximum(count, 1) * square)
     return np.where(count > 1, half, 0.0)
 
 
@@ -72,7 +87,7 @@ def _law(search: Search, known: Known) -> np.ndarray:
         probability = 1.0 / (1.0 + np.exp(-np.clip(search.gain(larger, known), -_FAR, _FAR)))
         move = _share(search, known, larger) * (larger.solution.values - values)[free]
         variance += probability * move**2
-    return float(norm.ppf(_LEVEL)) * np.sqrt(variance)
+    return float(norm.ppf(0.5 + LEVEL / 2.0)) * np.sqrt(variance)
 
 
 def _share(search: Search, known: Known, larger: Known) -> float:
@@ -104,8 +119,3 @@ def _step(
     step = -np.linalg.lstsq(unit, slope, rcond=_SINGULAR)[0] / scale
     variance = np.diag(np.linalg.pinv(unit, rcond=_SINGULAR, hermitian=True)) / scale**2
     return step, ~sized | (variance * prior < _PRIOR_HOLDS)
-
-
-def _factor(freedom: int) -> float:
-    """Quantile of Student's t of a 95 % interval."""
-    return float(student.ppf(_LEVEL, max(freedom, 1)))

@@ -13,19 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.identify.correlation import correlation_time
+from hqpipe.identify.descent import SLOW, descended, stepped, stopped
 from hqpipe.identify.model import JointModel, all_parameters
 
 _STEP = 3e-3  # of the spread: long enough that a stick-slip event which moves by a substep does not decide the slope
 _CHANGE = 3.0
 """Size of the error's change, over its root mean square, that the step of a difference is to bring: as a few standard
 deviations of the parameter if the errors were white. Longer ones pass over the corners of a limit that the data resolve."""
-_SLOW = 0.01  # of the cost, per step, from which on shorter differences are taken: a good slope brings more, or nothing
 _SHORTEST = 0.01  # of the long step; assumption: a jump of the error has no slope, however short the step
 _TOLERANCE = 1e-5  # of the cost, per step: so small a one lets a weak prior decide where the logs do not
 _WORTH = 0.1  # of twice ln B, per step: below it no decision changes; assumption
-_ITERATIONS = 40  # assumption: a fit that needs more does not converge
 _PRIOR_HOLDS = 0.5  # of the variance that a prior was weighed with, below which the fit is made again; assumption
-_LEAST_DAMPING, _DAMPING, _MOST_DAMPING = 1e-9, 1e-3, 1e6
 _STALE = 1.0  # damping from which on sensitivities that were not taken here are no guide; assumption
 _SEEN = 1e-7  # of the size of the error, that a difference must reach to be told from rounding
 
@@ -70,6 +68,8 @@ class Fitter:
         self.low = np.array([p.low for p in parameters], dtype=np.float64)
         self.high = np.array([p.high for p in parameters], dtype=np.float64)
         self._idle: Callable[[np.ndarray], Collection[int]] = getattr(model, "idle", lambda values: ())
+        # Of its class: a model that wraps another one does not have the sensitivities of that.
+        self._sensitivity = getattr(type(model), "sensitivity", lambda model, values, index: None)
 
     def error(self, values: np.ndarray) -> np.ndarray:
         """(N,) at the fit samples; infinite where the prediction overflows."""
@@ -88,102 +88,41 @@ class Fitter:
                 first steps; None where there is none.
         """
         begun = [self._at(np.clip(start, self.low, self.high), free, noise) for start in starts]
-        near = [self._stepped_down(point, free, noise, origin) for point in begun if np.isfinite(point.cost)]
+        near = [self._near(point, free, noise, origin) for point in begun if np.isfinite(point.cost)]
         if not near:
             none = np.zeros((len(begun[0].error), len(free)))
             return Solution(free, begun[0].values, begun[0].error, none, np.inf)
-        point, jacobian = min(near, key=lambda pair: pair[0].cost)
+        point, jacobian = min(near, key=lambda found: found[0].cost)
         if origin is not None:
-            point, jacobian = self._stepped_down(point, free, noise, None)
+            point, jacobian = self._near(point, free, noise, None)
         for _ in range(2):
             noise = _variance(point.error)
-            point, jacobian = self._descended(self._at(point.values, free, noise), jacobian, free, noise)
+            problem = _Differences(self, free, noise, resolved=jacobian)
+            point = self._at(point.values, free, noise)
+            point, jacobian = descended(problem, point, self._tolerance(point.error))
             if _variance(point.error) >= _PRIOR_HOLDS * noise:
                 break
         return Solution(free, point.values, point.error, jacobian, float(point.error @ point.error))
 
-    def _stepped_down(
+    def _near(
         self, point: _Point, free: np.ndarray, noise: float, origin: Solution | None
     ) -> tuple[_Point, np.ndarray]:
-        """Where steps lead until they bring little, and the sensitivities there.
+        """Where steps lead until they bring little, and the sensitivities: those of the origin as they follow from the steps,
+        or differences over long ones where there is none."""
+        if origin is None or not np.isfinite(origin.square):
+            return descended(_Differences(self, free, noise), point, SLOW)
+        problem = _Differences(self, free, noise, first=self._first_slopes(point, free, origin))
+        return descended(problem, point, SLOW, 1, _STALE)
 
-        These are at first the origin's, or differences over long steps where there is none, and follow from the steps alone.
-        """
-        most = _MOST_DAMPING if origin is None else _STALE
-        for _ in range(_ITERATIONS):
-            before, slopes = point.cost, self._first_slopes(point, free, origin)
-            point, slopes = self._followed_down(point, slopes, free, noise, most)
-            if origin is not None or before - point.cost <= _SLOW * before:
-                break
-        return point, slopes
-
-    def _followed_down(
-        self, point: _Point, slopes: np.ndarray, free: np.ndarray, noise: float, most: float
-    ) -> tuple[_Point, np.ndarray]:
-        """Steps with sensitivities that follow from the steps alone (Broyden 1965), until one brings little.
-
-        Args:
-            most: damping beyond which no step is tried.
-        """
-        damping, steps = _DAMPING, self._steps(point.values, free)
-        for _ in range(_ITERATIONS):
-            last, trial = point, self._tried(point, slopes, free, noise, damping)
-            if trial.cost < point.cost:
-                slopes = _followed(slopes, last, trial, free, steps)
-                point, damping = trial, max(damping / 10.0, _LEAST_DAMPING)
-                if last.cost - point.cost <= _SLOW * last.cost:
-                    break
-            else:
-                damping *= 10.0
-                if damping > most:
-                    break
-        return point, slopes
-
-    def _first_slopes(self, point: _Point, free: np.ndarray, origin: Solution | None) -> np.ndarray:
+    def _first_slopes(self, point: _Point, free: np.ndarray, origin: Solution) -> np.ndarray:
         """(N, F) sensitivities at a start: those of the origin where it has them, else differences."""
-        slopes, known = np.zeros((len(point.error), len(free))), np.zeros(len(free), dtype=bool)
-        if origin is not None and np.isfinite(origin.square):
-            known = np.isin(free, origin.free)
-            slopes[:, known] = origin.jacobian[:, np.isin(origin.free, free)]
+        known = np.isin(free, origin.free)
+        slopes = np.zeros((len(point.error), len(free)))
+        slopes[:, known] = origin.jacobian[:, np.isin(origin.free, free)]
         new = free[~known]
         if len(new):
-            slopes[:, ~known] = self.jacobian(point.values, point.error, new, self._steps(point.values, new))
+            slopes[:, ~known] = self.jacobian(point.values, point.error, new, self.long_steps(point.values, new))
         return slopes
-
-    def _descended(
-        self, point: _Point, jacobian: np.ndarray, free: np.ndarray, noise: float
-    ) -> tuple[_Point, np.ndarray]:
-        """The point from which no step helps, and the sensitivities there.
-
-        Between differences the sensitivities follow from the steps themselves, while such steps help.
-
-        Args:
-            jacobian: (N, F) that says how short differences may be.
-        """
-        least, damping = self._tolerance(point.error), _DAMPING
-        for _ in range(_ITERATIONS):
-            before, steps = point.cost, self._steps(point.values, free)
-            steps = np.clip(self._resolved(jacobian, point.error), _SHORTEST * steps, steps)
-            jacobian = slopes = self.jacobian(point.values, point.error, free, steps)
-            while damping <= _MOST_DAMPING:
-                trial = self._tried(point, slopes, free, noise, damping)
-                last, helps = point, trial.cost < point.cost
-                if helps:
-                    slopes = _followed(slopes, last, trial, free, steps)
-                    point, damping = trial, max(damping / 10.0, _LEAST_DAMPING)
-                    if last.cost - point.cost <= least * last.cost:
-                        break
-                elif slopes is not jacobian:
-                    break
-                else:
-                    damping *= 10.0
-            if before - point.cost <= least * before:
-                break
-        return point, jacobian
-
-    def _tried(self, point: _Point, slopes: np.ndarray, free: np.ndarray, noise: float, damping: float) -> _Point:
-        """The point after one step."""
-        return self._at(self._stepped(point.values, point.error, slopes, free, noise, damping), free, noise)
 
     def _tolerance(self, error: np.ndarray) -> float:
         """Of the cost, per step, below which a fit ends: less changes the odds of nothing, as errors that stay alike for long
@@ -196,16 +135,20 @@ class Fitter:
 
     def stopped(self, values: np.ndarray, free: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """(F,) whether a parameter is at a bound that it would pass on the way down; `slope`: (F,) of half the cost."""
-        now = values[free]
-        return ((now <= self.low[free]) & (slope > 0.0)) | ((now >= self.high[free]) & (slope < 0.0))
+        return stopped(slope, values[free], self.low[free], self.high[free])
 
     def jacobian(self, values: np.ndarray, error: np.ndarray, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """(N, F) of the error by one-sided differences of the length `steps` (F,), away from a bound."""
+        """(N, F) of the error: those that the model gives, else one-sided differences of the length `steps` (F,), away from a
+        bound."""
         columns = np.zeros((len(error), len(free)))
         size = float(np.sqrt(error @ error)) or 1.0
         idle = self._idle(values)
         for k, index in enumerate(free):
             if index in idle:
+                continue
+            exact = self._sensitivity(self.model, values, int(index))
+            if exact is not None:
+                columns[:, k] = exact
                 continue
             step = self._within(values, int(index), float(steps[k]))
             for _ in range(4):
@@ -223,7 +166,7 @@ class Fitter:
             columns[:, k] = difference / step
         return columns
 
-    def _steps(self, values: np.ndarray, free: np.ndarray) -> np.ndarray:
+    def long_steps(self, values: np.ndarray, free: np.ndarray) -> np.ndarray:
         """(F,) long steps for differences: a part of what is known of the size beforehand."""
         return _STEP * np.where(
             np.isfinite(self.spread[free]), self.spread[free], np.maximum(np.abs(values[free]), 1e-3)
@@ -261,21 +204,62 @@ class Fitter:
         noise: float,
         damping: float,
     ) -> np.ndarray:
+        equations = self._equations(values, error, jacobian, free, noise)
+        return stepped(*equations, values, free, self.low, self.high, damping)
+
+    def _equations(
+        self, values: np.ndarray, error: np.ndarray, jacobian: np.ndarray, free: np.ndarray, noise: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(F, F) normal matrix and (F,) slope of half the cost, the priors among them."""
         prior = np.zeros(len(free))  # curvature of the prior
         known = np.isfinite(self.spread[free])
         prior[known] = 2.0 * noise / self.spread[free][known] ** 2 / (1.0 + self._relative(values, free)[known] ** 2)
         normal = jacobian.T @ jacobian + np.diag(prior)
-        slope = jacobian.T @ error + prior * (values - self.neutral)[free]
-        moves = ~self.stopped(values, free, slope) & (np.diag(normal) > 0.0)
-        if not moves.any():
-            return values
-        part = normal[np.ix_(moves, moves)]
-        scale = np.sqrt(np.diag(part))
-        part = part / np.outer(scale, scale) + damping * np.eye(len(scale))
-        step = -np.linalg.solve(part, slope[moves] / scale) / scale
-        trial = values.copy()
-        trial[free[moves]] += step
-        return np.clip(trial, self.low, self.high)
+        return normal, jacobian.T @ error + prior * (values - self.neutral)[free]
+
+
+class _Differences:
+    """The fit of some parameters as `hqpipe.identify.descent` asks for it: sensitivities are differences, followed between."""
+
+    exact = False
+
+    def __init__(
+        self,
+        fitter: Fitter,
+        free: np.ndarray,
+        noise: float,
+        first: np.ndarray | None = None,
+        resolved: np.ndarray | None = None,
+    ) -> None:
+        """
+        Args:
+            first: (N, F) sensitivities to begin with; None for differences. resolved: (N, F) sensitivities that say how short
+                differences may be; None for long ones.
+        """
+        self._fitter, self._noise, self._first, self._resolved = fitter, noise, first, resolved
+        self.free, self.low, self.high = free, fitter.low, fitter.high
+        self._steps = np.zeros(len(free))
+
+    def at(self, values: np.ndarray, last: _Point) -> _Point:
+        return self._fitter._at(values, self.free, self._noise)
+
+    def slopes(self, point: _Point) -> np.ndarray:
+        fitter, self._steps = self._fitter, self._fitter.long_steps(point.values, self.free)
+        if self._first is not None:
+            first, self._first = self._first, None
+            return first
+        if self._resolved is None:
+            return fitter.jacobian(point.values, point.error, self.free, self._steps)
+        resolved = fitter._resolved(self._resolved, point.error)
+        self._steps = np.clip(resolved, _SHORTEST * self._steps, self._steps)
+        self._resolved = fitter.jacobian(point.values, point.error, self.free, self._steps)
+        return self._resolved
+
+    def followed(self, slopes: np.ndarray, last: _Point, now: _Point) -> np.ndarray:
+        return _followed(slopes, last, now, self.free, self._steps)
+
+    def equations(self, slopes: np.ndarray, point: _Point) -> tuple[np.ndarray, np.ndarray]:
+        return self._fitter._equations(point.values, point.error, slopes, self.free, self._noise)
 
 
 def lengths(normal: np.ndarray) -> np.ndarray:

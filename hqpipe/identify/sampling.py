@@ -15,7 +15,7 @@ from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.least_squares import Fitter, Solution, lengths
 from hqpipe.identify.model import Samples
 
-_BLOCK = 3.0  # autocorrelation times: neighbouring blocks then share a few per cent
+BLOCK = 3.0  # autocorrelation times: neighbouring blocks then share a few per cent
 _CELLS = 6  # of position, and of speed; assumption: a wrong law is off in one way over a sixth of the range
 
 
@@ -77,7 +77,7 @@ def covariance(fitter: Fitter, solution: Solution) -> Covariance:
     unit = np.outer(scale, scale)
     inverse = np.linalg.pinv((normal + np.diag(prior)) / unit, hermitian=True) / unit
     time = correlation_time(error, samples)
-    block, state = blocks(samples, _BLOCK * time), states(samples)
+    block, state = blocks(samples, BLOCK * time), states(samples)
     slopes = jacobian * error[:, None] / scale
     both = np.unique(block * _CELLS**2 + state, return_inverse=True)[1]
     scatter = _scatter(slopes, block) + _scatter(slopes, state) - _scatter(slopes, both)

@@ -1,4 +1,4 @@
-"""Learning: observation, rewards, environment, policy, training, export. With hqpipe.sysid.nets all that imports torch."""
+"""Learning: observation, rewards, environment, policy, training, export. Torch is imported here and by the rival nets only."""
 
 import os
 

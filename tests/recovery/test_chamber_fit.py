@@ -9,10 +9,10 @@ import pytest
 
 from hqpipe.actuators.two_chamber import TwoChamber
 from hqpipe.errors import IdentificationError
+from hqpipe.identify.constants.chamber_constants import chamber_constants
+from hqpipe.identify.free_run import free_run
+from hqpipe.identify.rivals.fit_chambers import fit_chambers
 from hqpipe.logs.trajectory import LogSet, Trajectory, Trial
-from hqpipe.sysid.chamber_constants import chamber_constants
-from hqpipe.sysid.fit_chambers import fit_chambers
-from hqpipe.sysid.free_run import free_run
 
 JOINTS = ("knee", "hip")
 TRUTH = {

@@ -7,7 +7,7 @@ import pytest
 from closed_loop_truth import Sensors, trot
 from hydraulic_truth import RADIUS, TRUTH, log_set, simulate
 
-from hqpipe.sysid.fit_actuator import fit_actuator
+from hqpipe.identify.paper_model.fit_actuator import fit_actuator
 
 KNOWN = np.array(list(TRUTH.values()))
 

@@ -8,6 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hqpipe.identify.constants.chamber_constants import chamber_constants
+from hqpipe.identify.constants.design import chamber_expected, oil_quantities, paper_expected
+from hqpipe.identify.constants.paper_constants import paper_quantities
+from hqpipe.identify.paper_model.fit_actuator import fit_actuator
+from hqpipe.identify.rivals.fit_chambers import fit_chambers
 from hqpipe.logs.assemble import assemble
 from hqpipe.logs.columns import RawTable
 from hqpipe.logs.trajectory import LogSet, Trial
@@ -15,11 +20,6 @@ from hqpipe.plant import Plant, PlantConfig
 from hqpipe.plant.excitation import excitation
 from hqpipe.robots import load_robot
 from hqpipe.stages.constants import joint_designs
-from hqpipe.sysid.chamber_constants import chamber_constants
-from hqpipe.sysid.design import chamber_expected, oil_quantities, paper_expected
-from hqpipe.sysid.fit_actuator import fit_actuator
-from hqpipe.sysid.fit_chambers import fit_chambers
-from hqpipe.sysid.paper_constants import paper_quantities
 
 SECONDS, RADIUS = 6.0, 0.06
 JOINTS = ("LFR", "LFP")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hydraulic_truth import RADIUS, TRUTH, log_set, simulate
 
-from hqpipe.sysid.compare import compare_models
-from hqpipe.sysid.fit_actuator import fit_actuator
+from hqpipe.identify.paper_model.fit_actuator import fit_actuator
+from hqpipe.identify.rivals.compare import compare_models
 
 NOISE = 12.0  # N·m, on torques of 230 N·m RMS
 KNOWN = np.array(list(TRUTH.values()))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hydraulic_truth import log_set, simulate
 
-from hqpipe.sysid.baselines import Persistence
-from hqpipe.sysid.free_run import predict
-from hqpipe.sysid.nets.fit_net import KINDS, fit_paper_net, fit_strong_net
+from hqpipe.identify.free_run import predict
+from hqpipe.identify.rivals.baselines import Persistence
+from hqpipe.identify.rivals.nets.fit_net import KINDS, fit_paper_net, fit_strong_net
 
 WINDOW = 100
 

@@ -12,9 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from hypothesis import strategies as st
 
+from hqpipe.identify.paper_model.fit_actuator import fit_actuator
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.logs.units import unit_findings  # noqa: F401 – loaded before the workers fork
-from hqpipe.sysid.fit_actuator import fit_actuator
 
 from .chain import Chain
 from .fuzz import Target

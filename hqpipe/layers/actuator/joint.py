@@ -109,6 +109,11 @@ class ActuatorJoint:
         rubs = np.any(values[self._friction] != self._neutral[self._friction])
         return () if rubs else (_SPEED_LATE, _PRESLIDING)
 
+    def sensitivity(self, values: np.ndarray, index: int) -> np.ndarray | None:
+        """(N,) of the error by the size of a generic shape, in which it is linear; None of any other parameter."""
+        shape = index - len(self.base) - len(self.places)
+        return self.shapes[0][shape] if shape >= 0 else None
+
     def row(self, values: np.ndarray) -> np.ndarray:
         """(WIDTH,) what the loops read, see `hqpipe.machine.layout`."""
         row, opening = self.neutral.copy(), self._by_opening(values)

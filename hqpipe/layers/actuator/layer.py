@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from hqpipe.errors import IdentificationError
+from hqpipe.identify.free_run import window_samples
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import LayerJoints
+from hqpipe.identify.window_choice import window_for
 from hqpipe.layers.actuator.changes import RATIOS
 from hqpipe.layers.actuator.joint import ActuatorJoint
 from hqpipe.layers.actuator.parameters import base_parameters, effects_of
@@ -21,8 +23,6 @@ from hqpipe.layers.refusal import no_joint_judged
 from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
 from hqpipe.logs.trajectory import LogSet
 from hqpipe.machine.layout import BASE, neutral_row, slot
-from hqpipe.sysid.free_run import window_samples
-from hqpipe.sysid.window_choice import window_for
 
 NEEDED = ("position_command", "effort", "position", "velocity")
 BLURRED = ("backlash",)  # a size is noise round zero torque, which looks like slack once the sign is restored

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hqpipe.identify.noise import sensor_noise
 from hqpipe.logs.end_stops import away_from_stops
-from hqpipe.logs.survey.signal import difference_noise, noise, resolution
 from hqpipe.logs.trajectory import Trajectory
 from hqpipe.machine import effect as scales
 
-PIECE = 400  # samples; assumption: long enough to tell white noise, short enough to lie between two impacts
 LITTLE, AT_TIMES = 0.3, 0.1  # of the usual flow, and of the time; a sine is below that for 0.14 of it; assumptions
 
 
@@ -92,22 +91,9 @@ def sizes_of(trials: Sequence[Trajectory], j: int, draws: np.ndarray) -> Sizes:
         most_effort=float(np.abs(effort).max()),
         widest=float(np.abs(error).max()),
         middle=float(position.mean()),
-        noise=_sensor_noise([t.effort[:, j] for t in trials]),
+        noise=sensor_noise([t.effort[:, j] for t in trials]),
         pauses=bool(np.mean(drawn < LITTLE * flow) >= AT_TIMES),
     )
-
-
-def _sensor_noise(efforts: Sequence[np.ndarray]) -> float:
-    """Standard deviation of the noise of the torque's sensor: white in most pieces of the logs, else what differences leave, in
-    which some of the motion is left too."""
-    most = float(np.sqrt(np.mean([difference_noise(effort) ** 2 for effort in efforts])))
-    found = [
-        noise(effort[at : at + PIECE], resolution(effort))
-        for effort in efforts
-        for at in range(0, len(effort) - PIECE + 1, PIECE)
-    ]
-    known = [value for value in found if value is not None]
-    return min(most, float(np.median(known))) if 2 * len(known) > len(found) else most
 
 
 def _rms(values: np.ndarray) -> float:

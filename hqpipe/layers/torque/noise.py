@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from hqpipe.identify.noise import PIECE, white_noise
 from hqpipe.layers.torque.record import Record
-from hqpipe.logs.survey.signal import noise, resolution
+from hqpipe.logs.survey.signal import resolution
 from hqpipe.logs.travel_ends import runs
 
-PIECE = 400  # samples of a piece; assumption: long enough to tell white noise, short enough to lie between two impacts
 QUIET, QUIETEST = 20, 0.25
 """Samples of a piece, and quantile of the pieces that is taken for free of motion; assumption."""
 SHARE = 0.66
@@ -49,9 +49,9 @@ def _sensor_noise(values: np.ndarray, record: Record) -> float:
 def _white(values: np.ndarray, record: Record) -> float | None:
     """Standard deviation of white noise, or None where most pieces show none."""
     step = resolution(values)
-    found = [noise(values[at : at + PIECE], step) for a, b in _free(record) for at in range(a, b - PIECE + 1, PIECE)]
-    known = [value for value in found if value is not None]
-    return float(np.median(known)) if 2 * len(known) > len(found) else None
+    return white_noise(
+        (values[at : at + PIECE], step) for a, b in _free(record) for at in range(a, b - PIECE + 1, PIECE)
+    )
 
 
 def _free(record: Record) -> list[tuple[int, int]]:

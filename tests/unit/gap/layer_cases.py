@@ -13,7 +13,7 @@ from hqpipe.identify.model import LayerJoints
 from hqpipe.logs.trajectory import LogSet, Trajectory, Trial
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "identify"))
-from toy_joint import ToyJoint
+from identify.toy_joint import ToyJoint
 
 WINDOW_S = 0.5
 

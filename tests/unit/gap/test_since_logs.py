@@ -15,9 +15,9 @@ from hqpipe.errors import ConfigError, IdentificationError
 from hqpipe.gap.diagnosis import FILE, diagnose, write_diagnosis
 from hqpipe.gap.schema import read_diagnosis, validate_diagnosis
 from hqpipe.gap.since import EarlierLogs, earlier_actuator
+from hqpipe.identify.paper_model.fit_actuator import fit_actuator
 from hqpipe.layers.actuator.changes import MULTIPLIES
 from hqpipe.machine import EFFECTS
-from hqpipe.sysid.fit_actuator import fit_actuator
 
 KEPT = (*MULTIPLIES, "valve_deadband", "valve_lag", "unsigned_sensor")
 WITHOUT = tuple(name for name in EFFECTS if name not in KEPT)

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from toy_joint import ToyJoint
+from identify.toy_joint import ToyJoint
 
 from hqpipe.errors import UsageError
 from hqpipe.identify.change import Both, Changed, KnownJoint

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from toy_joint import ToyJoint
+from identify.toy_joint import ToyJoint
 
 from hqpipe.identify.found import JointFound
 from hqpipe.identify.identify import _weighed_again, identify

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from toy_joint import ToyJoint
+from identify.toy_joint import ToyJoint
 
 from hqpipe.identify.change import _joined
 from hqpipe.identify.identify import prior_odds

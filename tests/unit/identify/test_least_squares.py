@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from toy_joint import ToyJoint
+from identify.toy_joint import ToyJoint
 
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.left_out import left_out_square
@@ -181,3 +181,28 @@ def test_what_changes_nothing_stays_where_it_is_and_predicts_as_well():
     found = fitter.fit(positions(model, ["coulomb_friction"]), [fitter.neutral], 0.01)
     assert found.values[2] == 30.0
     assert left_out_square(fitter, found) == pytest.approx(found.square, rel=0.05)
+
+
+def test_sensitivities_that_a_model_gives_take_the_place_of_differences():
+    class Exact(ToyJoint):
+        runs = 0
+
+        def error(self, values, heldout=False):
+            self.runs += 1
+            return super().error(values, heldout)
+
+        def sensitivity(self, values, index):
+            return self._fit[index]
+
+    class Wrapped(Exact):
+        """Another model of the same parameters, whose errors are its own."""
+
+        def sensitivity(self, values, index):
+            return None
+
+    exact, plain = (kind(truth={"coulomb_friction": 0.3, "spring": 0.2}) for kind in (Exact, Wrapped))
+    free = positions(exact, ["coulomb_friction", "spring"])
+    found = [(fitter := Fitter(model)).fit(free, [fitter.neutral], 0.0) for model in (exact, plain)]
+    assert found[0].values == pytest.approx(found[1].values, rel=1e-5, abs=1e-6)
+    np.testing.assert_allclose(found[0].jacobian, found[1].jacobian, rtol=1e-6, atol=1e-6)
+    assert exact.runs < 0.7 * plain.runs

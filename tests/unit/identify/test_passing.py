@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from toy_joint import DT, ToyJoint
+from identify.toy_joint import DT, ToyJoint
 
 from hqpipe.identify import identify as engine
 from hqpipe.identify.identify import identify

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from toy_joint import ToyJoint
+from identify.toy_joint import ToyJoint
 
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.left_out import groups, left_out_square

@@ -14,7 +14,7 @@ from hqpipe.machine.layout import neutral_row, slot
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "recovery"))
 import planted_effects as planted
-from signal_windows import windows_of
+from machine.signal_windows import windows_of
 
 DIRECT = ("supply_droop",)  # its column holds the loss per speed itself
 ALONE = tuple(name for name in planted.TYPICAL if name != "supply_droop")  # the supply is shared: data of its own

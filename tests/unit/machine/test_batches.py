@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from augmented_rows import planted, row
+from machine.augmented_rows import planted, row
 
 from hqpipe.actuators.loops.actuator_step import HYDRAULIC, table_row
 from hqpipe.actuators.loops.batch_step import hydraulic_batch, hydraulic_columns

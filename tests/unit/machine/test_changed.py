@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from augmented_rows import planted, row, signals_of
+from machine.augmented_rows import planted, row, signals_of
 
 from hqpipe.machine.chain import loops
 from hqpipe.machine.layout import FIELDS, slot

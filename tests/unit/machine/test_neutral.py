@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from signal_windows import windows_of
+from machine.signal_windows import windows_of
 
 from hqpipe.logs.trajectory import Trajectory
 from hqpipe.machine import EFFECTS

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from augmented_rows import planted, row
-from signal_windows import windows_of
+from machine.augmented_rows import planted, row
+from machine.signal_windows import windows_of
 
 from hqpipe.machine.chain import loops, residual_windows
 from hqpipe.machine.compose.shared import RING as RING_LENGTH

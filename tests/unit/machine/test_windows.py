@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from augmented_rows import EXACT, STEPS, planted, row, signals_of, trial
+from machine.augmented_rows import EXACT, STEPS, planted, row, signals_of, trial
+from machine.signal_windows import windows_of
 from scipy.signal import lfilter
-from signal_windows import windows_of
 
 from hqpipe.actuators.loops.actuator_step import HYDRAULIC
 from hqpipe.actuators.loops.free_run import free_run

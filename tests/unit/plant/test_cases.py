@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from hqpipe.errors import UsageError
+from hqpipe.identify.free_run import free_run
+from hqpipe.identify.paper_model.fit_actuator import fit_actuator
 from hqpipe.logs.trajectory import LogSet, Trajectory, Trial
 from hqpipe.plant import Plant, PlantConfig
 from hqpipe.plant import case_effects as effects
@@ -20,8 +22,6 @@ from hqpipe.plant.cases import EXCLUSIVE, FAINT, JOINTS, KINDS, Case, cases, sou
 from hqpipe.plant.excitation import excitation
 from hqpipe.plant.parameters import build_schedule, check_stability
 from hqpipe.plant.plant import SUBSTEP
-from hqpipe.sysid.fit_actuator import fit_actuator
-from hqpipe.sysid.free_run import free_run
 
 MANY = cases(300, 5)
 FAINT_ONES = cases(102, 5, ("faint",))

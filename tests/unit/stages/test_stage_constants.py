@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from hqpipe.actuators.hydraulic import Hydraulic
+from hqpipe.identify.paper_model.problem import COEFFICIENTS
+from hqpipe.identify.paper_model.results import Coefficient, JointFit
 from hqpipe.robots import robot_folder
 from hqpipe.stages.constants import CONSTANTS, write_constants
-from hqpipe.sysid.problem import COEFFICIENTS
-from hqpipe.sysid.results import Coefficient, JointFit
 
 
 def written(folder, k: tuple[float, ...]) -> set[str]:

@@ -168,3 +168,16 @@ def test_friction_is_asked_for_where_the_sensor_feels_it(logs, source, asked):
     names = {e.name for e in Actuator().joints(replace(logs, effort_source=source)).models[0].effects}
     assert ("coulomb_friction" in names) == ("load_dependent_friction" in names) == asked
     assert {"valve_deadband", "orifice_flow"} <= names
+
+
+def test_sensitivities_that_the_joint_gives_are_those_of_differences(model):
+    values, parameters = neutral(model), all_parameters(model)
+    before, given = model.error(values).copy(), 0
+    for index in range(len(parameters)):
+        exact = model.sensitivity(values, index)
+        if exact is not None:
+            moved = values.copy()
+            moved[index] += 0.5
+            np.testing.assert_allclose((model.error(moved) - before) / 0.5, exact, rtol=1e-6, atol=1e-6)
+            given += 1
+    assert given == sum(len(effect.parameters) for effect in model.effects if not effect.named)

@@ -1,0 +1,1 @@
+"""Physical quantities read out of fitted coefficients, and what the robot's design says of them."""

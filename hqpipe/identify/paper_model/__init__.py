@@ -1,0 +1,1 @@
+"""The fit of the paper's four coefficients, and what it returns."""

@@ -1,1 +1,0 @@
-"""Identification: free-running residuals, fits with intervals, and comparisons on held-out trials."""
