@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from hqpipe.machine.compose.build import loops_of
 from hqpipe.machine.compose.wiring import Chain
@@ -54,6 +56,70 @@ class Work(NamedTuple):
     lines: np.ndarray
 
 
+class _Links(NamedTuple):
+    """The steps along a log, S of them, in their order.
+
+    Attributes:
+        columns: (S, P) that each reads. when: (S, P) of which one is not 0 where it is present. always: (S,) whether it always is.
+        reads, writes: (S, N) signals. on_all: (S,) whether it hangs on all parameters.
+    """
+
+    columns: np.ndarray
+    when: np.ndarray
+    always: np.ndarray
+    reads: np.ndarray
+    writes: np.ndarray
+    on_all: np.ndarray
+
+
+class _Plan(NamedTuple):
+    """names: signal → its place among those of the links."""
+
+    names: dict[str, int]
+    links: _Links
+
+    @classmethod
+    def of(cls, plan: Sequence[tuple], columns: int) -> _Plan:
+        """Args: plan: `PLAN` of a module of loops."""
+        signals = {name for _, _, reads, writes, _ in plan for name in (*reads, *writes)}
+        names = {name: i for i, name in enumerate(sorted({*signals, *INPUTS, "raw_velocity"}))}
+        count = len(plan)
+        links = _Links(
+            *(np.zeros((count, size), dtype=np.bool_) for size in (columns, columns)),
+            np.array([not when for _, when, *_ in plan], dtype=np.bool_),
+            *(np.zeros((count, size), dtype=np.bool_) for size in (len(names), len(names))),
+            np.array([on_all for *_, on_all in plan], dtype=np.bool_),
+        )
+        for i, (own, when, reads, writes, _) in enumerate(plan):
+            links.columns[i, list(own)], links.when[i, list(when)] = True, True
+            links.reads[i, [names[name] for name in reads]] = True
+            links.writes[i, [names[name] for name in writes]] = True
+        return cls(names, links)
+
+
+@njit(cache=True, nogil=True)
+def _anew(links: _Links, before: np.ndarray, row: np.ndarray, fresh: bool, moved: np.ndarray) -> np.ndarray:
+    """(S,) of `Loops.changed`; moved: (N,) signals that differ, overwritten."""
+    anew = np.zeros(links.always.shape[0], np.bool_)
+    some = fresh
+    for c in range(row.shape[0]):
+        some |= before[c] != row[c]
+    for i in range(anew.shape[0]):
+        present, was, differs = links.always[i], links.always[i] and not fresh, links.on_all[i] and some
+        for c in range(row.shape[0]):
+            if links.when[i, c]:
+                present |= row[c] != 0.0
+                was |= not fresh and before[c] != 0.0
+            differs |= links.columns[i, c] and before[c] != row[c]
+        for n in range(moved.shape[0]):
+            differs |= links.reads[i, n] and moved[n]
+        anew[i] = present and (differs or not was)
+        if anew[i] or present != was:
+            for n in range(moved.shape[0]):
+                moved[n] |= links.writes[i, n]
+    return anew
+
+
 class Loops:
     """The compiled loops of a chain.
 
@@ -69,6 +135,7 @@ class Loops:
         self.chain, self._module = chain, loops_of(chain)
         self.memory: int = self._module.MEMORY
         self.step_row, self.step_batch = self._module.step_row, self._module.step_batch
+        self._plan = _Plan.of(self._module.PLAN, len(chain.fields))
 
     def make_work(self, signals: Signals) -> Work:
         """Scratch for windows of `signals`."""
@@ -98,27 +165,18 @@ class Loops:
         """
         self._module.errors_of_windows(row, signals, work, out, anew)
 
-    def changed(self, before: np.ndarray | None, row: np.ndarray) -> np.ndarray:
+    def changed(self, before: np.ndarray | None, row: np.ndarray, inputs: Sequence[str] = INPUTS) -> np.ndarray:
         """(S,) whether each step along a log has to be computed anew, as it hangs on what differs between two rows.
 
         Args:
             before, row: (P,) parameters; no `before`: everything that is present.
+            inputs: signals of the log that differ, too, of `hqpipe.machine.signals.INPUTS` and `raw_velocity`.
         """
-        plan = self._module.PLAN
-        anew = np.zeros(len(plan), dtype=np.bool_)
-        now, then = (row != 0.0).tolist(), [False] * len(row)
-        differs, moved = (row == row).tolist(), set(INPUTS)
-        if before is not None:
-            differs, then, moved = (before != row).tolist(), (before != 0.0).tolist(), set()
-        some = any(differs)
-        for i, (columns, when, reads, writes, always) in enumerate(plan):
-            present, was = (not when or any(flags[c] for c in when) for flags in (now, then))
-            anew[i] = present and (
-                not was or any(differs[c] for c in columns) or not moved.isdisjoint(reads) or (always and some)
-            )
-            if anew[i] or present != was:
-                moved.update(writes)
-        return anew
+        plan, fresh = self._plan, before is None
+        moved = np.zeros(len(plan.names), dtype=np.bool_)
+        for name in inputs:
+            moved[plan.names[name]] = True
+        return _anew(plan.links, row if fresh else before, row, fresh, moved)
 
     def prepare(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """What `step_batch` needs of a table, repeated for as many robots as a block holds.

@@ -26,6 +26,7 @@ _LOGGED, _SPEED_LATE, _PRESLIDING = (BASE_NAMES.index(name) for name in (LOGGED_
 _BASE = [slot("base", name) for name in BASE]
 _TURN, _LATE = slot("coulomb_friction", PRESLIDING), slot("setting", "speed_late")
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
+SPEEDS = ("raw_velocity", "velocity", "sliding")  # signals that are the speed of the log, or come of it
 LATE = 0.5  # samples by which the mean speed of a step belongs later than the row where it begins
 
 
@@ -62,6 +63,7 @@ class ActuatorJoint:
     unsigned: bool = False
 
     _columns: np.ndarray = field(init=False)
+    _owned: np.ndarray = field(init=False)
     _opening: int = field(init=False)
     _run: RepeatedRun = field(init=False)
     _friction: np.ndarray = field(init=False)
@@ -74,6 +76,8 @@ class ActuatorJoint:
         names = [name for _, name in self.places]
         at = len(self.base) + names.index(BY_OPENING) if BY_OPENING in names else -1
         object.__setattr__(self, "_opening", at)
+        own = len(self.base) + np.arange(len(self.places))
+        object.__setattr__(self, "_owned", own[own != at])
         object.__setattr__(self, "_run", RepeatedRun(self.records[0].signals))
         rubs = [k for k, (owner, _) in enumerate(self.places) if EFFECTS[owner].effort_sources]
         object.__setattr__(self, "_friction", len(self.base) + np.array(rubs, dtype=np.int64))
@@ -98,7 +102,8 @@ class ActuatorJoint:
         if heldout:
             errors = residual_windows(row, record.signals._replace(velocity=velocity, demand=demand))
         else:
-            errors = self._run.errors(row, velocity, demand, (share, opening) == self._last)
+            moved = (*(SPEEDS if share != self._last[0] else ()), *(("demand",) if opening != self._last[1] else ()))
+            errors = self._run.errors(row, velocity, demand, moved)
             object.__setattr__(self, "_last", (share, opening))
         found = record.picked(errors)
         beside = values[len(self.base) + len(self.places) :]
@@ -121,10 +126,7 @@ class ActuatorJoint:
         row[_TURN] = values[_PRESLIDING]
         row[_LATE] = LATE * (1.0 - values[_LOGGED]) + values[_SPEED_LATE]
         row[_FLOW] = (1.0 - opening) * self.draws[0], opening * self.draws[1]
-        own = np.asarray(values[len(self.base) : len(self.base) + len(self.places)])
-        if self._opening >= 0:
-            own = np.delete(own, self._opening - len(self.base))
-        row[self._columns] = own
+        row[self._columns] = values[self._owned]
         return row
 
     def values_of(self, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -139,10 +141,9 @@ class ActuatorJoint:
         values[: len(BASE)] = row[_BASE]
         if np.isfinite(row[_TURN]):
             values[_PRESLIDING] = row[_TURN]
-        own = len(self.base) + np.arange(len(self.places))
-        opening = own == self._opening
-        values[own[~opening]] = row[self._columns]
-        values[own[opening]] = float(np.nan_to_num(row[_FLOW[1]]) != 0.0)
+        values[self._owned] = row[self._columns]
+        if self._opening >= 0:
+            values[self._opening] = float(np.nan_to_num(row[_FLOW[1]]) != 0.0)
         return np.clip(values, [p.low for p in parameters], [p.high for p in parameters]), known
 
     def referred_to(self, values: np.ndarray, other: ActuatorJoint) -> np.ndarray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from hqpipe.machine.chain import Signals, Work, loops
@@ -16,17 +18,18 @@ class RepeatedRun:
         self._out = np.empty((0, 0))
         self._row: np.ndarray | None = None
 
-    def errors(self, row: np.ndarray, velocity: np.ndarray, demand: np.ndarray, same: bool) -> np.ndarray:
+    def errors(self, row: np.ndarray, velocity: np.ndarray, demand: np.ndarray, moved: Sequence[str]) -> np.ndarray:
         """(steps, W) what `residual_windows` gives; overwritten by the next call.
 
         Args:
-            row: (WIDTH,). velocity, demand: (T,) of the signals. same: whether these are those of the call before.
+            row: (WIDTH,). velocity, demand: (T,) of the signals. moved: names of those of them that differ from the
+                call before.
         """
         signals = self._signals._replace(velocity=velocity, demand=demand)
         if self._work is None:
             self._work = loops().make_work(signals)
             self._out = np.empty((signals.steps, len(signals.first)))
-        anew = loops().changed(self._row if same else None, row)
+        anew = loops().changed(None, row) if self._row is None else loops().changed(self._row, row, moved)
         self._row = None  # what a run that fails leaves is no start for the next
         loops().fill_errors(row, signals, self._work, self._out, anew)
         self._row = row

@@ -8,6 +8,7 @@ from position_loop_logs import planted_logs
 
 from hqpipe.identify.model import all_parameters
 from hqpipe.layers.actuator import Actuator
+from hqpipe.layers.actuator.joint import SPEEDS
 from hqpipe.layers.actuator.repeated_run import RepeatedRun
 from hqpipe.machine.chain import residual_windows
 
@@ -40,7 +41,7 @@ def test_runs_in_a_row_are_those_from_the_start(joint, seed):
     signals = joint.records[0].signals
     run = RepeatedRun(signals)
     for k, row in enumerate(rows(joint, seed)):
-        found = run.errors(row, signals.velocity, signals.demand, same=k > 0)
+        found = run.errors(row, signals.velocity, signals.demand, ())
         expected = residual_windows(row, signals)
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING * np.abs(expected).max())
 
@@ -49,8 +50,8 @@ def test_other_signals_are_run_from_the_start(joint):
     signals = joint.records[0].signals
     run = RepeatedRun(signals)
     row = next(rows(joint, 1))
-    run.errors(row, signals.velocity, signals.demand, same=False)
+    run.errors(row, signals.velocity, signals.demand, ())
     faster = 1.1 * signals.velocity
-    found = run.errors(row, faster, signals.demand, same=False)
+    found = run.errors(row, faster, signals.demand, SPEEDS)
     expected = residual_windows(row, signals._replace(velocity=faster))
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING * np.abs(expected).max())
