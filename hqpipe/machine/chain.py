@@ -60,7 +60,8 @@ class _Links(NamedTuple):
     """The steps along a log, S of them, in their order.
 
     Attributes:
-        columns: (S, P) that each reads. when: (S, P) of which one is not 0 where it is present. always: (S,) whether it always is.
+        columns: (S, P) that each reads. when: (S, P) of which one is not 0 where it is present. always: (S,) whether it
+            always is.
         reads, writes: (S, N) signals. on_all: (S,) whether it hangs on all parameters.
     """
 

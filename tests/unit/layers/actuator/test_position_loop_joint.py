@@ -16,11 +16,11 @@ from hqpipe.machine import EFFECTS
 
 def alone(model, *names):
     """The joint with some of its effects of the loops, without the shapes."""
-    return replace(
-        model,
-        effects=tuple(e for e in model.effects if e.name in names),
-        places=tuple(place for place in model.places if place[0] in names),
-    )
+    effects = [
+        e.name for e in model.effects for _ in e.parameters
+    ]  # one may hold a number that acts in another's place
+    places = tuple(p for name, p in zip(effects, model.places, strict=False) if name in names)
+    return replace(model, effects=tuple(e for e in model.effects if e.name in names), places=places)
 
 
 def placed(model, effect, name):

@@ -40,7 +40,7 @@ def rows(joint, seed):
 def test_runs_in_a_row_are_those_from_the_start(joint, seed):
     signals = joint.records[0].signals
     run = RepeatedRun(signals)
-    for k, row in enumerate(rows(joint, seed)):
+    for row in rows(joint, seed):
         found = run.errors(row, signals.velocity, signals.demand, ())
         expected = residual_windows(row, signals)
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING * np.abs(expected).max())
