@@ -175,14 +175,24 @@ def _balance(source: Source, chain: Chain, arrays: Arrays, link) -> None:
             source.add("k = first")
             _fetch(source, arrays, [n for n in names if n in {r.name for r in known.args}], "k")
             source.add(f"return {call(source, known, scalar)}")
-        source.add(f"most = {call(source, limit, scalar)}", "low, high, start = -most, most, 0.0")
+        source.add(
+            f"most = {call(source, limit, scalar)}",
+            "low, high, start, gain = -most, most, 0.0, 0.0",
+            "before, left = 0.0, 0.0",
+        )
         with source.under("for _ in range(PASSES):"):
             source.add(f"missing, samples = missing_{state}(p, s, first, last, start, most, {given})")
             with source.under("if missing > 0.0:"):
                 source.add("low = start")
             with source.under("else:"):
                 source.add("high = start")
-            source.add(f"wanted = start + missing / max(p[{chain.gain}] * samples, 1e-300)")
+            with source.under(
+                "if gain == 0.0:  # what a start is worth: at first all of it, then as the last two tell"
+            ):
+                source.add(f"gain = max(p[{chain.gain}] * samples, 1e-300)")
+            with source.under("elif start != before:"):
+                source.add("gain = max((left - missing) / (start - before), 1e-300)")
+            source.add("before, left, wanted = start, missing, start + missing / gain")
             with source.under("if wanted <= low or wanted >= high:  # the limit takes from what the start is worth"):
                 source.add("wanted = 0.5 * (low + high)")
             source.add("close = abs(wanted - start) < CLOSE * abs(wanted)", "start = wanted")
