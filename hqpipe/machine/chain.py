@@ -166,16 +166,17 @@ class Loops:
         """
         self._module.errors_of_windows(row, signals, work, out, anew)
 
-    def changed(self, before: np.ndarray | None, row: np.ndarray, inputs: Sequence[str] = INPUTS) -> np.ndarray:
+    def changed(self, before: np.ndarray | None, row: np.ndarray, inputs: Sequence[str] = ()) -> np.ndarray:
         """(S,) whether each step along a log has to be computed anew, as it hangs on what differs between two rows.
 
         Args:
             before, row: (P,) parameters; no `before`: everything that is present.
-            inputs: signals of the log that differ, too, of `hqpipe.machine.signals.INPUTS` and `raw_velocity`.
+            inputs: signals of the log that differ, too, of `hqpipe.machine.signals.INPUTS` and `raw_velocity`; all of them
+                without `before`.
         """
         plan, fresh = self._plan, before is None
         moved = np.zeros(len(plan.names), dtype=np.bool_)
-        for name in inputs:
+        for name in INPUTS if fresh else inputs:
             moved[plan.names[name]] = True
         return _anew(plan.links, row if fresh else before, row, fresh, moved)
 
