@@ -7,11 +7,9 @@ gap that counts beside what is left, in the joint or in those joints of the mach
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from hqpipe.identify.found import JointFound
-from hqpipe.identify.joint_answer import answer
-from hqpipe.identify.search import Known, Search
 
 LEAST_OF_UNKNOWN = 0.5
 """Of what is left unexplained above the noise, in squares, that a cause must close: then a third of what it and the unknown
@@ -21,22 +19,18 @@ than that is not named, and counts as unknown."""
 
 
 def without_minor_causes(
-    searched: Sequence[tuple[Search, Known]], answers: Sequence[JointFound]
-) -> tuple[JointFound, ...]:
+    answers: Sequence[JointFound], answered_without: Callable[[int, str], JointFound]
+) -> list[JointFound]:
     """The answers of a machine's joints without such causes; the least one goes first, as others may take its part.
 
     Args:
-        searched, answers: of each joint.
+        answers: of each joint. answered_without: the answer of a joint, by its number, with an effect barred from now on.
     """
     answers = list(answers)
     while weak := _minor(answers):
         _, effect, j = min(weak)
-        search, known = searched[j]
-        search.barred.add(effect)
-        for name in sorted(known.names & search.barred):  # an effect that is barred never comes back, so that this ends
-            known = search.without(known, name)
-        answers[j] = answer(search, search.improved(known))
-    return tuple(answers)
+        answers[j] = answered_without(j, effect)
+    return answers
 
 
 def _minor(answers: Sequence[JointFound]) -> list[tuple[float, str, int]]:

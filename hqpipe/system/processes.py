@@ -1,6 +1,7 @@
 """Calls in worker processes, none of which outlives the process that started them.
 
-A worker is a fresh interpreter with a pipe of its own, so that the death of one is seen at once and holds up no other.
+A worker is a fresh interpreter with a pipe of its own, so that the death of one is seen at once and holds up no other. Where
+the work begins with much that is there already, it may be a copy of the process instead (`SPAWN`, `FORK`).
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ Result = TypeVar("Result")
 Report = Callable[[int, str], None]
 """Called after each call as ``report(done, name)``; `done` counts."""
 
+SPAWN, FORK = "spawn", "fork"  # a fresh interpreter; a copy of this one, which must then do nothing but compute
 EXIT_TIMEOUT_S = 5.0  # assumption: an idle worker that has not left by then is stuck
 CAUSES = {
     -signal.SIGKILL: "was killed, as the system does when memory runs out",
@@ -72,19 +74,19 @@ class WorkerPool:
     """Workers for the duration of a ``with`` block; an error that leaves the block ends them in the middle of their work.
 
     Args:
-        count: how many.
+        count: how many. method: `SPAWN` or `FORK`.
     """
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, method: str = SPAWN) -> None:
         self.workers: list[Worker] = []
-        self._count = count
+        self._count, self._method = count, method
         self._idle: queue.SimpleQueue[Worker] = queue.SimpleQueue()
 
     def __enter__(self) -> Self:
         FIRST_ON_SIGNAL.append(self.kill)
         try:
             for _ in range(self._count):
-                self.workers.append(Worker())
+                self.workers.append(Worker(self._method))
                 self._idle.put(self.workers[-1])
         except BaseException:
             self.kill()
@@ -112,6 +114,8 @@ class WorkerPool:
 
     def _end(self) -> None:
         FIRST_ON_SIGNAL.remove(self.kill)
+        if self._method == FORK:
+            self.kill()  # its pipe does not end: copies that were made later hold it open, too
         for worker in self.workers:
             worker.connection.close()  # an idle worker leaves when its pipe ends
         for worker in self.workers:
@@ -123,8 +127,8 @@ class WorkerPool:
 class Worker:
     """A process that carries out one call after the other."""
 
-    def __init__(self) -> None:
-        context = multiprocessing.get_context("spawn")
+    def __init__(self, method: str = SPAWN) -> None:
+        context = multiprocessing.get_context(method)
         self.name = ""
         self.connection, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs,), daemon=True)

@@ -10,7 +10,8 @@ import pytest
 from identify.toy_joint import ToyJoint
 
 from hqpipe.identify.found import JointFound
-from hqpipe.identify.identify import _weighed_again, identify
+from hqpipe.identify.identify import identify, prior_odds
+from hqpipe.identify.joint_search import JointSearch
 from hqpipe.identify.model import LayerJoints
 
 
@@ -166,8 +167,10 @@ def test_the_order_of_a_set_does_not_decide_which_effect_is_tried_first():
 
     asked = []
     for names in (("spring", "viscous_friction"), ("viscous_friction", "spring")):
-        search, _ = _weighed_again(Tried(), SimpleNamespace(names=frozenset()), [names] * 9)
-        asked.append(search.asked)
+        joint = JointSearch(Tried.model, prior_odds)
+        joint._search, joint._known = Tried(), SimpleNamespace(names=frozenset())
+        joint.weighed_again([names] * 9)
+        asked.append(joint._search.asked)
     assert asked[0] == asked[1] == ["spring", "viscous_friction"]
 
 

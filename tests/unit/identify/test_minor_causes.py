@@ -2,11 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 
-from hqpipe.identify import minor_causes
+from hqpipe.identify import joint_search
+from hqpipe.identify.joint_search import JointSearch
+from hqpipe.identify.minor_causes import without_minor_causes
 
 CLOSES = {"coulomb_friction": 0.30, "spring": 0.10, "backlash": 0.05}
+
+
+@dataclass
+class Answered:
+    """What is told of an answer here."""
+
+    closes: dict
+    unexplained: float
+    model: object = field(default=None)
 
 
 def test_an_effect_that_went_does_not_come_back_when_the_next_one_goes(monkeypatch):
@@ -16,16 +28,16 @@ def test_an_effect_that_went_does_not_come_back_when_the_next_one_goes(monkeypat
         calls.append(known)
         assert len(calls) <= len(CLOSES), "an effect came back"
         left = 0.5 if known else 1.0  # nothing is explained, whatever is left
-        return SimpleNamespace(closes={name: CLOSES[name] for name in known}, unexplained=left)
+        return Answered({name: CLOSES[name] for name in known}, left)
 
-    monkeypatch.setattr(minor_causes, "answer", answer)
-    search = SimpleNamespace(
+    monkeypatch.setattr(joint_search, "answer", answer)
+    joint = JointSearch(None, None)
+    joint._search = SimpleNamespace(
         barred=set(),
         without=lambda known, name: SimpleNamespace(names=known.names - {name}),
         improved=lambda known: known.names,
     )
-    best = SimpleNamespace(names=frozenset(CLOSES))
-    first = SimpleNamespace(closes=CLOSES, unexplained=0.5)
-    (last,) = minor_causes.without_minor_causes([(search, best)], [first])
+    joint._known = SimpleNamespace(names=frozenset(CLOSES))
+    (last,) = without_minor_causes([Answered(CLOSES, 0.5)], lambda j, effect: joint.without(effect))
     assert set(last.closes) == {"coulomb_friction"}
-    assert search.barred == {"spring", "backlash"}
+    assert joint._search.barred == {"spring", "backlash"}

@@ -94,7 +94,7 @@ def test_a_full_disk_is_done_without(tmp_path):
     [
         "actuators.loops.laws",
         "identify.sign_path",
-        "sysid.window_fit",
+        "identify.paper_model.window_fit",
         "machine",
         "plant.plant",
         "sim.mujoco_loop",

@@ -1,0 +1,89 @@
+"""The search over one joint, step by step; what each step returns can be copied between processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from hqpipe.identify.found import JointFound
+from hqpipe.identify.joint_answer import answer
+from hqpipe.identify.least_squares import Fitter
+from hqpipe.identify.model import JointModel
+from hqpipe.identify.search import Known, Names, Search
+from hqpipe.identify.visible import least_visible
+
+Odds = Callable[[JointModel, Mapping[str, int], int], dict[str, float]]
+"""ln of the prior odds of each effect of a model, from effect → how many other joints have it, and how many these are."""
+
+
+class JointSearch:
+    """The sets that were fitted to a joint, and the one that was reached.
+
+    An answer comes without its model, which whoever asked has.
+    """
+
+    def __init__(self, model: JointModel, odds: Odds) -> None:
+        self._model, self._odds = model, odds
+        self._search: Search | None = None
+        self._known: Known | None = None
+
+    def loaded(self) -> None:
+        """Predict once, so that copies of this process have the compiled code."""
+        fitter = Fitter(self._model)
+        fitter.error(fitter.neutral)
+
+    def first(self) -> Names:
+        """Effects that the joint asks for by itself."""
+        self._search = Search(self._model, self._odds(self._model, {}, 0))
+        self._known = self._search.run()
+        return self._known.names
+
+    def weighed_again(self, others: Sequence[Names]) -> Names:
+        """The same with what the other joints have in its prior."""
+        search, known = self._search, self._known
+        count: dict[str, int] = {}
+        for names in others:
+            for name in names:
+                count[name] = count.get(name, 0) + 1
+        search.odds = self._odds(self._model, count, len(others))
+        for name in sorted(count, key=lambda name: (-count[name], name)):  # a set has no order of its own
+            if name in search.effects and name in search.addable(known.names) and search.odds[name] > 0.0:
+                larger = search.grown_by(known, name)
+                if search.gain(larger, known) > 0.0:
+                    known = larger
+                    continue
+                # What one joint's logs ask for in its place may only look like it.
+                for other in sorted(known.names):
+                    option = search.grown_by(search.without(known, other), name)
+                    if search.preference(option, known) > 0.0:
+                        known = option
+                        break
+        self._known = search.improved(known)
+        return self._known.names
+
+    def answered(self) -> JointFound:
+        """The answer."""
+        return replace(answer(self._search, self._known), model=None)
+
+    def with_shared(self, shared: Names, causes: Names) -> JointFound | None:
+        """The answer of a joint that lacks a cause of most others, once more, as what most have need only be probable in one;
+        None where it is the same.
+
+        Args:
+            shared: causes of most joints of the machine. causes: of this one.
+        """
+        self._search.shared = shared
+        lacking = shared - causes
+        return self.answered() if lacking & self._known.names else None
+
+    def without(self, effect: str) -> JointFound:
+        """The answer with an effect barred from now on; one that is barred never comes back."""
+        search, known = self._search, self._known
+        search.barred.add(effect)
+        for name in sorted(known.names & search.barred):
+            known = search.without(known, name)
+        return replace(answer(search, search.improved(known)), model=None)
+
+    def visible(self, kept: Names, base: Names) -> dict[str, float]:
+        """See `hqpipe.identify.visible.least_visible`; kept, base: effects of the sets of an answer."""
+        return least_visible(self._search, self._search.known[kept], self._search.known[base])
