@@ -93,8 +93,6 @@ class Fitter:
             none = np.zeros((len(begun[0].error), len(free)))
             return Solution(free, begun[0].values, begun[0].error, none, np.inf)
         point, jacobian = min(near, key=lambda found: found[0].cost)
-        if origin is not None:
-            point, jacobian = self._near(point, free, noise, None)
         for _ in range(2):
             noise = _variance(point.error)
             problem = _Differences(self, free, noise, resolved=jacobian)
@@ -107,12 +105,15 @@ class Fitter:
     def _near(
         self, point: _Point, free: np.ndarray, noise: float, origin: Solution | None
     ) -> tuple[_Point, np.ndarray]:
-        """Where steps lead until they bring little, and the sensitivities: those of the origin as they follow from the steps,
-        or differences over long ones where there is none."""
-        if origin is None or not np.isfinite(origin.square):
-            return descended(_Differences(self, free, noise), point, SLOW)
-        problem = _Differences(self, free, noise, first=self._first_slopes(point, free, origin))
-        return descended(problem, point, SLOW, 1, _STALE)
+        """Where steps lead until they bring little, and the sensitivities there by long differences.
+
+        First steps follow the sensitivities of the origin, which cost nothing; where they lead alone does not tell which of
+        several minima is the lowest.
+        """
+        if origin is not None and np.isfinite(origin.square):
+            problem = _Differences(self, free, noise, first=self._first_slopes(point, free, origin))
+            point, _ = descended(problem, point, SLOW, 1, _STALE)
+        return descended(_Differences(self, free, noise), point, SLOW)
 
     def _first_slopes(self, point: _Point, free: np.ndarray, origin: Solution) -> np.ndarray:
         """(N, F) sensitivities at a start: those of the origin where it has them, else differences."""
