@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from multiprocessing.connection import wait
 from typing import Any, Self
 
@@ -72,7 +72,7 @@ class JointPool:
         worker.start(str(j), _step, (j, method, arguments))
         return worker.result()
 
-    def _steps(self, method: str, arguments: list[tuple]):
+    def _steps(self, method: str, arguments: list[tuple]) -> Iterator[tuple[int, Any]]:
         """(joint, result) of each, as they end; a search that no worker has is begun by the first that is idle."""
         joints = range(len(self._searches))
         if self._pool is None:
