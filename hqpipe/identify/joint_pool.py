@@ -41,7 +41,7 @@ class JointPool:
     def __enter__(self) -> Self:
         _SEARCHES[:] = self._searches
         if self._pool is not None:
-            self._searches[0].loaded()
+            self._searches[0].load_compiled_code()
             self._pool.__enter__()
         return self
 

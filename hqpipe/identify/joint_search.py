@@ -27,7 +27,7 @@ class JointSearch:
         self._search: Search | None = None
         self._known: Known | None = None
 
-    def loaded(self) -> None:
+    def load_compiled_code(self) -> None:
         """Predict once, so that copies of this process have the compiled code."""
         fitter = Fitter(self._model)
         fitter.error(fitter.neutral)

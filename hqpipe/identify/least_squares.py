@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.identify.correlation import correlation_time
-from hqpipe.identify.descent import SLOW, descended, stepped, stopped
+from hqpipe.identify.descent import SLOW, descended, stopped
 from hqpipe.identify.model import JointModel, all_parameters
 
 _STEP = 3e-3  # of the spread: long enough that a stick-slip event which moves by a substep does not decide the slope
@@ -195,18 +195,6 @@ class Fitter:
         """(F,) deviations from neutral over the spread; 0 where nothing is known beforehand."""
         known = np.isfinite(self.spread[free])
         return np.where(known, (values - self.neutral)[free] / np.where(known, self.spread[free], 1.0), 0.0)
-
-    def _stepped(
-        self,
-        values: np.ndarray,
-        error: np.ndarray,
-        jacobian: np.ndarray,
-        free: np.ndarray,
-        noise: float,
-        damping: float,
-    ) -> np.ndarray:
-        equations = self._equations(values, error, jacobian, free, noise)
-        return stepped(*equations, values, free, self.low, self.high, damping)
 
     def _equations(
         self, values: np.ndarray, error: np.ndarray, jacobian: np.ndarray, free: np.ndarray, noise: float

@@ -79,8 +79,8 @@ class ActuatorJoint:
         own = len(self.base) + np.arange(len(self.places))
         object.__setattr__(self, "_owned", own[own != at])
         object.__setattr__(self, "_run", RepeatedRun(self.records[0].signals))
-        rubs = [k for k, (owner, _) in enumerate(self.places) if EFFECTS[owner].effort_sources]
-        object.__setattr__(self, "_friction", len(self.base) + np.array(rubs, dtype=np.int64))
+        friction = [k for k, (owner, _) in enumerate(self.places) if EFFECTS[owner].effort_sources]
+        object.__setattr__(self, "_friction", len(self.base) + np.array(friction, dtype=np.int64))
         object.__setattr__(self, "_neutral", np.array([parameter.neutral for parameter in all_parameters(self)]))
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
@@ -111,8 +111,8 @@ class ActuatorJoint:
 
     def idle(self, values: np.ndarray) -> tuple[int, ...]:
         """Places of parameters that change nothing at these values: how friction turns round, where there is none."""
-        rubs = np.any(values[self._friction] != self._neutral[self._friction])
-        return () if rubs else (_SPEED_LATE, _PRESLIDING)
+        present = np.any(values[self._friction] != self._neutral[self._friction])
+        return () if present else (_SPEED_LATE, _PRESLIDING)
 
     def sensitivity(self, values: np.ndarray, index: int) -> np.ndarray | None:
         """(N,) of the error by the size of a generic shape, in which it is linear; None of any other parameter."""

@@ -19,7 +19,7 @@ class Counting:
     def __init__(self, number):
         self.number, self.seen = number, []
 
-    def loaded(self):
+    def load_compiled_code(self):
         pass
 
     def first(self):
