@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from hqpipe.identify.model import Samples
 
@@ -16,10 +17,10 @@ def correlation_time(error: np.ndarray, samples: Samples) -> float:
     if not pieces:
         return 1.0
     longest = max(len(piece) for piece in pieces)
-    sums = np.zeros(longest)
+    length, sums = next_fast_len(2 * longest, real=True), np.zeros(longest)
     for piece in pieces:
-        spectrum = np.abs(np.fft.rfft(piece, 2 * longest)) ** 2
-        sums += np.fft.irfft(spectrum, 2 * longest)[:longest]
+        spectrum = np.fft.rfft(piece, length)
+        sums += np.fft.irfft(spectrum.real**2 + spectrum.imag**2, length)[:longest]
     if not 0.0 < sums[0] < np.inf:
         return 1.0
     correlation = sums / sums[0]

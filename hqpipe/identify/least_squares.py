@@ -88,7 +88,10 @@ class Fitter:
                 first steps; None where there is none.
         """
         begun = [self._at(np.clip(start, self.low, self.high), free, noise) for start in starts]
-        near = [self._near(point, free, noise, origin) for point in begun if np.isfinite(point.cost)]
+        near: list[tuple[_Point, np.ndarray]] = []
+        for point in begun:
+            if np.isfinite(point.cost):
+                near.append(self._near(point, free, noise, origin, near))
         if not near:
             none = np.zeros((len(begun[0].error), len(free)))
             return Solution(free, begun[0].values, begun[0].error, none, np.inf)
@@ -103,27 +106,39 @@ class Fitter:
         return Solution(free, point.values, point.error, jacobian, float(point.error @ point.error))
 
     def _near(
-        self, point: _Point, free: np.ndarray, noise: float, origin: Solution | None
+        self,
+        point: _Point,
+        free: np.ndarray,
+        noise: float,
+        origin: Solution | None,
+        others: Sequence[tuple[_Point, np.ndarray]],
     ) -> tuple[_Point, np.ndarray]:
         """Where steps lead until they bring little, and the sensitivities there by long differences.
 
         First steps follow the sensitivities of the origin, which cost nothing; where they lead alone does not tell which of
-        several minima is the lowest.
+        several minima is the lowest. If that is where another start has led already, nothing else is tried.
+
+        Args:
+            others: what earlier starts have led to.
         """
         if origin is not None and np.isfinite(origin.square):
             problem = _Differences(self, free, noise, first=self._first_slopes(point, free, origin))
             point, _ = descended(problem, point, SLOW, 1, _STALE)
+        for other, slopes in others:
+            apart = slopes @ (point.values - other.values)[free]
+            if apart @ apart < SLOW * other.cost:
+                return other, slopes
         return descended(_Differences(self, free, noise), point, SLOW)
 
     def _first_slopes(self, point: _Point, free: np.ndarray, origin: Solution) -> np.ndarray:
         """(N, F) sensitivities at a start: those of the origin where it has them, else differences."""
         known = np.isin(free, origin.free)
-        slopes = np.zeros((len(point.error), len(free)))
-        slopes[:, known] = origin.jacobian[:, np.isin(origin.free, free)]
+        rows = np.zeros((len(free), len(point.error)))
+        rows[known] = origin.jacobian.T[np.isin(origin.free, free)]
         new = free[~known]
         if len(new):
-            slopes[:, ~known] = self.jacobian(point.values, point.error, new, self.long_steps(point.values, new))
-        return slopes
+            rows[~known] = self.jacobian(point.values, point.error, new, self.long_steps(point.values, new)).T
+        return rows.T
 
     def _tolerance(self, error: np.ndarray) -> float:
         """Of the cost, per step, below which a fit ends: less changes the odds of nothing, as errors that stay alike for long
@@ -141,7 +156,7 @@ class Fitter:
     def jacobian(self, values: np.ndarray, error: np.ndarray, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """(N, F) of the error: those that the model gives, else one-sided differences of the length `steps` (F,), away from a
         bound."""
-        columns = np.zeros((len(error), len(free)))
+        rows = np.zeros((len(free), len(error)))  # the sensitivities to one parameter lie side by side: products are faster
         size = float(np.sqrt(error @ error)) or 1.0
         idle = self._idle(values)
         for k, index in enumerate(free):
@@ -149,23 +164,21 @@ class Fitter:
                 continue
             exact = self._sensitivity(self.model, values, int(index))
             if exact is not None:
-                columns[:, k] = exact
+                rows[k] = exact
                 continue
             step = self._within(values, int(index), float(steps[k]))
             for _ in range(4):
                 moved = values.copy()
                 moved[index] += step
                 difference = self.error(moved) - error
-                if not np.isfinite(difference).all():
-                    difference = np.zeros(len(error))
-                    break
-                if difference @ difference > (_SEEN * size) ** 2:
+                square = float(difference @ difference)
+                if square > (_SEEN * size) ** 2:
                     break
                 step = self._within(values, int(index), 10.0 * step)
-            else:  # what changes nothing has no slope but that of rounding
-                difference = np.zeros(len(error))
-            columns[:, k] = difference / step
-        return columns
+            # What changes nothing has no slope but that of rounding, and what overflows has none.
+            if (_SEEN * size) ** 2 < square < np.inf:
+                np.divide(difference, step, out=rows[k])
+        return rows.T
 
     def long_steps(self, values: np.ndarray, free: np.ndarray) -> np.ndarray:
         """(F,) long steps for differences: a part of what is known of the size beforehand."""
@@ -269,4 +282,4 @@ def _followed(slopes: np.ndarray, last: _Point, now: _Point, free: np.ndarray, s
     """
     step = (now.values - last.values)[free] / steps
     missed = now.error - last.error - slopes @ (step * steps)
-    return slopes + np.outer(missed, step / (step @ step) / steps)
+    return slopes + np.outer(step / (step @ step) / steps, missed).T

@@ -8,9 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+
+
+_CELLS = 6  # of position, and of speed; assumption: a wrong law is off in one way over a sixth of the range
+STATES = _CELLS**2
 
 
 @dataclass(frozen=True)
@@ -92,6 +97,11 @@ class Samples:
     output: np.ndarray
     held: np.ndarray
 
+    @cached_property
+    def state(self) -> np.ndarray:
+        """(N,) number of the state of each sample, below `STATES`: a cell of position and speed, equally full in each."""
+        return _sixth(self.position) * _CELLS + _sixth(self.velocity)
+
     def only(self, kept: np.ndarray) -> Samples:
         """Those that are True in a mask (N,)."""
         names = ("trial", "time", "position", "velocity", "output", "held")
@@ -157,6 +167,11 @@ def positions(model: JointModel, effects: Sequence[str]) -> np.ndarray:
             found += range(at, at + len(effect.parameters))
         at += len(effect.parameters)
     return np.array(found, dtype=np.int64)
+
+
+def _sixth(values: np.ndarray) -> np.ndarray:
+    edges = np.quantile(values, np.linspace(0.0, 1.0, _CELLS + 1)[1:-1])
+    return np.searchsorted(edges, values)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,10 +13,9 @@ import numpy as np
 
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.least_squares import Fitter, Solution, lengths
-from hqpipe.identify.model import Samples
+from hqpipe.identify.model import STATES, Samples
 
 BLOCK = 3.0  # autocorrelation times: neighbouring blocks then share a few per cent
-_CELLS = 6  # of position, and of speed; assumption: a wrong law is off in one way over a sixth of the range
 
 
 def blocks(samples: Samples, length: float) -> np.ndarray:
@@ -47,16 +46,6 @@ class Covariance:
     blocks: int
 
 
-def states(samples: Samples) -> np.ndarray:
-    """(N,) number of the state of each sample: a cell of position and speed, equally full in each."""
-    return _sixth(samples.position) * _CELLS + _sixth(samples.velocity)
-
-
-def _sixth(values: np.ndarray) -> np.ndarray:
-    edges = np.quantile(values, np.linspace(0.0, 1.0, _CELLS + 1)[1:-1])
-    return np.searchsorted(edges, values)
-
-
 def covariance(fitter: Fitter, solution: Solution) -> Covariance:
     """The covariance of what a fit found.
 
@@ -77,9 +66,9 @@ def covariance(fitter: Fitter, solution: Solution) -> Covariance:
     unit = np.outer(scale, scale)
     inverse = np.linalg.pinv((normal + np.diag(prior)) / unit, hermitian=True) / unit
     time = correlation_time(error, samples)
-    block, state = blocks(samples, BLOCK * time), states(samples)
+    block, state = blocks(samples, BLOCK * time), samples.state
     slopes = jacobian * error[:, None] / scale
-    both = np.unique(block * _CELLS**2 + state, return_inverse=True)[1]
+    both = block * STATES + state
     scatter = _scatter(slopes, block) + _scatter(slopes, state) - _scatter(slopes, both)
     values, vectors = np.linalg.eigh(scatter)
     scatter = (vectors * np.maximum(values, 0.0)) @ vectors.T * unit
@@ -99,9 +88,7 @@ def _scatter(slopes: np.ndarray, group: np.ndarray) -> np.ndarray:
     """(F, F) of the sums over groups; corrected for the freedom that the fit took from them."""
     if not len(group):
         return np.zeros((slopes.shape[1], slopes.shape[1]))
-    count = int(group.max()) + 1
-    sums = (
-        np.stack([np.bincount(group, column, count) for column in slopes.T], axis=1) if slopes.size else slopes[:count]
-    )
-    filled = len(np.unique(group))
-    return sums.T @ sums * filled / max(filled - slopes.shape[1], 1)
+    count = np.bincount(group)
+    sums = np.array([np.bincount(group, column) for column in slopes.T]).reshape(-1, len(count))
+    filled = np.count_nonzero(count)
+    return sums @ sums.T * filled / max(filled - len(sums), 1)

@@ -19,7 +19,7 @@ from hqpipe.layers.actuator.parameters import (
 from hqpipe.layers.actuator.record import Record
 from hqpipe.layers.actuator.repeated_run import RepeatedRun
 from hqpipe.machine import EFFECTS
-from hqpipe.machine.chain import residual_windows
+from hqpipe.machine.chain import Signals, residual_windows
 from hqpipe.machine.layout import BASE, slot
 
 _LOGGED, _SPEED_LATE, _PRESLIDING = (BASE_NAMES.index(name) for name in (LOGGED_SPEED, SPEED_LATE, PRESLIDING))
@@ -69,6 +69,7 @@ class ActuatorJoint:
     _friction: np.ndarray = field(init=False)
     _neutral: np.ndarray = field(init=False)
     _last: tuple[float, float] = field(init=False, default=(0.0, 0.0))
+    _driven: Signals = field(init=False)
 
     def __post_init__(self) -> None:
         owned = [(owner, name) for owner, name in self.places if name != BY_OPENING]
@@ -78,7 +79,8 @@ class ActuatorJoint:
         object.__setattr__(self, "_opening", at)
         own = len(self.base) + np.arange(len(self.places))
         object.__setattr__(self, "_owned", own[own != at])
-        object.__setattr__(self, "_run", RepeatedRun(self.records[0].signals))
+        object.__setattr__(self, "_run", RepeatedRun())
+        object.__setattr__(self, "_driven", self.records[0].signals)
         friction = [k for k, (owner, _) in enumerate(self.places) if EFFECTS[owner].effort_sources]
         object.__setattr__(self, "_friction", len(self.base) + np.array(friction, dtype=np.int64))
         object.__setattr__(self, "_neutral", np.array([parameter.neutral for parameter in all_parameters(self)]))
@@ -92,19 +94,15 @@ class ActuatorJoint:
         record = self.records[heldout]
         if not record.windows:
             return np.zeros(0)
-        share, opening = float(values[_LOGGED]), self._by_opening(values)
-        velocity, demand = record.signals.velocity, record.signals.demand
-        if share != 0.0:
-            velocity = velocity + share * (record.logged - velocity)
-        if opening != 0.0:
-            demand = record.by_speed + opening * (record.by_opening - record.by_speed)
-        row = self.row(values)
+        share, opening, row = float(values[_LOGGED]), self._by_opening(values), self.row(values)
         if heldout:
-            errors = residual_windows(row, record.signals._replace(velocity=velocity, demand=demand))
+            errors = residual_windows(row, record.driven_by(share, opening))
         else:
             moved = (*(SPEEDS if share != self._last[0] else ()), *(("demand",) if opening != self._last[1] else ()))
-            errors = self._run.errors(row, velocity, demand, moved)
-            object.__setattr__(self, "_last", (share, opening))
+            if moved:
+                object.__setattr__(self, "_driven", record.driven_by(share, opening))
+                object.__setattr__(self, "_last", (share, opening))
+            errors = self._run.errors(row, self._driven, moved)
         found = record.picked(errors)
         beside = values[len(self.base) + len(self.places) :]
         return found + beside @ self.shapes[heldout] if np.any(beside) else found

@@ -47,6 +47,13 @@ class Record:
         """(N,) the judged ones of (steps, W) values of samples 1 … steps of each window, window by window."""
         return rows[self.step - 1].T[self.judged]
 
+    def driven_by(self, logged: float, opening: float) -> Signals:
+        """The signals with a share of the logged speed, and of the flow that the openings tell."""
+        s = self.signals
+        velocity = s.velocity + logged * (self.logged - s.velocity) if logged else s.velocity
+        demand = self.by_speed + opening * (self.by_opening - self.by_speed) if opening else s.demand
+        return s._replace(velocity=velocity, demand=demand)
+
     def samples(self) -> Samples:
         """The samples that the joint is judged on."""
         s = self.signals

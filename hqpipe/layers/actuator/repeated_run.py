@@ -12,20 +12,17 @@ from hqpipe.machine.chain import Signals, Work, loops
 class RepeatedRun:
     """The windows of one joint; not for several threads at a time."""
 
-    def __init__(self, signals: Signals) -> None:
-        self._signals = signals
+    def __init__(self) -> None:
         self._work: Work | None = None  # made by the first run: most joints that are tried are never run
         self._out = np.empty((0, 0))
         self._row: np.ndarray | None = None
 
-    def errors(self, row: np.ndarray, velocity: np.ndarray, demand: np.ndarray, moved: Sequence[str]) -> np.ndarray:
+    def errors(self, row: np.ndarray, signals: Signals, moved: Sequence[str]) -> np.ndarray:
         """(steps, W) what `residual_windows` gives; overwritten by the next call.
 
         Args:
-            row: (WIDTH,). velocity, demand: (T,) of the signals. moved: names of those of them that differ from the
-                call before.
+            row: (WIDTH,). signals: of the record. moved: names of those of them that differ from the call before.
         """
-        signals = self._signals._replace(velocity=velocity, demand=demand)
         if self._work is None:
             self._work = loops().make_work(signals)
             self._out = np.empty((signals.steps, len(signals.first)))

@@ -134,15 +134,16 @@ def _missing(source: Source, chain: Chain, arrays: Arrays, link) -> None:
     state, at = link.balance, chain.ahead.index(link)
     names, given = _head(chain, arrays, link)
     says = "Torque, N·m, that a start leaves open by the end of a trial, and over how many samples."
-    with source.function(f"missing_{state}", f"p, s, first, last, start, most, {given}", says):
+    with source.function(f"missing_{state}", f"p, s, first, last, start, most, stride, {given}", says):
         constants(source, chain)
+        source.add("p = p.copy()", f"p[{chain.column('setting', 'sample_time')}] *= stride")
         for name in names:
             if (when := arrays.when(name)) is not None:
                 source.add(f"on_{name} = {present(when)}")
         links = [x for x in chain.ahead[at:] if x.call is not None and not x.only_delays]
-        source.add(f"m_{state} = start", "total, end = 0.0, last")
+        source.add(f"m_{state} = start", "total, end = 0.0, first")
         source.add(*(f"m_{name} = 0.0" for x in links for name in x.starts if name != state))
-        with source.under("for k in range(first, last):"):
+        with source.under("for k in range(first, last - stride + 1, stride):"):
             _fetch(source, arrays, names, "k")
             code = Straight(source, chain, names)
             code.unmeasured("s.effort[k]")
@@ -157,9 +158,9 @@ def _missing(source: Source, chain: Chain, arrays: Arrays, link) -> None:
             for x in chain.core:
                 code.link(x)
             code.law("following")
-            source.add("total += following - behind")
+            source.add("total += stride * (following - behind)", "end = k + stride")
             with source.under(f"if abs(m_{state}) >= most and k - first >= s.steps:"):
-                source.add("end = k + 1", "break")
+                source.add("break")
         source.add("return s.effort[end] - s.effort[first] - total, end - first")
 
 
@@ -175,27 +176,31 @@ def _balance(source: Source, chain: Chain, arrays: Arrays, link) -> None:
             source.add("k = first")
             _fetch(source, arrays, [n for n in names if n in {r.name for r in known.args}], "k")
             source.add(f"return {call(source, known, scalar)}")
+        dt = f"p[{chain.column('setting', 'sample_time')}]"
         source.add(
             f"most = {call(source, limit, scalar)}",
-            "low, high, start, gain = -most, most, 0.0, 0.0",
-            "before, left = 0.0, 0.0",
+            "start, gain = 0.0, 0.0",
+            f"rough = max(1, int(ROUGH / {dt}))",
         )
-        with source.under("for _ in range(PASSES):"):
-            source.add(f"missing, samples = missing_{state}(p, s, first, last, start, most, {given})")
-            with source.under("if missing > 0.0:"):
-                source.add("low = start")
-            with source.under("else:"):
-                source.add("high = start")
-            with source.under(
-                "if gain == 0.0:  # what a start is worth: at first all of it, then as the last two tell"
-            ):
-                source.add(f"gain = max(p[{chain.gain}] * samples, 1e-300)")
-            with source.under("elif start != before:"):
-                source.add("gain = max((left - missing) / (start - before), 1e-300)")
-            source.add("before, left, wanted = start, missing, start + missing / gain")
-            with source.under("if wanted <= low or wanted >= high:  # the limit takes from what the start is worth"):
-                source.add("wanted = 0.5 * (low + high)")
-            source.add("close = abs(wanted - start) < CLOSE * abs(wanted)", "start = wanted")
-            with source.under("if close:"):
-                source.add("break")
+        with source.under("for stride in (rough, 1):"):
+            source.add("low, high, before, left = -most, most, start, 0.0")
+            with source.under("for _ in range(PASSES):"):
+                source.add(
+                    f"missing, samples = missing_{state}(p, s, first, last, start, most, stride, {given})",
+                    "low, high = (start, high) if missing > 0.0 else (low, start)",
+                    "doubt = 1.0  # of the gain: what a start is worth; at first all of it, then as the last two tell",
+                )
+                with source.under("if gain == 0.0:"):
+                    source.add(f"gain = max(p[{chain.gain}] * samples, 1e-300)")
+                with source.under("elif start != before:"):
+                    source.add(
+                        "last_gain, gain = gain, max((left - missing) / (start - before), 1e-300)",
+                        "doubt = min(abs(gain / last_gain - 1.0), 1.0)",
+                    )
+                source.add("before, left, wanted = start, missing, start + missing / gain")
+                with source.under("if wanted <= low or wanted >= high:  # the limit takes from what the start is worth"):
+                    source.add("wanted, doubt = 0.5 * (low + high), 1.0")
+                source.add("close = doubt * abs(wanted - start) < CLOSE * abs(wanted)", "start = wanted")
+                with source.under("if close:"):
+                    source.add("break")
         source.add("return start")

@@ -39,19 +39,19 @@ def rows(joint, seed):
 @pytest.mark.parametrize("seed", range(4))
 def test_runs_in_a_row_are_those_from_the_start(joint, seed):
     signals = joint.records[0].signals
-    run = RepeatedRun(signals)
+    run = RepeatedRun()
     for row in rows(joint, seed):
-        found = run.errors(row, signals.velocity, signals.demand, ())
+        found = run.errors(row, signals, ())
         expected = residual_windows(row, signals)
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING * np.abs(expected).max())
 
 
 def test_other_signals_are_run_from_the_start(joint):
     signals = joint.records[0].signals
-    run = RepeatedRun(signals)
+    run = RepeatedRun()
     row = next(rows(joint, 1))
-    run.errors(row, signals.velocity, signals.demand, ())
-    faster = 1.1 * signals.velocity
-    found = run.errors(row, faster, signals.demand, SPEEDS)
-    expected = residual_windows(row, signals._replace(velocity=faster))
+    run.errors(row, signals, ())
+    faster = signals._replace(velocity=1.1 * signals.velocity)
+    found = run.errors(row, faster, SPEEDS)
+    expected = residual_windows(row, faster)
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING * np.abs(expected).max())
