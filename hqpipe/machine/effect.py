@@ -188,10 +188,10 @@ class Effect:
         name: as in diagnosis.json.
         layer: "actuator" or "sensing".
         parameters: its numbers. derived: what follows from them.
-        meaning: one line.
+        meaning: what it is, in half a sentence of the report.
         source: where the form comes from.
         experiment: what to record so that it shows.
-        advice: what can be done about it.
+        advice: what an engineer can do about it, in a sentence of the report.
         blocks, states, constants: what it does in the chain; no blocks: it is read off other channels, see hqpipe.gap.
         fitted: False where the base model's own coefficients take it up completely.
         of_the_log: whether only the log has it, and a simulator not.
@@ -207,7 +207,7 @@ class Effect:
     meaning: str
     source: str
     experiment: str
-    advice: str = ""
+    advice: str
     blocks: tuple[Block | Delay, ...] = ()
     states: tuple[State, ...] = ()
     constants: tuple[Constants, ...] = ()
