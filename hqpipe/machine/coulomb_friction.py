@@ -78,7 +78,9 @@ EFFECT = Effect(
     parameters=(
         Parameter("friction_nm", "N·m", Search(EFFORT, 0.0, 20.0, (0.05, 0.2))),
         Parameter("asymmetry_nm", "N·m", Search(EFFORT, -10.0, 10.0, (0.0,), counts=False, usual=0.01)),
-        Parameter("presliding_rad", "rad", Search(ANGLE, 5e-5, 0.3, (0.001,), counts=False, free=False), neutral=1e-3),
+        Parameter(
+            "presliding_rad", "rad", Search(ANGLE, 5e-5, 0.3, (0.0003,), counts=False, beside="friction"), neutral=1e-3
+        ),
     ),
     meaning="dry friction opposes every motion",
     source="Dahl, Aerospace Corp. TOR-158, 1968: presliding; Jelali & Kroll, Hydraulic Servo-systems, 2003",
