@@ -65,6 +65,7 @@ EFFECT = Effect(
     experiment="slow motion through zero torque in both directions",
     advice="Take up the slack, by chain tension or preload; simulate what stays as a dead zone between drive and "
     "joint.",
+    shows_as=("play",),
     slack=True,
     blocks=(
         Block(transmitted, ("inner", "half"), ("inner",), ("gap",)),

@@ -13,6 +13,7 @@ EFFECT = Effect(
     experiment="a fast motion that the load causes, not the command: push the joint, or step a neighbouring one",
     advice="Stamp both channels at their source, or shift the later one by this much before the fit: it is an error "
     "of the log, not of the machine.",
+    shows_as=("late",),
     blocks=(Delay(("command", "position", "velocity", "sliding"), "skew_s", logged=True),),
     of_the_log=True,
 )

@@ -13,5 +13,6 @@ EFFECT = Effect(
     experiment="steps or a chirp of the command up to the bandwidth of the joint",
     advice="Look for the delay on the bus and in the control loop and remove what you can; give the rest to the "
     "simulator, and vary it a little in training.",
+    shows_as=("late",),
     blocks=(Delay(("command",), "delay_s"),),
 )

@@ -87,6 +87,7 @@ EFFECT = Effect(
     experiment="slow constant-speed motion in both directions",
     advice="Simulate it, and feed it forward with the sign of the wanted speed; if it has grown, look at seals, "
     "bearings and chain tension.",
+    shows_as=("friction",),
     effort_sources=("load_cell",),
     blocks=(
         Block(kept_in, ("velocity", "dt", "presliding_rad"), ("kept",), ("grip",)),

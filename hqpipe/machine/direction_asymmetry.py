@@ -32,5 +32,6 @@ EFFECT = Effect(
     experiment="motion of the same speed in both directions",
     advice="Give each direction its own gain in the valve driver, the two piston areas differ; the ratio should then "
     "come out as zero.",
+    shows_as=("gain",),
     blocks=(Block(asymmetric, ("opening", "ratio", "uneven"), ("opening",), ("ratio", "uneven")),),
 )

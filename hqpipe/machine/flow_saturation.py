@@ -23,5 +23,6 @@ EFFECT = Effect(
     experiment="large steps, until the position error exceeds what the valve can serve",
     advice="Do not ask for more speed than the open valve gives: limit the command, lower the gain or fit a larger "
     "valve; train with the limit.",
+    shows_as=("limit",),
     blocks=(Block(saturate, ("opening", "limit"), ("opening",), ("limit",)),),
 )

@@ -21,5 +21,6 @@ EFFECT = Effect(
     source="Jelali & Kroll, Hydraulic Servo-systems, 2003: temperature dependence of viscosity and modulus",
     experiment="one long trial of steady excitation, from cold",
     advice="Warm the oil up before recording and log its temperature; vary the gain over this range in training.",
+    shows_as=("gain", "warming"),
     blocks=(Block(drifted, ("opening", "rate_per_s", "time"), ("opening",), ("rate_per_s",)),),
 )

@@ -24,5 +24,6 @@ EFFECT = Effect(
     experiment="one long trial of steady excitation, from cold",
     advice="Warm the oil up before recording and log its temperature; a rate far beyond what the viscosity of the "
     "oil does per kelvin points at seals. Vary the leakage over this range in training.",
+    shows_as=("warming",),
     blocks=(Block(leaked, ("leak", "rate_per_s", "time"), ("leak",), ("rate_per_s",)),),
 )

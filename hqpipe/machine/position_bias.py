@@ -13,5 +13,6 @@ EFFECT = Effect(
     source="null shift of a servo valve (Merritt, 1967); without an integrator an encoder zero shows the same way",
     experiment="hold the joint still at several loads in both directions; a second position sensor",
     advice="Redo the joint's zero against a jig or an end stop.",
+    shows_as=("offset",),
     blocks=(Block(added, ("opening", "rad"), ("opening",), ("rad",)),),
 )

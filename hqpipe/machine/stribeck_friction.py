@@ -34,6 +34,7 @@ EFFECT = Effect(
     experiment="very slow motion with many reversals",
     advice="Avoid creeping below the speed found here, or add dither; without it in the simulator the policy will "
     "stick and slip on the machine.",
+    shows_as=("friction",),
     effort_sources=("load_cell",),
     blocks=(
         Block(sticking, ("sliding", "velocity_rad_s", "exponent"), ("slow",), ("static_nm",)),

@@ -53,6 +53,7 @@ EFFECT = Effect(
     experiment="all joints fast at the same time, then one joint alone; of one joint fast strokes after a rest, then slow ones",
     advice="Check the accumulator's precharge and the pump's flow limit, log the supply pressure, and train with the "
     "droop that all joints share.",
+    shows_as=("limit",),
     machine=True,
     blocks=(Block(sagged, ("loss", "demand", "pump_velocity_rad_s", "droop", "recovered"), ("loss",), ("droop",)),),
     states=(State("loss", Law(steady, ("demand", "pump_velocity_rad_s", "droop"))),),

@@ -22,6 +22,7 @@ EFFECT = Effect(
     source="zero drift of load cells and pressure transducers (data sheets)",
     experiment="hang the leg freely in several poses and compare with its weight",
     advice="Zero the sensor at rest and without load before each session, then record again.",
+    shows_as=("offset",),
     blocks=(Block(added, ("measured", "nm"), ("measured",), ("nm",), undo=Law(removed, ("measured", "nm"))),),
     of_the_log=True,
 )

@@ -12,6 +12,7 @@ EFFECT = Effect(
     source="calibration error of load cells and pressure transducers",
     experiment="log the chamber pressures beside the torque, or load the joint with a known weight",
     advice="Calibrate the sensor with a known weight on a known lever.",
+    shows_as=("load",),
     multiplies=("k1", "k3"),  # what is in units of torque: k2 is not, and k4 is per radian
     of_the_log=True,
 )

@@ -26,6 +26,7 @@ EFFECT = Effect(
     source="series elasticity; Pratt & Williamson, IROS 1995",
     experiment="a second encoder on the cylinder side",
     advice="Stiffen hose, chain or mount, or simulate the spring; measure the position on the joint's side of it.",
+    shows_as=("play",),
     multiplies=("k1", "k2", "k3", "k4"),
     blocks=(Block(softened, ("stiff", "oil", "stiffness_nm_per_rad"), ("stiff",), ("stiffness_nm_per_rad",)),),
 )

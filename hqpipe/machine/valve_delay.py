@@ -13,5 +13,6 @@ EFFECT = Effect(
     experiment="let the load or a person move the joint while its command is held, fast enough for the delay to show",
     advice="Look for the delay between the controller and the spool (valve driver, its bus, the pilot stage); it "
     "lies inside the position loop, so it limits the gain. Give the rest to the simulator.",
+    shows_as=("late",),
     blocks=(Delay(("opening",), "delay_s"),),
 )

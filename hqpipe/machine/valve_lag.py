@@ -99,6 +99,7 @@ EFFECT = Effect(
     experiment="a chirp of small amplitude up to the valve's corner frequency",
     advice="Train with the lag, and keep the policy's commands below the spool's bandwidth; dither or a higher pilot "
     "pressure makes the spool faster.",
+    shows_as=("late",),
     blocks=(
         Block(
             lagged,

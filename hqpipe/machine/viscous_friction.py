@@ -80,6 +80,7 @@ EFFECT = Effect(
     experiment="constant-speed motion at several speeds",
     advice="Set the joint's damping in the simulator to this value, and vary it with the oil temperature that you "
     "expect.",
+    shows_as=("friction",),
     effort_sources=("load_cell",),
     blocks=(
         Block(
