@@ -65,7 +65,7 @@ def run(context: Any) -> dict[str, Any]:
     write_page(
         context.output,
         provenance={"command": f"hqpipe diagnose --logs {log_set.path}{since}{left_out}"},
-        explained={name: (effect.meaning, effect.advice) for name, effect in EFFECTS.items() if effect.advice},
+        effects=EFFECTS,
     )
     if (gap := diagnosis.content["gap"]) is not None:
         show(f"windows of {1e3 * gap['window_s']:.0f} ms: {gap['window_reason']}")

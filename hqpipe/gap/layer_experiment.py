@@ -9,34 +9,38 @@ from hqpipe.layers.actuator.changes import MULTIPLIES
 from hqpipe.logs.findings import listed
 from hqpipe.machine import EFFECTS
 
-_FRICTION = frozenset({"coulomb_friction", "viscous_friction", "stribeck_friction"})
-_LOADED = frozenset({"load_dependent_friction"})
-_LOADS = frozenset({"payload", "armature", "inertia_error", "com_error", "spring", "mount_tilt", "torque_scale"})
-_OFFSETS = frozenset({"torque_bias", "position_bias", "mount_tilt", "com_error", "spring"})
-_LATE = frozenset({"command_delay", "valve_delay", "valve_lag", "channel_skew", "velocity_lag"})
-_SUPPLY = frozenset({"voltage_sag", "torque_limit", "supply_droop", "flow_saturation"})
-_PLAY = frozenset({"backlash", "transmission_compliance"})
-_GAINS = frozenset({"gain_error", "direction_asymmetry", "gain_drift"})
-_WARM = frozenset({"gain_drift", "leakage_drift"})
-_BETWEEN: tuple[tuple[frozenset[str], str], ...] = (
-    (_FRICTION, "slow triangles to and fro over the same range at two speeds, several times each"),
-    (_FRICTION | _LOADED, "slow triangles over the same range without and with a known load, several times each"),
-    (_OFFSETS, "hold still at several angles over the whole range, each approached from both sides"),
-    (_LOADS, "the same motion with and without a known mass at a known distance from the axis"),
-    (_LATE, "steps of the command from rest, and pushes by hand while the command is held"),
-    (_SUPPLY, "the same large fast motion at two supplies (voltage, pressure), with the supply logged"),
-    (_PLAY, "slow reversals with the load on one side of the play and then on the other, then fast ones"),
+_OTHERS: dict[str, tuple[str, ...]] = {
+    "payload": ("load",),
+    "armature": ("load",),
+    "inertia_error": ("load",),
+    "com_error": ("load", "offset"),
+    "spring": ("load", "offset"),
+    "mount_tilt": ("load", "offset"),
+    "velocity_lag": ("late",),
+    "voltage_sag": ("limit",),
+    "torque_limit": ("limit",),
+    "gain_error": ("gain",),
+}
+"""Causes of other layers → what they show as, which effects of the library say themselves."""
+_BETWEEN: tuple[tuple[set[str], str], ...] = (
+    ({"friction"}, "slow triangles to and fro over the same range at two speeds, several times each"),
     (
-        _WARM,
+        {"friction", "load friction"},
+        "slow triangles over the same range without and with a known load, several times each",
+    ),
+    ({"offset"}, "hold still at several angles over the whole range, each approached from both sides"),
+    ({"load"}, "the same motion with and without a known mass at a known distance from the axis"),
+    ({"late"}, "steps of the command from rest, and pushes by hand while the command is held"),
+    ({"limit"}, "the same large fast motion at two supplies (voltage, pressure), with the supply logged"),
+    ({"play"}, "slow reversals with the load on one side of the play and then on the other, then fast ones"),
+    (
+        {"warming"},
         "the same motion in cold and in warm condition, with the temperature logged, holding a load still in between",
     ),
-    (
-        frozenset(MULTIPLIES) | {"transmission_compliance"},
-        "hold a load with the command still, step it, and repeat the fast motion of the reference",
-    ),
-    (_GAINS, "steps of several sizes in both directions, with the gains of the drive stated in logset.yaml"),
+    ({"coefficients"}, "hold a load with the command still, step it, and repeat the fast motion of the reference"),
+    ({"gain"}, "steps of several sizes in both directions, with the gains of the drive stated in logset.yaml"),
 )
-"""Effects → what tells any two of them apart; the first entry that holds both counts."""
+"""Kinds of error → what tells any two causes that show as one of them apart; the first entry that holds both counts."""
 _BY_SIGNAL = {
     "position_command": "steps of several sizes from rest in both directions",
     "duty": "the same large slow and fast motions at two supply voltages, with the voltage logged",
@@ -87,10 +91,16 @@ def next_experiment(
 
 
 def _telling(pair: Collection[str], layer: str) -> str:
-    for effects, text in _BETWEEN:
-        if effects.issuperset(pair):
+    for kinds, text in _BETWEEN:
+        if all(kinds & _shows_as(name) for name in pair):
             return text
     for name in sorted(pair):
         if name in EFFECTS:
             return EFFECTS[name].experiment
     return f"excite these joints alone, slowly and then fast, and {_OPEN.get(layer, _OPEN['joint_motion'])}"
+
+
+def _shows_as(name: str) -> set[str]:
+    effect = EFFECTS.get(name)
+    kinds = set(effect.shows_as if effect else _OTHERS.get(name, ()))
+    return kinds | {"coefficients"} if name in MULTIPLIES or (effect and effect.multiplies) else kinds

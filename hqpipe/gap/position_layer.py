@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hqpipe.actuators.augmented import Augmented
+from hqpipe.actuators.augmented import OF_THE_LOG, Augmented
 from hqpipe.errors import IdentificationError
 from hqpipe.gap.answer import not_identifiable
 from hqpipe.gap.diagnosis_files import Diagnosis
@@ -25,8 +25,6 @@ from hqpipe.identify.model import LayerJoints
 from hqpipe.identify.passing import PassingJoint
 from hqpipe.layers.actuator import Actuator
 from hqpipe.layers.actuator.joint import ActuatorJoint
-
-SENSOR = "torque_scale"  # changes what is logged and not the machine
 
 
 def diagnose_position(
@@ -112,6 +110,6 @@ def _numbers(joint: JointFound, name: str) -> tuple[ActuatorJoint, np.ndarray]:
     """The joint as the logs have it, and its numbers."""
     model, values = joint.model, getattr(joint, name).values
     if isinstance(model, Changed):
-        numbers = model.then_values(values) if name == "base" else model.now_values(values, (SENSOR,))
+        numbers = model.then_values(values) if name == "base" else model.now_values(values, OF_THE_LOG)
         return model.both.now, numbers
     return model, joint.base.values if isinstance(model, PassingJoint) else values

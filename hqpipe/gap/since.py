@@ -16,6 +16,7 @@ from hqpipe.errors import UsageError
 from hqpipe.gap.model_files import COEFFICIENTS, POWERS, Left, digest, left_of, variances
 from hqpipe.identify.change import KnownJoint
 from hqpipe.layers.actuator.joint import ActuatorJoint
+from hqpipe.layers.actuator.parameters import OF_FRICTION
 from hqpipe.logs.trajectory import LogSet
 from hqpipe.machine import EFFECTS
 from hqpipe.machine.layout import BASE, NOT_KNOWN, neutral_row, slot, slots
@@ -206,7 +207,7 @@ def _joint_space(model: Hydraulic, j: int) -> np.ndarray:
     row = np.full_like(neutral_row(), np.nan)
     for name in EFFECTS:
         row[slots(name)] = neutral_row()[slots(name)]
-    row[slot("coulomb_friction", "presliding_rad")] = np.nan
+    row[[slot(owner, p.name) for owner, p in OF_FRICTION]] = np.nan
     radius = model.column("sprocket_radius")[j]
     for name, power in zip(COEFFICIENTS, POWERS, strict=True):
         row[slot("base", name)] = model.column(name)[j] * radius**power

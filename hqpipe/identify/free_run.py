@@ -15,10 +15,7 @@ from hqpipe.actuators.loops.free_run import free_run_remembering
 from hqpipe.errors import IdentificationError, UsageError
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.trajectory import Trajectory
-
-# Effects whose state the logged torque does not settle sample by sample (a chain that hangs free under noise), and effects
-# of the sensors, which are no part of what the model steps.
-_NOT_REPLAYED = ("backlash", "channel_skew", "torque_bias")
+from hqpipe.machine import EFFECTS
 
 WINDOW_S = 0.1  # the default of the gap metric: long beside the actuator's lag, short beside a stride
 
@@ -87,7 +84,8 @@ def predict(trajectory: Trajectory, model: Model, window: int) -> np.ndarray:
 
 
 def _check_effects(model: Augmented) -> None:
-    if bad := [effect for effect in _NOT_REPLAYED if effect in model.effects]:
+    # A single sample of torque does not say where in its slack a chain is; what only the log has, the model does not step.
+    if bad := sorted(name for name in model.effects if EFFECTS[name].slack or EFFECTS[name].of_the_log):
         raise UsageError(
             f"{model.NAME}: {bad[0]} of {', '.join(model.effects[bad[0]])} cannot be replayed sample by sample from a log; "
             "hqpipe diagnose scores such a model on held-out trials, and the simulator steps it"

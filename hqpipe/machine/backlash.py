@@ -1,4 +1,4 @@
-"""Lost motion at reversal: while the chain crosses its slack no torque is passed."""
+"""Lost motion at reversal: while the chain crosses its slack, of the whole width `gap`, no torque is passed."""
 
 from __future__ import annotations
 
@@ -60,9 +60,13 @@ EFFECT = Effect(
     name="backlash",
     layer="actuator",
     parameters=(Parameter("gap", "rad", Search(ANGLE, 0.0, 1.0, (0.01, 0.05, 0.2))),),
-    meaning="lost motion at reversal (chain slack), whole width",
+    meaning="motion is lost at each reversal",
     source="Nordin & Gutman, Automatica 38, 2002: dead-zone model of backlash",
     experiment="slow motion through zero torque in both directions",
+    advice="Take up the slack, by chain tension or preload; simulate what stays as a dead zone between drive and "
+    "joint.",
+    shows_as=("play",),
+    slack=True,
     blocks=(
         Block(transmitted, ("inner", "half"), ("inner",), ("gap",)),
         Block(

@@ -1,7 +1,8 @@
 """Dry friction between the hydraulics and the load cell.
 
 The direction of the friction is a state of its own: it turns round over a small presliding distance, and while the joint
-rests it holds against what the hydraulics change. A sign of the measured speed would be noise at rest.
+rests it holds against what the hydraulics change. A sign of the measured speed would be noise at rest. It is
+`friction_nm` + `asymmetry_nm` while the position rises and `friction_nm` − `asymmetry_nm` while it falls.
 """
 
 from __future__ import annotations
@@ -77,11 +78,16 @@ EFFECT = Effect(
     parameters=(
         Parameter("friction_nm", "N·m", Search(EFFORT, 0.0, 20.0, (0.05, 0.2))),
         Parameter("asymmetry_nm", "N·m", Search(EFFORT, -10.0, 10.0, (0.0,), counts=False, usual=0.01)),
-        Parameter("presliding_rad", "rad", Search(ANGLE, 5e-5, 0.3, (0.001,), counts=False, free=False), neutral=1e-3),
+        Parameter(
+            "presliding_rad", "rad", Search(ANGLE, 5e-5, 0.3, (0.0003,), counts=False, beside="friction"), neutral=1e-3
+        ),
     ),
-    meaning="dry friction: friction + asymmetry when q rises, friction − asymmetry when it falls; asymmetry ≤ friction/2",
+    meaning="dry friction opposes every motion",
     source="Dahl, Aerospace Corp. TOR-158, 1968: presliding; Jelali & Kroll, Hydraulic Servo-systems, 2003",
     experiment="slow constant-speed motion in both directions",
+    advice="Simulate it, and feed it forward with the sign of the wanted speed; if it has grown, look at seals, "
+    "bearings and chain tension.",
+    shows_as=("friction",),
     effort_sources=("load_cell",),
     blocks=(
         Block(kept_in, ("velocity", "dt", "presliding_rad"), ("kept",), ("grip",)),

@@ -27,8 +27,11 @@ EFFECT = Effect(
         Parameter("ratio", "1", Search(NONE, -0.95, 0.95, (0.1, -0.1))),
         Parameter("areas", "1", Search(NONE, -MOST_UNEQUAL, MOST_UNEQUAL, (0.0,), counts=False, beside="orifice_flow")),
     ),
-    meaning="different gain when extending and retracting: flow × (1 + ratio · sgn u)",
+    meaning="extending and retracting have different gains: unequal areas or an unmeasured constant load",
     source="Jelali & Kroll, Hydraulic Servo-systems, 2003: differential cylinders and asymmetric lands",
     experiment="motion of the same speed in both directions",
+    advice="Give each direction its own gain in the valve driver, the two piston areas differ; the ratio should then "
+    "come out as zero.",
+    shows_as=("gain",),
     blocks=(Block(asymmetric, ("opening", "ratio", "uneven"), ("opening",), ("ratio", "uneven")),),
 )

@@ -36,7 +36,8 @@ class Search:
         usual: usual size; None for the least of the starts.
         least: of an inverse torque, times the largest torque logged: below it in every joint the effect is no fault,
             because every machine has that much of it.
-        beside: the effect in whose set it is fitted, as it does nothing without that one; None for its own.
+        beside: the effect in whose set it is fitted, as it does nothing without that one; None for its own. "friction": it
+            does nothing without friction of some kind, and is fitted with the coefficients.
         free: False for a number that no fit of this effect moves.
         pauses: whether it shows only in logs in which little flow is drawn at times.
     """
@@ -188,12 +189,18 @@ class Effect:
         name: as in diagnosis.json.
         layer: "actuator" or "sensing".
         parameters: its numbers. derived: what follows from them.
-        meaning: one line.
+        meaning: what it is, in half a sentence of the report.
         source: where the form comes from.
         experiment: what to record so that it shows.
-        advice: what can be done about it.
+        advice: what an engineer can do about it, in a sentence of the report.
+        shows_as: kinds of error that logs show of it: friction, load friction, load, offset, late, limit, play, gain, warming;
+            what to record to tell two of a kind apart is in hqpipe.gap.layer_experiment.
         blocks, states, constants: what it does in the chain; no blocks: it is read off other channels, see hqpipe.gap.
-        fitted: False where the base model's own coefficients take it up completely.
+        multiplies: coefficients of the base whose rates it does nothing but multiply by one number. They take it up completely,
+            so that no fit finds it; only between two records of a machine it shows, as a ratio. Where a change of the machine
+            multiplies the same ones, that ratio is at most 1.
+        slack: whether it passes no torque within some travel: there the logged one is noise round zero, and does not say what
+            the hydraulics hold.
         of_the_log: whether only the log has it, and a simulator not.
         common: whether every machine has some of it.
         effort_sources: kinds of torque measurement that it lies in front of; None if all.
@@ -207,11 +214,13 @@ class Effect:
     meaning: str
     source: str
     experiment: str
-    advice: str = ""
+    advice: str
+    shows_as: tuple[str, ...] = ()
     blocks: tuple[Block | Delay, ...] = ()
     states: tuple[State, ...] = ()
     constants: tuple[Constants, ...] = ()
-    fitted: bool = True
+    multiplies: tuple[str, ...] = ()
+    slack: bool = False
     of_the_log: bool = False
     common: bool = False
     effort_sources: tuple[str, ...] | None = None

@@ -18,8 +18,11 @@ EFFECT = Effect(
     name="flow_saturation",
     layer="actuator",
     parameters=(Parameter("limit", "command", Search(COMMAND, 0.0, 1e3, (2.0, 1.3, 0.7)), inverse=True),),
-    meaning="valve fully open",
+    meaning="beyond a certain command the valve is fully open",
     source="Merritt, Hydraulic Control Systems, 1967: stroke of the spool",
     experiment="large steps, until the position error exceeds what the valve can serve",
+    advice="Do not ask for more speed than the open valve gives: limit the command, lower the gain or fit a larger "
+    "valve; train with the limit.",
+    shows_as=("limit",),
     blocks=(Block(saturate, ("opening", "limit"), ("opening",), ("limit",)),),
 )

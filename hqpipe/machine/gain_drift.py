@@ -17,8 +17,10 @@ EFFECT = Effect(
     name="gain_drift",
     layer="actuator",
     parameters=(Parameter("rate_per_s", "1/s", Search(NONE, -0.2, 0.2, (0.01, -0.01))),),
-    meaning="oil temperature: the flow gain changes through the trial, × (1 + rate · t)",
+    meaning="the gain changes in the course of a trial, as with warming oil",
     source="Jelali & Kroll, Hydraulic Servo-systems, 2003: temperature dependence of viscosity and modulus",
     experiment="one long trial of steady excitation, from cold",
+    advice="Warm the oil up before recording and log its temperature; vary the gain over this range in training.",
+    shows_as=("gain", "warming"),
     blocks=(Block(drifted, ("opening", "rate_per_s", "time"), ("opening",), ("rate_per_s",)),),
 )

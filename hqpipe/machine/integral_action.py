@@ -48,9 +48,11 @@ EFFECT = Effect(
         Parameter("ki", "1/s", Search(NONE, 0.0, 50.0, (0.3, 3.0))),
         Parameter("limit", "command", Search(COMMAND, 0.0, 20.0, (0.1, 1.0, 4.0), counts=False), inverse=True),
     ),
-    meaning="the controller has an integrator that the model lacks",
+    meaning="the controller on the machine integrates its error",
     source="textbook PID; ki is the integral gain over the proportional gain",
     experiment="hold a constant load for a few seconds after a step",
+    advice="Read ki and the anti-windup from the controller's settings and put them in the simulator, or switch the "
+    "integrator off.",
     blocks=(
         Block(integrated, ("opening", "integral", "error", "ki", "limit", "dt"), ("opening", "integral"), ("ki",)),
     ),

@@ -38,9 +38,11 @@ EFFECT = Effect(
     name="load_dependent_friction",
     layer="actuator",
     parameters=(Parameter("coefficient", "1", Search(NONE, 0.0, 0.8, (0.05,))),),
-    meaning="friction grows with the transmitted torque",
+    meaning="friction grows with the torque that is transmitted",
     source="Duclusaud et al., arXiv 2410.08650, 2024: load-dependent friction of servo actuators",
     experiment="the same slow motion with and without a payload",
+    advice="Let friction grow with torque in the simulator; look at lubrication and alignment of gear or chain.",
+    shows_as=("load friction",),
     effort_sources=("load_cell",),
     blocks=(
         Block(gripped, ("grip", "inner", "coefficient"), ("grip",), ("coefficient",)),

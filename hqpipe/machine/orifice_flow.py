@@ -1,4 +1,4 @@
-"""The square root of the orifice equation, which k2 linearises: a loaded valve passes less."""
+"""The square root of the orifice equation, which k2 linearises: a loaded valve passes less, √(1 − sgn(u) τ/τ_max)."""
 
 from __future__ import annotations
 
@@ -62,9 +62,11 @@ EFFECT = Effect(
     name="orifice_flow",
     layer="actuator",
     parameters=(Parameter("effort_max_nm", "N·m", Search(EFFORT, 0.0, 1.0, (0.05, 0.3), least=LEAST), inverse=True),),
-    meaning="flow ∝ √(1 − sgn(u) τ/τ_max)",
+    meaning="flow falls with the square root of the pressure that the load leaves over",
     source="eq. (1) of the paper; Merritt, Hydraulic Control Systems, 1967",
     experiment="motion with and against a large load: squats, or weights on the gantry",
+    advice="Use the square-root law in the simulator; with measured pressures the valve driver can divide the "
+    "command by the same root.",
     blocks=(
         Block(
             narrowed,

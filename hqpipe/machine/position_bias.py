@@ -9,8 +9,10 @@ EFFECT = Effect(
     name="position_bias",
     layer="sensing",
     parameters=(Parameter("rad", "rad", Search(ANGLE, -1.0, 1.0, (0.02, -0.02))),),
-    meaning="the logged position is offset from the one that the controller sees",
+    meaning="the joint's zero is off",
     source="null shift of a servo valve (Merritt, 1967); without an integrator an encoder zero shows the same way",
     experiment="hold the joint still at several loads in both directions; a second position sensor",
+    advice="Redo the joint's zero against a jig or an end stop.",
+    shows_as=("offset",),
     blocks=(Block(added, ("opening", "rad"), ("opening",), ("rad",)),),
 )

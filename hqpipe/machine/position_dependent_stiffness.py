@@ -90,9 +90,10 @@ EFFECT = Effect(
         Parameter("exchange", "command·s", Search(COMMAND, 0.0, 100.0, (1.0,), counts=False, free=False), inverse=True),
         Parameter("compression", "1", Search(NONE, 0.0, 0.6, (0.0,), counts=False, free=False)),
     ),
-    meaning="chamber volume changes with q: change of torque × (1 + slope · (q − mean q)); |unevenness| ≤ |slope| · 0.02 rad",
+    meaning="the gain changes with the position, as the oil volumes do",
     source="eqs. (4), (5) of the paper: bulk modulus over chamber volume",
     experiment="the same small fast motion at both ends of the joint's range",
+    advice="Schedule the gain with the position, or keep the slope in the simulator so that the policy learns it.",
     blocks=(
         Block(
             mixed,

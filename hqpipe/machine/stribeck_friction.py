@@ -29,9 +29,12 @@ EFFECT = Effect(
         Parameter("velocity_rad_s", "rad/s", Search(VELOCITY, 0.02, 1.0, (0.1, 0.4), counts=False), neutral=1.0),
         Parameter("exponent", "1", Search(NONE, 0.3, 2.0, (1.0,), counts=False), neutral=1.0),
     ),
-    meaning="extra friction near zero speed",
+    meaning="friction is larger near zero speed",
     source="Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30, 1994: exponential Stribeck curves, exponents 0.5 to 2",
     experiment="very slow motion with many reversals",
+    advice="Avoid creeping below the speed found here, or add dither; without it in the simulator the policy will "
+    "stick and slip on the machine.",
+    shows_as=("friction",),
     effort_sources=("load_cell",),
     blocks=(
         Block(sticking, ("sliding", "velocity_rad_s", "exponent"), ("slow",), ("static_nm",)),

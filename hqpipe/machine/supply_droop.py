@@ -1,7 +1,8 @@
 """The supply pressure sags with the flow that the joints take together, one or many, and recovers.
 
-A pump that gives less the lower the pressure makes a loss in proportion to the flow, with the lag of the accumulator. One that
-gives all it can makes none up to that flow, and beyond it the accumulator empties: `pump_velocity_rad_s` with a long recovery.
+A pump that gives less the lower the pressure makes a loss in proportion to the flow, with the lag of the accumulator: `droop`,
+share of the pressure per rad/s of total speed. One that gives all it can makes none up to that flow, and beyond it the
+accumulator empties: `pump_velocity_rad_s` with a long recovery.
 """
 
 from __future__ import annotations
@@ -47,9 +48,12 @@ EFFECT = Effect(
         Parameter("recovery_s", "s", Search(SECOND, 0.003, 5.0, (0.03, 0.3), counts=False), neutral=0.1),
         Parameter("pump_velocity_rad_s", "rad/s", Search(FLOW, 0.0, 3.0, (0.0, 0.7), counts=False, pauses=True)),
     ),
-    meaning="pump pressure sags with the flow that is drawn from it; relative loss per rad/s of total speed",
+    meaning="the supply pressure sags when all joints together draw much oil",
     source="Merritt, Hydraulic Control Systems, 1967: supply with accumulator, first order",
     experiment="all joints fast at the same time, then one joint alone; of one joint fast strokes after a rest, then slow ones",
+    advice="Check the accumulator's precharge and the pump's flow limit, log the supply pressure, and train with the "
+    "droop that all joints share.",
+    shows_as=("limit",),
     machine=True,
     blocks=(Block(sagged, ("loss", "demand", "pump_velocity_rad_s", "droop", "recovered"), ("loss",), ("droop",)),),
     states=(State("loss", Law(steady, ("demand", "pump_velocity_rad_s", "droop"))),),

@@ -18,9 +18,11 @@ EFFECT = Effect(
     name="torque_bias",
     layer="sensing",
     parameters=(Parameter("nm", "N·m", Search(EFFORT, -2.0, 2.0, (0.1, -0.1), usual=0.03)),),
-    meaning="the logged torque is offset",
+    meaning="the torque reading has an offset",
     source="zero drift of load cells and pressure transducers (data sheets)",
     experiment="hang the leg freely in several poses and compare with its weight",
+    advice="Zero the sensor at rest and without load before each session, then record again.",
+    shows_as=("offset",),
     blocks=(Block(added, ("measured", "nm"), ("measured",), ("nm",), undo=Law(removed, ("measured", "nm"))),),
     of_the_log=True,
 )

@@ -22,9 +22,11 @@ EFFECT = Effect(
     name="transmission_compliance",
     layer="actuator",
     parameters=(Parameter("stiffness_nm_per_rad", "N·m/rad", Search(STIFFNESS, 0.0, 3.0, (0.1, 0.5)), inverse=True),),
-    meaning="chain or hose stretch",
+    meaning="chain, hose or gear stretch under load",
     source="series elasticity; Pratt & Williamson, IROS 1995",
     experiment="a second encoder on the cylinder side",
-    fitted=False,
+    advice="Stiffen hose, chain or mount, or simulate the spring; measure the position on the joint's side of it.",
+    shows_as=("play",),
+    multiplies=("k1", "k2", "k3", "k4"),
     blocks=(Block(softened, ("stiff", "oil", "stiffness_nm_per_rad"), ("stiff",), ("stiffness_nm_per_rad",)),),
 )

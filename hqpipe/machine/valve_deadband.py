@@ -31,8 +31,10 @@ EFFECT = Effect(
         Parameter("half_width", "command", Search(COMMAND, 0.0, 3.0, (0.05, 0.3, 0.8))),
         Parameter("rounding", "1", Search(NONE, 0.0, 1.5, (0.1,), counts=False)),
     ),
-    meaning="overlap: small commands do nothing",
+    meaning="commands smaller than the valve's overlap do nothing",
     source="Merritt, Hydraulic Control Systems, 1967: overlapped valve centre",
     experiment="slow motion of small amplitude, so that the command dwells around zero",
+    advice="Compensate the lap in the valve driver: step across ± the half width when the command changes sign, "
+    "blended so that it does not chatter; then record again.",
     blocks=(Block(deadband, ("opening", "half_width", "rounding"), ("opening",), ("half_width",)),),
 )

@@ -1,4 +1,4 @@
-"""The spool follows its command with a lag, of first order or, with a damping ratio, of second order."""
+"""The spool follows its command with a lag, of first order or, with a damping ratio ζ, of second order with ω = 2 ζ/T."""
 
 from __future__ import annotations
 
@@ -93,10 +93,13 @@ EFFECT = Effect(
             squared=True,
         ),
     ),
-    meaning="spool dynamics: first order, or second order with ω = 2 · damping_ratio / time_constant_s",
+    meaning="the valve's spool follows its command with a lag",
     derived=(Derived("natural_hz", "Hz", ("time_constant_s", "damping_ratio"), natural_hz),),
     source="Jelali & Kroll, Hydraulic Servo-systems, 2003: valve models of first and second order",
     experiment="a chirp of small amplitude up to the valve's corner frequency",
+    advice="Train with the lag, and keep the policy's commands below the spool's bandwidth; dither or a higher pilot "
+    "pressure makes the spool faster.",
+    shows_as=("late",),
     blocks=(
         Block(
             lagged,

@@ -75,9 +75,12 @@ EFFECT = Effect(
         Parameter("nm_s_per_rad", "N·m·s/rad", Search(DAMPING, 0.0, 20.0, (0.05, 0.5, 1.5))),
         Parameter("behind_piston", "1", Search(NONE, 0.0, 0.5, (0.2,), counts=False)),
     ),
-    meaning="friction in proportion to speed; a share of the compliance is behind the piston that it rubs on",
+    meaning="friction grows with speed",
     source="Jelali & Kroll, Hydraulic Servo-systems, 2003",
     experiment="constant-speed motion at several speeds",
+    advice="Set the joint's damping in the simulator to this value, and vary it with the oil temperature that you "
+    "expect.",
+    shows_as=("friction",),
     effort_sources=("load_cell",),
     blocks=(
         Block(

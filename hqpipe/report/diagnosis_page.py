@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from hqpipe.report import diagnosis_sections as sections
+from hqpipe.report.diagnosis_advice import Explained
 from hqpipe.report.diagnosis_charts import Figure, trace_chart, waterfall
 from hqpipe.report.diagnosis_read import DiagnosisFiles, read_files
 from hqpipe.report.diagnosis_template import page
@@ -17,14 +18,14 @@ def write_page(
     folder: Path,
     *,
     provenance: Mapping[str, str] | None = None,
-    explained: Mapping[str, tuple[str, str]] | None = None,
+    effects: Mapping[str, Explained] | None = None,
 ) -> Path:
     """Write diagnosis.html beside the files of a diagnosis; the same files give the same bytes.
 
     Args:
         folder: holds diagnosis.json, and residuals.csv and traces.json as far as they were made; a section whose
             file is missing says so.
-        explained: effect → what it is and what can be done about it, of effects that `diagnosis_advice` does not know.
+        effects: name → effects that say themselves what they are and what can be done about them.
         provenance: further rows of the table "how the numbers were made", such as the seed or the command.
 
     Raises:
@@ -34,7 +35,7 @@ def write_page(
     content = files.content
     parts = [
         sections.verdict(content),
-        sections.causes(content, explained or {}),
+        sections.causes(content, effects or {}),
         sections.where(files),
         sections.traces(files),
         sections.remains(content),

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hqpipe.report.diagnosis_advice import ADVICE, MEANINGS, NO_ADVICE
+from hqpipe.report.diagnosis_advice import Explained, explanation
 from hqpipe.report.diagnosis_charts import has_after, rmse
 from hqpipe.report.diagnosis_heat import heat_table
 from hqpipe.report.diagnosis_joints import joint_table
@@ -94,7 +94,7 @@ def _window(gap: Content) -> str:
     return f'<p class="soft">Windows of {1e3 * gap["window_s"]:.0f} ms: {_text(reason)}.</p>' if reason else ""
 
 
-def causes(content: Content, explained: Mapping[str, tuple[str, str]]) -> str:
+def causes(content: Content, effects: Mapping[str, Explained]) -> str:
     """Waterfall, and a card for each cause."""
     if content["gap"] is None:
         return ""
@@ -107,7 +107,7 @@ def causes(content: Content, explained: Mapping[str, tuple[str, str]]) -> str:
         text = "No effect was accepted."
         if content["effects_considered"]:
             text += " What was tried, and why it was not, is in the table further down."
-    cards = "".join(_card(cause, content["logs"]["joints"], explained) for cause in found)
+    cards = "".join(_card(cause, content["logs"]["joints"], effects) for cause in found)
     title = f"Changed since {_text(reference_name(content))}" if "reference" in content else "Causes"
     return (
         f"<section><h2>{title}</h2><p>{text}</p>"
@@ -116,9 +116,8 @@ def causes(content: Content, explained: Mapping[str, tuple[str, str]]) -> str:
     )
 
 
-def _card(cause: Content, machine: Sequence[str], explained: Mapping[str, tuple[str, str]]) -> str:
-    effect = cause["effect"]
-    meaning, advice = explained.get(effect, (words(cause["layer"]), NO_ADVICE))
+def _card(cause: Content, machine: Sequence[str], effects: Mapping[str, Explained]) -> str:
+    known = explanation(cause, effects)
     low, high = cause["shrink_ci95"]
     many = len(cause["joints"]) > _CHIPS or len(machine) > 1 and set(cause["joints"]) == set(machine)
     chips = [joints_text(cause["joints"], machine, _CHIPS)] if many else cause["joints"]
@@ -127,7 +126,7 @@ def _card(cause: Content, machine: Sequence[str], explained: Mapping[str, tuple[
     doubt = f"These logs cannot tell it from {listed(other, 'or')}." if other else ""
     return (
         f'<article class="card"><h3>{_text(words(cause["effect"]))}</h3>'
-        f'<p class="soft">{_text(MEANINGS.get(effect, meaning))}</p>'
+        f'<p class="soft">{_text(known.meaning)}</p>'
         f'<div class="chips">{"".join(f"<span class=chip>{_text(chip)}</span>" for chip in chips)}</div>'
         f'<div class="bar"><i style="width:{100 * min(1.0, max(0.0, cause["shrink"])):.1f}%"></i></div>'
         f"<p>closes <b>{percent(cause['shrink'])}</b> of the gap ({percent(low)} … {percent(high)})<br>"
@@ -135,7 +134,7 @@ def _card(cause: Content, machine: Sequence[str], explained: Mapping[str, tuple[
         + (f'<div class="scroll"><table class="plain"><tbody>{table}</tbody></table></div>' if table else "")
         + _joint_by_joint(cause)
         + (f'<p class="but">{_text(doubt)}</p>' if doubt else "")
-        + f'<p class="do">{_text(ADVICE.get(effect, advice))}</p></article>'
+        + f'<p class="do">{_text(known.advice)}</p></article>'
     )
 
 

@@ -12,20 +12,24 @@ from functools import partial
 import numpy as np
 
 from hqpipe.identify.model import Ratio
+from hqpipe.machine import EFFECTS
 from hqpipe.machine.layout import BASE
 
 MOST_LEAKED = 1.0 - 1e-9  # of the torque in a sample
 
-MULTIPLIES: dict[str, tuple[str, ...]] = {
+_OF_THE_MACHINE: dict[str, tuple[str, ...]] = {
     "gain_change": ("k1",),
     "leakage_change": ("k2",),
     "velocity_coupling_change": ("k3",),
     "impact_change": ("k4",),
     "stiffness_change": ("k1", "k2", "k3", "k4"),
-    "torque_scale": ("k1", "k3"),
 }
-"""Change → the coefficients whose rates it multiplies. A torque sensor of another gain scales what is in units of torque: x is
-not, and a4 is per radian."""
+MULTIPLIES = _OF_THE_MACHINE | {
+    name: effect.multiplies
+    for name, effect in EFFECTS.items()
+    if effect.multiplies and effect.multiplies not in _OF_THE_MACHINE.values()
+}
+"""Change → the coefficients whose rates it multiplies; also of effects of which no change of the machine says the same."""
 
 
 def multiply_rates(names: tuple[str, ...], values: np.ndarray, ratio: float) -> None:
@@ -48,9 +52,11 @@ def multiply_rates(names: tuple[str, ...], values: np.ndarray, ratio: float) -> 
     values[[0, 2, 3]] *= (values[1] / decay if decay > 0.0 else 1.0) / within
 
 
-SOFTER: dict[str, tuple[str, ...]] = {"stiffness_change": ("transmission_compliance",)}
-"""Change → effects that a ratio below 1 stands for as well: a spring behind the oil softens the two together."""
+def _alike(change: str) -> tuple[str, ...]:
+    """Effects that a ratio below 1 stands for as well, as a spring behind the oil softens the two together."""
+    return tuple(name for name, e in EFFECTS.items() if name != change and e.multiplies == MULTIPLIES[change])
+
 
 RATIOS: dict[str, Ratio] = {
-    name: Ratio(names, partial(multiply_rates, names), SOFTER.get(name, ())) for name, names in MULTIPLIES.items()
+    name: Ratio(names, partial(multiply_rates, names), _alike(name)) for name, names in MULTIPLIES.items()
 }

@@ -12,7 +12,7 @@ from hqpipe.layers.actuator.parameters import (
     BASE_NAMES,
     BY_OPENING,
     LOGGED_SPEED,
-    PRESLIDING,
+    OF_FRICTION,
     SPEED_LATE,
     reported_unit,
 )
@@ -22,9 +22,10 @@ from hqpipe.machine import EFFECTS
 from hqpipe.machine.chain import Signals, residual_windows
 from hqpipe.machine.layout import BASE, slot
 
-_LOGGED, _SPEED_LATE, _PRESLIDING = (BASE_NAMES.index(name) for name in (LOGGED_SPEED, SPEED_LATE, PRESLIDING))
+_LOGGED, _SPEED_LATE = BASE_NAMES.index(LOGGED_SPEED), BASE_NAMES.index(SPEED_LATE)
+_PRESLIDING = [BASE_NAMES.index(p.name) for _, p in OF_FRICTION]
 _BASE = [slot("base", name) for name in BASE]
-_TURN, _LATE = slot("coulomb_friction", PRESLIDING), slot("setting", "speed_late")
+_TURN, _LATE = [slot(owner, p.name) for owner, p in OF_FRICTION], slot("setting", "speed_late")
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
 SPEEDS = ("raw_velocity", "velocity", "sliding")  # signals that are the speed of the log, or come of it
 LATE = 0.5  # samples by which the mean speed of a step belongs later than the row where it begins
@@ -110,7 +111,7 @@ class ActuatorJoint:
     def idle(self, values: np.ndarray) -> tuple[int, ...]:
         """Places of parameters that change nothing at these values: how friction turns round, where there is none."""
         present = np.any(values[self._friction] != self._neutral[self._friction])
-        return () if present else (_SPEED_LATE, _PRESLIDING)
+        return () if present else (_SPEED_LATE, *_PRESLIDING)
 
     def sensitivity(self, values: np.ndarray, index: int) -> np.ndarray | None:
         """(N,) of the error by the size of a generic shape, in which it is linear; None of any other parameter."""
@@ -135,10 +136,9 @@ class ActuatorJoint:
         parameters = all_parameters(self)
         values = np.array([parameter.neutral for parameter in parameters], dtype=np.float64)
         known = np.ones(len(values), dtype=bool)
-        known[[_LOGGED, _SPEED_LATE, _PRESLIDING]] = False
+        known[[_LOGGED, _SPEED_LATE, *_PRESLIDING]] = False
         values[: len(BASE)] = row[_BASE]
-        if np.isfinite(row[_TURN]):
-            values[_PRESLIDING] = row[_TURN]
+        values[_PRESLIDING] = np.where(np.isfinite(row[_TURN]), row[_TURN], values[_PRESLIDING])
         values[self._owned] = row[self._columns]
         if self._opening >= 0:
             values[self._opening] = float(np.nan_to_num(row[_FLOW[1]]) != 0.0)

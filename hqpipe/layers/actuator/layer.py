@@ -22,10 +22,12 @@ from hqpipe.layers.actuator.start import first_guesses
 from hqpipe.layers.refusal import no_joint_judged
 from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
 from hqpipe.logs.trajectory import LogSet
+from hqpipe.machine import EFFECTS
 from hqpipe.machine.layout import BASE, neutral_row, slot
 
 NEEDED = ("position_command", "effort", "position", "velocity")
-BLURRED = ("backlash",)  # a size is noise round zero torque, which looks like slack once the sign is restored
+# Without its sign noise round zero torque is a size, which looks like slack once the sign is restored.
+_SLACK = tuple(name for name, effect in EFFECTS.items() if effect.slack)
 CLEAR = 0.5  # of the usual torque: more than a chain chatters within its slack; assumption
 FEWEST_WINDOWS = 10  # of the fit trials; assumption: fewer do not tell an effect from chance
 
@@ -77,7 +79,7 @@ class Actuator:
         models, left = [], {}
         draws = self._draws(log_set)
         for j, name in enumerate(log_set.joints):
-            barred = {*without, *(BLURRED if name in self.unsigned else ())}
+            barred = {*without, *(_SLACK if name in self.unsigned else ())}
             model = self._joint(log_set, j, steps, draws, barred)
             if isinstance(model, str):
                 left[name] = model

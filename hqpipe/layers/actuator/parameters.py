@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,10 +14,11 @@ from hqpipe.machine import EFFECTS
 from hqpipe.machine import effect as scales
 from hqpipe.machine.layout import BASE
 
-LOGGED_SPEED, SPEED_LATE, PRESLIDING, BY_OPENING = "logged_speed", "speed_late", "presliding_rad", "by_opening"
-BASE_NAMES = (*BASE, LOGGED_SPEED, SPEED_LATE, PRESLIDING)
+LOGGED_SPEED, SPEED_LATE, BY_OPENING = "logged_speed", "speed_late", "by_opening"
+OF_FRICTION = tuple((name, p) for name, e in EFFECTS.items() for p in e.parameters if p.search.beside == "friction")
+"""Owner and number of how friction turns round."""
+BASE_NAMES = (*BASE, LOGGED_SPEED, SPEED_LATE, *(p.name for _, p in OF_FRICTION))
 """Base parameters in their order."""
-PRESLIDING_SHARE = 0.0003  # of the position's standard deviation: where friction turns round, until it is fitted
 FROM_NOTHING = 0.1  # share of the unit, or a quarter of the upper bound, of a number that starts at its neutral value
 
 
@@ -25,20 +27,17 @@ def base_parameters(first: Mapping[str, float], size: Sizes) -> tuple[Parameter,
 
     The speed from one position to the next adds up to the travel however coarse the encoder is; the logged one is right where
     the controller computes with it. `logged_speed` is the share of the second, and `speed_late` by how many samples the
-    speed belongs later than its row; it does nothing but beside friction, as does the presliding.
+    speed belongs later than its row; it does nothing but beside friction, as does the travel.
 
     Args:
         first: coefficient → first guess.
     """
     most = {"k2": 1.0, "k4": 1.0 / max(size.widest, 1e-300)}  # neither leakage nor an impact takes more than there is
-    turn = PRESLIDING_SHARE * size.of[scales.ANGLE]
-    bounds = next(p for p in EFFECTS["coulomb_friction"].parameters if p.name == PRESLIDING).search
-    unit = size.of[bounds.scale]
     return (
         *(Parameter(name, "1", first[name], np.inf, 0.0, most.get(name, np.inf)) for name in BASE),
         Parameter(LOGGED_SPEED, "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0)),
         Parameter(SPEED_LATE, "1", 0.0, 0.25, -0.5, 0.5),
-        Parameter(PRESLIDING, "rad", turn, 3.0 * turn, bounds.lower * unit, bounds.upper * unit),
+        *(replace(p, spread=3.0 * p.neutral, starts=()) for p in (_parameter(p, size) for _, p in OF_FRICTION)),
     )
 
 
@@ -53,7 +52,7 @@ def effects_of(
     found: list[Effect] = []
     places: list[tuple[str, str]] = []
     for name, effect in EFFECTS.items():
-        shown = effect.fitted and effect.blocks and joints >= effect.least_joints
+        shown = effect.blocks and not effect.multiplies and joints >= effect.least_joints
         if not shown or name in barred or (effect.effort_sources and effort_source not in effect.effort_sources):
             continue
         own = [(name, p) for p in effect.parameters if p.search.beside is None]

@@ -37,12 +37,13 @@ def difference(command: float, position: float) -> float:
 
 
 CONTROLLER = Effect(
-    "controller",
-    "actuator",
-    (),
-    "the error of the position",
-    "",
-    "",
+    name="controller",
+    layer="actuator",
+    parameters=(),
+    meaning="the error of the position",
+    source="",
+    experiment="",
+    advice="",
     blocks=(Block(difference, ("command", "position"), ("error",), ()),),
 )
 

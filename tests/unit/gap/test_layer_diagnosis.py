@@ -12,10 +12,11 @@ from layer_cases import cause, held, layer_found, layer_joints, log_set, made_up
 
 from hqpipe.gap.diagnosis_files import FILE, TABLE, TRACES, write_diagnosis
 from hqpipe.gap.layer_diagnosis import Since, familiar_errors, known_then, layer_diagnosis
-from hqpipe.gap.layer_experiment import next_experiment
+from hqpipe.gap.layer_experiment import _BETWEEN, next_experiment
 from hqpipe.gap.schema import read_diagnosis
 from hqpipe.gap.since import EarlierLogs
 from hqpipe.identify.identify import identify
+from hqpipe.machine import EFFECTS
 from hqpipe.report.diagnosis_page import write_page
 
 
@@ -242,6 +243,11 @@ def test_the_next_experiment_tells_what_is_confused(pair, words):
     causes = [{"effect": pair[0], "joints": ["hip"], "confused_with": [pair[1]]}]
     text = next_experiment("servo", causes, False, [], "hip")
     assert words in text and pair[0] in text and pair[1] in text
+
+
+def test_what_an_effect_shows_as_is_a_kind_with_an_experiment():
+    kinds = set().union(*(kinds for kinds, _ in _BETWEEN))
+    assert all(kinds >= set(effect.shows_as) for effect in EFFECTS.values())
 
 
 def test_the_next_experiment_follows_what_is_left():

@@ -78,7 +78,7 @@ def test_every_effect_describes_itself(name):
     own = {p.name for p in effect.parameters}
     assert effect.layer == layer
     assert set(parameters) <= own and all(not p.search.counts for p in effect.parameters if p.name not in parameters)
-    for text in (effect.meaning, effect.source, effect.experiment):
+    for text in (effect.meaning, effect.source, effect.experiment, effect.advice):
         assert len(text) > 10 and "\n" not in text
     assert effect.least_joints >= 1
 

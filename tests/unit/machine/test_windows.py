@@ -18,7 +18,7 @@ from hqpipe.machine.layout import slot
 # What a window finds by bisection (integrator), solves by two rounds (friction under load) or reads between
 # samples (skew) stays small against the torque of 300 N·m.
 LEFT = {"integral_action": 1e-3, "load_dependent_friction": 1.0, "channel_skew": 0.1}
-IN_THE_LOOP = [name for name, effect in EFFECTS.items() if effect.blocks and effect.fitted]
+IN_THE_LOOP = [name for name, effect in EFFECTS.items() if effect.blocks and not effect.multiplies]
 
 
 def rms(values):

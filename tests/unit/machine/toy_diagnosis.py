@@ -104,16 +104,14 @@ def stepped() -> dict[str, float]:
 def main(folder: Path) -> None:
     found = diagnose(logs())
     write_diagnosis(found, folder)
-    effects = (toy_effects.NOTCHES, toy_effects.PILOT)
-    page = write_page(folder, explained={e.name: (e.meaning, e.advice) for e in effects})
-    text = page.read_text()
+    text = write_page(folder, effects=machine.EFFECTS).read_text()
     model = Augmented(("a",), toy_row()[None], DT)
     save_actuator(model, folder)
     kept = load_actuator(folder)
     result = {
         "causes": found.content["causes"],
         "gap": found.content["gap"],
-        "explained": [effect.meaning.split(":")[0] in text and effect.advice in text for effect in effects],
+        "explained": [effect.meaning in text and effect.advice in text for effect in toy_effects.BOTH],
         "stepped": stepped(),
         "kept": bool(np.array_equal(kept.parameters, model.parameters)) and sorted(kept.effects),
     }

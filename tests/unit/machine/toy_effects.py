@@ -18,7 +18,7 @@ NOTCHES = Effect(
     name="metering_notches",
     layer="actuator",
     parameters=(Parameter("doubled_at", "command", Search(COMMAND, 0.0, 10.0, (0.1, 1.0)), inverse=True),),
-    meaning="the flow gain grows with the opening: flow × (1 + |u| / doubled_at)",
+    meaning="the flow gain grows with the opening",
     source="Merritt, Hydraulic Control Systems, 1967: ports whose width grows with the stroke",
     experiment="slow and fast motion of the same joint without load, so that small and large openings occur",
     advice="Divide the command by the gain at its opening in the valve driver.",
@@ -47,3 +47,5 @@ PILOT = Effect(
     states=(State("risen"),),
     constants=(Constants(("step",), lag_share, ("time_s", "dt")),),
 )
+
+BOTH = (NOTCHES, PILOT)

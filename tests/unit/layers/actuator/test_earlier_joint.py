@@ -10,7 +10,7 @@ from position_loop_logs import changed, neutral, planted_logs, with_column
 
 from hqpipe.identify.model import all_parameters
 from hqpipe.layers.actuator import Actuator
-from hqpipe.layers.actuator.parameters import BASE_NAMES, LOGGED_SPEED, PRESLIDING, SPEED_LATE
+from hqpipe.layers.actuator.parameters import BASE_NAMES, LOGGED_SPEED, SPEED_LATE
 from hqpipe.machine.layout import NOT_KNOWN, neutral_row, slot
 
 
@@ -36,7 +36,7 @@ def test_numbers_go_into_a_row_and_come_back(model, by_opening):
     values[BASE_NAMES.index(LOGGED_SPEED)] = values[BASE_NAMES.index(SPEED_LATE)] = 0.0
     found, known = model.values_of(model.row(values))
     np.testing.assert_allclose(found, values, rtol=1e-12)
-    assert [BASE_NAMES[k] for k in np.flatnonzero(~known)] == [LOGGED_SPEED, SPEED_LATE, PRESLIDING]
+    assert [BASE_NAMES[k] for k in np.flatnonzero(~known)] == [LOGGED_SPEED, SPEED_LATE, "presliding_rad"]
     np.testing.assert_allclose(model.error(found), model.error(values), atol=1e-7)
 
 
@@ -49,7 +49,7 @@ def test_what_a_row_does_not_say_is_as_in_the_new_logs(model):
     row[[slot("base", k) for k in ("k1", "k2", "k3", "k4")]] = [540.0, 0.05, 21.6, 0.36]
     found, known = model.values_of(row)
     assert found[:4].tolist() == [540.0, 0.05, 21.6, 0.36] and np.isfinite(found).all()
-    at = BASE_NAMES.index(PRESLIDING)
+    at = BASE_NAMES.index("presliding_rad")
     assert found[at] == model.base[at].neutral and not known[at]
     np.testing.assert_allclose(found[4:], neutral(model)[4:])
 
