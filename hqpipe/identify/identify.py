@@ -64,15 +64,13 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
 
     with JointPool([JointSearch(model, prior_odds) for model in models], workers) as pool:
         present = pool.each("first", report=report)
-        if len(models) > 1:
-            present = pool.each("weighed_again", [(present[:j] + present[j + 1 :],) for j in range(len(models))])
-        answers = pool.each("answered")
+        answers = pool.each("answered", [(present[:j] + present[j + 1 :],) for j in range(len(models))])
         shared = _shared(answers)
         again = pool.each(
             "with_shared", [(shared, frozenset(cause.effect for cause in joint.causes)) for joint in answers]
         )
         answers = [new or joint for new, joint in zip(again, answers, strict=True)]
-        answers = without_minor_causes(answers, lambda j, effect: pool.one(j, "without", effect))
+        answers = without_minor_causes(answers, lambda least: pool.some("without", least))
         sets = [(frozenset(joint.kept.effects), frozenset(joint.base.effects)) for joint in answers]
         visible = pool.each("visible", sets)
     return tuple(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from multiprocessing.connection import wait
 from typing import Any, Self
 
@@ -59,28 +59,27 @@ class JointPool:
         """
         arguments = list(arguments) or [()] * len(self._searches)
         found: list[Any] = [None] * len(self._searches)
-        for j, result in self._steps(method, arguments):
+        for j, result in self._steps(method, dict(enumerate(arguments))):
             found[j] = result
             report(j)
         return found
 
-    def one(self, j: int, method: str, *arguments: Any) -> Any:
-        """One step of one search that was begun."""
-        if self._pool is None:
-            return _step(j, method, arguments)
-        worker = self._pool.workers[self._owner[j]]
-        worker.start(str(j), _step, (j, method, arguments))
-        return worker.result()
+    def some(self, method: str, arguments: Mapping[int, Any]) -> dict[int, Any]:
+        """One step of some searches that were begun.
 
-    def _steps(self, method: str, arguments: list[tuple]) -> Iterator[tuple[int, Any]]:
+        Args:
+            method: of `JointSearch`. arguments: number of a joint → its one argument.
+        """
+        return dict(self._steps(method, {j: (argument,) for j, argument in arguments.items()}))
+
+    def _steps(self, method: str, arguments: Mapping[int, tuple]) -> Iterator[tuple[int, Any]]:
         """(joint, result) of each, as they end; a search that no worker has is begun by the first that is idle."""
-        joints = range(len(self._searches))
         if self._pool is None:
-            yield from ((j, _step(j, method, arguments[j])) for j in joints)
+            yield from ((j, _step(j, method, given)) for j, given in arguments.items())
             return
         workers = self._pool.workers
-        open_ones = deque(j for j in joints if j not in self._owner)
-        own = [deque(j for j in joints if self._owner.get(j) == w) for w in range(len(workers))]
+        open_ones = deque(j for j in arguments if j not in self._owner)
+        own = [deque(j for j in arguments if self._owner.get(j) == w) for w in range(len(workers))]
         busy: dict[Any, tuple[int, int]] = {}
         idle = list(range(len(workers)))
         while True:

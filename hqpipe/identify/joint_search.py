@@ -38,8 +38,17 @@ class JointSearch:
         self._known = self._search.run()
         return self._known.names
 
-    def weighed_again(self, others: Sequence[Names]) -> Names:
-        """The same with what the other joints have in its prior."""
+    def answered(self, others: Sequence[Names] = ()) -> JointFound:
+        """The answer.
+
+        Args:
+            others: effects of each of the other joints, which the prior then goes by.
+        """
+        if others:
+            self._weigh_again(others)
+        return replace(answer(self._search, self._known), model=None)
+
+    def _weigh_again(self, others: Sequence[Names]) -> None:
         search, known = self._search, self._known
         count: dict[str, int] = {}
         for names in others:
@@ -59,11 +68,6 @@ class JointSearch:
                         known = option
                         break
         self._known = search.improved(known)
-        return self._known.names
-
-    def answered(self) -> JointFound:
-        """The answer."""
-        return replace(answer(self._search, self._known), model=None)
 
     def with_shared(self, shared: Names, causes: Names) -> JointFound | None:
         """The answer of a joint that lacks a cause of most others, once more, as what most have need only be probable in one;

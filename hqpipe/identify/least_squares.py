@@ -78,7 +78,12 @@ class Fitter:
         return found if np.isfinite(found).all() else np.full(len(found), np.inf)
 
     def fit(
-        self, free: np.ndarray, starts: Sequence[np.ndarray], noise: float, origin: Solution | None = None
+        self,
+        free: np.ndarray,
+        starts: Sequence[np.ndarray],
+        noise: float,
+        origin: Solution | None = None,
+        known: Solution | None = None,
     ) -> Solution:
         """Fit the free parameters: near a minimum from every start, then into the lowest of them.
 
@@ -86,9 +91,10 @@ class Fitter:
             free: (F,) indices. starts: of (P,). noise: variance of the errors that is expected; it weighs the priors until the
                 errors that are left tell it. origin: a fit from which the starts were made, whose sensitivities serve for the
                 first steps; None where there is none.
+            known: a fit of the same parameters, which is the result where no start leads lower; None where there is none.
         """
         begun = [self._at(np.clip(start, self.low, self.high), free, noise) for start in starts]
-        near: list[tuple[_Point, np.ndarray]] = []
+        near = [] if known is None else [(self._at(known.values, free, noise), known.jacobian)]
         for point in begun:
             if np.isfinite(point.cost):
                 near.append(self._near(point, free, noise, origin, near))
@@ -96,6 +102,8 @@ class Fitter:
             none = np.zeros((len(begun[0].error), len(free)))
             return Solution(free, begun[0].values, begun[0].error, none, np.inf)
         point, jacobian = min(near, key=lambda found: found[0].cost)
+        if known is not None and point is near[0][0]:
+            return known
         for _ in range(2):
             noise = _variance(point.error)
             problem = _Differences(self, free, noise, resolved=jacobian)

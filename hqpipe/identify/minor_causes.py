@@ -7,7 +7,7 @@ gap that counts beside what is left, in the joint or in those joints of the mach
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from hqpipe.identify.found import JointFound
 
@@ -19,17 +19,19 @@ than that is not named, and counts as unknown."""
 
 
 def without_minor_causes(
-    answers: Sequence[JointFound], answered_without: Callable[[int, str], JointFound]
+    answers: Sequence[JointFound], answered_without: Callable[[Mapping[int, str]], Mapping[int, JointFound]]
 ) -> list[JointFound]:
-    """The answers of a machine's joints without such causes; the least one goes first, as others may take its part.
+    """The answers of a machine's joints without such causes; in each joint the least one goes first, as others may take its
+    part.
 
     Args:
-        answers: of each joint. answered_without: the answer of a joint, by its number, with an effect barred from now on.
+        answers: of each joint. answered_without: number of a joint → effect that is barred from now on, to its answer.
     """
     answers = list(answers)
     while weak := _minor(answers):
-        _, effect, j = min(weak)
-        answers[j] = answered_without(j, effect)
+        least = {j: effect for _, effect, j in sorted(weak, reverse=True)}
+        for j, answer in answered_without(least).items():
+            answers[j] = answer
     return answers
 
 

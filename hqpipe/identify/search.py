@@ -226,7 +226,9 @@ class Search:
     def _fit(
         self, names: Names, starts: Sequence[np.ndarray], noise: float, origin: Solution | None = None
     ) -> Solution:
-        return self.fitter.fit(positions(self.model, list(names)), starts, noise, origin)
+        known = self.known[names].solution if names in self.known else None
+        known = known if known is not None and np.isfinite(known.square) else None
+        return self.fitter.fit(positions(self.model, list(names)), starts, noise, origin, known)
 
     def _begins(self, names: Names, origin: Known) -> bool:
         """Whether a set is fitted from another one for the first time; a second fit would end where the first one did."""

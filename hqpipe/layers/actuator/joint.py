@@ -106,7 +106,9 @@ class ActuatorJoint:
             errors = self._run.errors(row, self._driven, moved)
         found = record.picked(errors)
         beside = values[len(self.base) + len(self.places) :]
-        return found + beside @ self.shapes[heldout] if np.any(beside) else found
+        for shape in np.flatnonzero(beside):
+            found += beside[shape] * self.shapes[heldout][shape]
+        return found
 
     def idle(self, values: np.ndarray) -> tuple[int, ...]:
         """Places of parameters that change nothing at these values: how friction turns round, where there is none."""

@@ -100,30 +100,32 @@ class Actuator:
     ) -> ActuatorJoint | str:
         """The model of joint `j`, or why there is none."""
         name, kind = log_set.joints[j], log_set.kinds.get(log_set.joints[j])
-        fit = [t.trajectory for t in log_set.fit]
         records = tuple(record_of(trials, j, steps, draws) for trials in (log_set.fit, log_set.heldout))
         if records[0].windows < FEWEST_WINDOWS:
             return f"only {records[0].windows} windows of {steps} samples away from its end stops"
-        if reason := at_rest(fit, j):
+        if reason := at_rest([t.trajectory for t in log_set.fit], j):
             return reason
         size = self._sizes(log_set, j, draws[0])
         effects, places = effects_of(size, len(log_set.joints), log_set.effort_source, barred)
         units = (unit_of("N·m", kind), unit_of("rad", kind))
         row = self._neutral(log_set, j, size)
 
-        def model(first: dict[str, float], leak: float = 0.0) -> ActuatorJoint:
+        fit, heldout = (record.samples() for record in records)
+        none = np.zeros((0, len(fit.trial))), np.zeros((0, len(heldout.trial)))
+
+        def model(first: dict[str, float], leak: float = 0.0, shaped: bool = False) -> ActuatorJoint:
             # A base that lacks an effect may leak too little; the floor is the least that noise leaves.
             keep = 1.0 - max(first["k2"], leak)
             noise = size.noise * float(np.sqrt(1.0 + np.mean(keep ** (2.0 * records[0].step))))
-            shapes, scale = free_run_shapes(records, size, first)
+            shapes, scale = free_run_shapes(records, size, first) if shaped else (none, np.zeros(0))
             return ActuatorJoint(
                 joint=name,
                 unit=units[0],
                 dt=float(row[slot("setting", "sample_time")]),
                 base=base_parameters(first, size),
-                effects=(*effects, *shapes_of(size, units[0])),
-                fit=records[0].samples(),
-                heldout=records[1].samples(),
+                effects=(*effects, *(shapes_of(size, units[0]) if shaped else ())),
+                fit=fit,
+                heldout=heldout,
                 noise=(noise, noise),
                 notes=(),
                 places=places,
@@ -138,7 +140,7 @@ class Actuator:
             )
 
         guess = _best_guess(model, records[0])
-        return model(_fitted(model(guess)), guess["k2"])
+        return model(_fitted(model(guess)), guess["k2"], shaped=True)  # the shapes fade with the leakage
 
     def _draws(self, log_set: LogSet) -> tuple[np.ndarray, np.ndarray]:
         """(J,) rad/s of flow per speed and per position error of each joint."""
@@ -183,7 +185,7 @@ def _best_guess(model: Callable[[dict[str, float]], ActuatorJoint], record: Reco
 
 
 def _fitted(joint: ActuatorJoint) -> dict[str, float]:
-    """The four coefficients fitted by themselves: the shapes fade with their leakage."""
+    """The four coefficients fitted by themselves."""
     fitter = Fitter(joint)
     found = fitter.fit(np.arange(len(BASE)), [fitter.neutral], 0.0).values
     return {name: float(value) for name, value in zip(BASE, found, strict=False)}

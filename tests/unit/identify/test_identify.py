@@ -169,7 +169,7 @@ def test_the_order_of_a_set_does_not_decide_which_effect_is_tried_first():
     for names in (("spring", "viscous_friction"), ("viscous_friction", "spring")):
         joint = JointSearch(Tried.model, prior_odds)
         joint._search, joint._known = Tried(), SimpleNamespace(names=frozenset())
-        joint.weighed_again([names] * 9)
+        joint._weigh_again([names] * 9)
         asked.append(joint._search.asked)
     assert asked[0] == asked[1] == ["spring", "viscous_friction"]
 

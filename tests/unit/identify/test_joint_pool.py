@@ -43,7 +43,7 @@ def test_each_search_stays_where_it_was_begun(workers):
     with JointPool([Counting(k) for k in range(4)], workers) as pool:
         assert pool.each("first", report=done.append) == [0, 1, 2, 3]
         found = pool.each("next", [(10 * k,) for k in range(4)])
-        assert pool.one(2, "next", 100) == (102, 3, 1)
+        assert pool.some("next", {2: 100, 0: 5}) == {2: (102, 3, 1), 0: (5, 3, 1)}
     assert sorted(done) == [0, 1, 2, 3]
     assert found == [(11 * k, 2, 1) for k in range(4)]
 

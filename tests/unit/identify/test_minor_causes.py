@@ -38,6 +38,6 @@ def test_an_effect_that_went_does_not_come_back_when_the_next_one_goes(monkeypat
         improved=lambda known: known.names,
     )
     joint._known = SimpleNamespace(names=frozenset(CLOSES))
-    (last,) = without_minor_causes([Answered(CLOSES, 0.5)], lambda j, effect: joint.without(effect))
+    (last,) = without_minor_causes([Answered(CLOSES, 0.5)], lambda least: {0: joint.without(least[0])})
     assert set(last.closes) == {"coulomb_friction"}
     assert joint._search.barred == {"spring", "backlash"}
