@@ -62,7 +62,7 @@ class Diagnosed:
             UsageError: the sample time is another one than that of the fit.
         """
         require_channels(trajectory, ("effort", "position_command"), "replaying the model with diagnosed effects")
-        self.actuator.check_dt(trajectory.dt)
+        self.actuator.check_dt(trajectory.dt / self.rows.per_row(trajectory.dt))
         return self.rows.predict(trajectory, window)
 
 

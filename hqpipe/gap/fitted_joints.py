@@ -10,11 +10,13 @@ import numpy as np
 from hqpipe.actuators.augmented import OF_THE_LOG, Augmented
 from hqpipe.layers.actuator.joint import ActuatorJoint
 from hqpipe.layers.actuator.parameters import BASE_NAMES, LOGGED_SPEED
+from hqpipe.logs.finer_clock import continued, held, known_so_far
 from hqpipe.logs.trajectory import Trajectory
 from hqpipe.machine import EFFECTS
 from hqpipe.machine.chain import Signals, residual_windows
 from hqpipe.machine.layout import neutral_row, slot, slots
 
+_STEP = slot("setting", "sample_time")
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
 _SAG = [slot(e.name, p.name) for e in EFFECTS.values() if e.reads("demand") for p in e.parameters if p.search.counts]
 """Columns of the effects that hang on the flow from the supply."""
@@ -27,11 +29,13 @@ class FittedJoints:
     Attributes:
         joints: names. rows: (J, WIDTH) see `hqpipe.machine.layout`, effects of the sensors included.
         logged_speed: (J,) share of the logged speed in that of the hydraulics; the rest is the speed of the positions.
+        moving: (J, 2) shares of the motion of command and position between rows of the log that the controller sees.
     """
 
     joints: tuple[str, ...]
     rows: np.ndarray
     logged_speed: np.ndarray
+    moving: np.ndarray
 
     @classmethod
     def of(cls, models: Sequence[ActuatorJoint], values: Sequence[np.ndarray]) -> FittedJoints:
@@ -46,17 +50,19 @@ class FittedJoints:
         feels = (rows[:, _SAG] != neutral_row()[_SAG]).any(axis=1)
         common = float(opening[feels].mean()) if feels.any() else 0.0
         rows[:, _FLOW] = np.stack([(1.0 - common) * by_speed, common * by_opening], axis=1)
-        return cls(tuple(model.joint for model in models), rows, np.array([numbers[share] for numbers in values]))
+        moving = [model.moving(numbers) or (0.0, 0.0) for model, numbers in zip(models, values, strict=True)]
+        logged = [numbers[share] for numbers in values]
+        return cls(tuple(model.joint for model in models), rows, np.array(logged), np.array(moving))
 
     def actuator(self) -> Augmented:
         """The actuator for the training simulator: what the sensors add is no part of it."""
         rows, neutral = self.rows.copy(), neutral_row()
         for name in OF_THE_LOG:
             rows[:, slots(name)] = neutral[slots(name)]
-        return Augmented(self.joints, rows, float(rows[0, slot("setting", "sample_time")]))
+        return Augmented(self.joints, rows, float(rows[0, _STEP]))
 
     def predict(self, trajectory: Trajectory, window: int) -> np.ndarray:
-        """Torque as the log has it, restarted from the log every `window` samples; the last window may be a short one.
+        """Torque as the log has it, restarted from the log every `window` rows; the last window may be a short one.
 
         The speed of the positions is that of the step which is predicted, extrapolated from the positions before it.
 
@@ -66,11 +72,13 @@ class FittedJoints:
         Returns:
             (T, J) N·m or N; row 0 is the logged torque.
         """
+        per_row = self.per_row(trajectory.dt)
+        trajectory, window = known_so_far(trajectory, per_row), window * per_row
         t, predicted = trajectory.for_joints(self.joints), np.array(trajectory.effort, dtype=np.float64)
         whole = (t.samples - 1) // window * window
         pieces = [(np.arange(0, whole, window), window), (np.array([whole]), t.samples - 1 - whole)]
         for j, joint in enumerate(self.joints):
-            signals, column = self._signals(t, j), trajectory.joint(joint)
+            signals, column = self._signals(t, j, per_row), trajectory.joint(joint)
             for first, steps in pieces:
                 if not len(first) or not steps:
                     continue
@@ -78,16 +86,25 @@ class FittedJoints:
                 target = np.ascontiguousarray(signals.effort[at])
                 cut = signals._replace(first=first.astype(np.int64), steps=steps, target=target)
                 predicted[at[1:], column] = residual_windows(self.rows[j], cut) + target[1:]
-        return predicted
+        return predicted[::per_row]
 
-    def _signals(self, t: Trajectory, j: int) -> Signals:
-        """Joint `j` of a trial, without windows."""
-        speed = extrapolated_speed(t.position[:, j], t.dt)
+    def per_row(self, dt: float) -> int:
+        """Steps of the model from one row of a log to the next; dt: s, of the log."""
+        return max(1, round(dt / self.rows[0, _STEP]))
+
+    def _signals(self, t: Trajectory, j: int, per_row: int) -> Signals:
+        """Joint `j` of a trial on the clock of the controller, without windows."""
+        rows = [channel[::per_row, j] for channel in (t.position_command, t.position)]
+        command, position = (
+            (1.0 - share) * held(values, per_row) + share * continued(values, per_row)
+            for values, share in zip(rows, self.moving[j], strict=True)
+        )
+        speed = held(extrapolated_speed(rows[1], per_row * t.dt), per_row)
         by_speed, by_opening = self.rows[:, _FLOW].T
         flow = np.abs(t.velocity) @ by_speed + np.abs(t.position_command - t.position) @ by_opening
         channels = (
-            t.position_command[:, j],
-            t.position[:, j],
+            command,
+            position,
             speed + self.logged_speed[j] * (t.velocity[:, j] - speed),
             t.effort[:, j],
             t.time - t.time[0] + t.start,

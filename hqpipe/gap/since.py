@@ -17,6 +17,7 @@ from hqpipe.gap.model_files import COEFFICIENTS, POWERS, Left, digest, left_of, 
 from hqpipe.identify.change import KnownJoint
 from hqpipe.layers.actuator.joint import ActuatorJoint
 from hqpipe.layers.actuator.parameters import OF_FRICTION
+from hqpipe.logs.finer_clock import steps_per_row
 from hqpipe.logs.trajectory import LogSet
 from hqpipe.machine import EFFECTS
 from hqpipe.machine.layout import BASE, NOT_KNOWN, neutral_row, slot, slots
@@ -116,7 +117,7 @@ def check_alike(
         )
     check_same_machine(log_set, path, mode, joints, source)
     now = sample_time(log_set)
-    if abs(now / dt - 1.0) > DT_TOLERANCE:
+    if abs(_step(now) / _step(dt) - 1.0) > DT_TOLERANCE:
         raise UsageError(
             f"{log_set.path} and the reference {path}: sample times {now:.6g} s and {dt:.6g} s, and coefficients are per "
             "sample",
@@ -161,6 +162,11 @@ def check_same_machine(
         )
 
 
+def _step(dt: float) -> float:
+    """s, of the controller's clock for a log or a model with a sample time."""
+    return dt / steps_per_row(dt)
+
+
 def sample_time(log_set: LogSet) -> float:
     """Median over the trials, s."""
     return float(np.median([trial.trajectory.dt for trial in log_set.trials]))
@@ -188,8 +194,11 @@ def earlier_actuator(folder: Path, shown: str | None = None) -> EarlierModel:
     fitted, left = variances(folder, model), left_of(folder, model)
     rows = {}
     for j, joint in enumerate(model.joints):
-        rows[joint] = model.parameters[j].copy() if isinstance(model, Augmented) else _joint_space(model, j)
-        rows[joint][slot("setting", "held")] = NOT_KNOWN  # other logs begin in their own way
+        row = model.parameters[j].copy() if isinstance(model, Augmented) else _joint_space(model, j)
+        row[slot("setting", "held")] = NOT_KNOWN  # other logs begin in their own way
+        rows[joint], slopes = _per_step(row, steps_per_row(model.dt))
+        for column in fitted.get(joint, {}):
+            fitted[joint][column] *= slopes[column] ** 2
     sd = {joint: {column: float(np.sqrt(v)) for column, v in found.items()} for joint, found in fitted.items()}
     warnings = []
     if not fitted:
@@ -200,6 +209,19 @@ def earlier_actuator(folder: Path, shown: str | None = None) -> EarlierModel:
             "pass for a change"
         )
     return EarlierModel(shown, digest(folder), model.dt, model.joints, rows, sd, left, tuple(warnings))
+
+
+def _per_step(row: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:
+    """(WIDTH,) the row of a model whose samples are so many steps of the controller, and (WIDTH,) what a small change of each
+    number becomes: gains are per sample, and what is left of a torque after one is that after all its steps."""
+    found, slopes = row.copy(), np.ones(len(row))
+    gains = [slot("base", name) for name in ("k1", "k3", "k4")] + [slot("setting", "sample_time")]
+    found[gains], slopes[gains] = row[gains] / steps, 1.0 / steps
+    leak = slot("base", "k2")
+    left = 1.0 - row[leak]
+    found[leak] = 1.0 - left ** (1.0 / steps)
+    slopes[leak] = left ** (1.0 / steps - 1.0) / steps if left > 0.0 else 1.0
+    return found, slopes
 
 
 def _joint_space(model: Hydraulic, j: int) -> np.ndarray:

@@ -14,6 +14,7 @@ from hqpipe.actuators.loops.free_run import free_run as run_kernel
 from hqpipe.actuators.loops.free_run import free_run_remembering
 from hqpipe.errors import IdentificationError, UsageError
 from hqpipe.logs.columns import joint_column
+from hqpipe.logs.finer_clock import known_so_far
 from hqpipe.logs.trajectory import Trajectory
 from hqpipe.machine import EFFECTS
 
@@ -67,20 +68,23 @@ def window_samples(dt: float, window_s: float, file: str | os.PathLike[str] | No
 def predict(trajectory: Trajectory, model: Model, window: int) -> np.ndarray:
     """Like `free_run`, with the window in samples; 1 is the one-step prediction.
 
-    A model with memory remembers the log up to the start of each window: the log drives a copy of it all along.
+    A model with memory remembers the log up to the start of each window: the log drives a copy of it all along. Between the
+    rows of a log that is slower than the model positions go on as they moved, and all else is held.
     """
     if not isinstance(model, ActuatorModel):
         return model.predict(trajectory, window)
     require_channels(trajectory, ("effort", "position_command"), f"replaying the {model.NAME} model")
-    model.check_dt(trajectory.dt)
+    per_row = max(1, round(trajectory.dt / model.dt)) if model.DT_BOUND else 1
+    model.check_dt(trajectory.dt / per_row)
     model = model.for_joints(trajectory.joints)
     if isinstance(model, Augmented):
         _check_effects(model)
-    t = trajectory
+    t, window = known_so_far(trajectory, per_row), window * per_row
     signals = (t.effort, t.position_command, t.position, t.velocity)
     if model.KIND in (PD, HYDRAULIC):
-        return run_kernel(model.KIND, model.parameters, *signals, window)
-    return free_run_remembering(model.KIND, model.parameters, model.weights, model.memory_columns, *signals, window)
+        return run_kernel(model.KIND, model.parameters, *signals, window)[::per_row]
+    memory = model.memory_columns
+    return free_run_remembering(model.KIND, model.parameters, model.weights, memory, *signals, window)[::per_row]
 
 
 def _check_effects(model: Augmented) -> None:

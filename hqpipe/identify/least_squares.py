@@ -26,6 +26,7 @@ _WORTH = 0.1  # of twice ln B, per step: below it no decision changes; assumptio
 _PRIOR_HOLDS = 0.5  # of the variance that a prior was weighed with, below which the fit is made again; assumption
 _STALE = 1.0  # damping from which on sensitivities that were not taken here are no guide; assumption
 _SEEN = 1e-7  # of the size of the error, that a difference must reach to be told from rounding
+_UNSTABLE = 1e50  # of the size of the error: a difference so large is on its way to overflow, and no slope
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +165,9 @@ class Fitter:
     def jacobian(self, values: np.ndarray, error: np.ndarray, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """(N, F) of the error: those that the model gives, else one-sided differences of the length `steps` (F,), away from a
         bound."""
-        rows = np.zeros((len(free), len(error)))  # the sensitivities to one parameter lie side by side: products are faster
+        rows = np.zeros(
+            (len(free), len(error))
+        )  # the sensitivities to one parameter lie side by side: products are faster
         size = float(np.sqrt(error @ error)) or 1.0
         idle = self._idle(values)
         for k, index in enumerate(free):
@@ -183,8 +186,8 @@ class Fitter:
                 if square > (_SEEN * size) ** 2:
                     break
                 step = self._within(values, int(index), 10.0 * step)
-            # What changes nothing has no slope but that of rounding, and what overflows has none.
-            if (_SEEN * size) ** 2 < square < np.inf:
+            # What changes nothing has no slope but that of rounding, and what grows without bounds has none.
+            if (_SEEN * size) ** 2 < square < (_UNSTABLE * size) ** 2:
                 np.divide(difference, step, out=rows[k])
         return rows.T
 

@@ -13,7 +13,6 @@ from typing import Protocol
 
 import numpy as np
 
-
 _CELLS = 6  # of position, and of speed; assumption: a wrong law is off in one way over a sixth of the range
 STATES = _CELLS**2
 

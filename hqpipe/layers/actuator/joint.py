@@ -26,9 +26,11 @@ _LOGGED, _SPEED_LATE = BASE_NAMES.index(LOGGED_SPEED), BASE_NAMES.index(SPEED_LA
 _PRESLIDING = [BASE_NAMES.index(p.name) for _, p in OF_FRICTION]
 _BASE = [slot("base", name) for name in BASE]
 _TURN, _LATE = [slot(owner, p.name) for owner, p in OF_FRICTION], slot("setting", "speed_late")
+_STEP = slot("setting", "sample_time")
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
+OPENINGS = ("raw_command", "command", "raw_position", "position")  # signals that come of command and position
 SPEEDS = ("raw_velocity", "velocity", "sliding")  # signals that are the speed of the log, or come of it
-LATE = 0.5  # samples by which the mean speed of a step belongs later than the row where it begins
+LATE = 0.5  # rows by which the mean speed of a step belongs later than the row where it begins
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +71,7 @@ class ActuatorJoint:
     _run: RepeatedRun = field(init=False)
     _friction: np.ndarray = field(init=False)
     _neutral: np.ndarray = field(init=False)
-    _last: tuple[float, float] = field(init=False, default=(0.0, 0.0))
+    _last: tuple = field(init=False, default=(0.0, 0.0, ()))
     _driven: Signals = field(init=False)
 
     def __post_init__(self) -> None:
@@ -95,20 +97,30 @@ class ActuatorJoint:
         record = self.records[heldout]
         if not record.windows:
             return np.zeros(0)
-        share, opening, row = float(values[_LOGGED]), self._by_opening(values), self.row(values)
+        shares, row = (float(values[_LOGGED]), self._by_opening(values), self.moving(values)), self.row(values)
         if heldout:
-            errors = residual_windows(row, record.driven_by(share, opening))
+            errors = residual_windows(row, record.driven_by(*shares))
         else:
-            moved = (*(SPEEDS if share != self._last[0] else ()), *(("demand",) if opening != self._last[1] else ()))
+            groups = zip(shares, self._last, (SPEEDS, ("demand",), OPENINGS), strict=True)
+            moved = [name for now, before, names in groups if now != before for name in names]
             if moved:
-                object.__setattr__(self, "_driven", record.driven_by(share, opening))
-                object.__setattr__(self, "_last", (share, opening))
+                object.__setattr__(self, "_driven", record.driven_by(*shares))
+                object.__setattr__(self, "_last", shares)
             errors = self._run.errors(row, self._driven, moved)
         found = record.picked(errors)
         beside = values[len(self.base) + len(self.places) :]
         for shape in np.flatnonzero(beside):
             found += beside[shape] * self.shapes[heldout][shape]
         return found
+
+    @property
+    def per_row(self) -> int:
+        """Samples of the controller from one row of the log to the next."""
+        return round(self.dt / self.neutral[_STEP])
+
+    def moving(self, values: np.ndarray) -> tuple[float, ...]:
+        """Shares of the motion of command and position between rows that the controller sees; none where it is no faster."""
+        return tuple(values[len(BASE_NAMES) : len(self.base)].tolist())
 
     def idle(self, values: np.ndarray) -> tuple[int, ...]:
         """Places of parameters that change nothing at these values: how friction turns round, where there is none."""
@@ -125,7 +137,7 @@ class ActuatorJoint:
         row, opening = self.neutral.copy(), self._by_opening(values)
         row[_BASE] = values[: len(BASE)]
         row[_TURN] = values[_PRESLIDING]
-        row[_LATE] = LATE * (1.0 - values[_LOGGED]) + values[_SPEED_LATE]
+        row[_LATE] = self.per_row * (LATE * (1.0 - values[_LOGGED]) + values[_SPEED_LATE])
         row[_FLOW] = (1.0 - opening) * self.draws[0], opening * self.draws[1]
         row[self._columns] = values[self._owned]
         return row
@@ -133,12 +145,13 @@ class ActuatorJoint:
     def values_of(self, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(P,) numbers of a row of the loops, and (P,) whether it says them; NaN in a row stands for what is not known.
 
-        A row does not say how much of the logged speed it was driven with, as a simulator has only one speed.
+        A row does not say how much of the logged speed it was driven with, as a simulator has only one speed, and no rows that
+        are further apart than its steps.
         """
         parameters = all_parameters(self)
         values = np.array([parameter.neutral for parameter in parameters], dtype=np.float64)
         known = np.ones(len(values), dtype=bool)
-        known[[_LOGGED, _SPEED_LATE, *_PRESLIDING]] = False
+        known[[_LOGGED, _SPEED_LATE, *_PRESLIDING, *range(len(BASE_NAMES), len(self.base))]] = False
         values[: len(BASE)] = row[_BASE]
         values[_PRESLIDING] = np.where(np.isfinite(row[_TURN]), row[_TURN], values[_PRESLIDING])
         values[self._owned] = row[self._columns]

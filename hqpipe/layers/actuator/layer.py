@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,11 +15,12 @@ from hqpipe.identify.window_choice import window_for
 from hqpipe.layers.actuator.changes import RATIOS
 from hqpipe.layers.actuator.joint import ActuatorJoint
 from hqpipe.layers.actuator.parameters import base_parameters, effects_of
-from hqpipe.layers.actuator.record import Record, draws_of, record_of
+from hqpipe.layers.actuator.record import draws_of, record_of
 from hqpipe.layers.actuator.shapes import free_run_shapes, shapes_of
 from hqpipe.layers.actuator.sizes import Sizes, at_rest, sizes_of
 from hqpipe.layers.actuator.start import first_guesses
 from hqpipe.layers.refusal import no_joint_judged
+from hqpipe.logs.finer_clock import steps_per_row
 from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
 from hqpipe.logs.trajectory import LogSet
 from hqpipe.machine import EFFECTS
@@ -100,7 +101,9 @@ class Actuator:
     ) -> ActuatorJoint | str:
         """The model of joint `j`, or why there is none."""
         name, kind = log_set.joints[j], log_set.kinds.get(log_set.joints[j])
-        records = tuple(record_of(trials, j, steps, draws) for trials in (log_set.fit, log_set.heldout))
+        dt = float(np.median([t.trajectory.dt for t in log_set.fit]))
+        per_row = steps_per_row(dt)
+        records = tuple(record_of(trials, j, steps, draws, per_row) for trials in (log_set.fit, log_set.heldout))
         if records[0].windows < FEWEST_WINDOWS:
             return f"only {records[0].windows} windows of {steps} samples away from its end stops"
         if reason := at_rest([t.trajectory for t in log_set.fit], j):
@@ -108,7 +111,7 @@ class Actuator:
         size = self._sizes(log_set, j, draws[0])
         effects, places = effects_of(size, len(log_set.joints), log_set.effort_source, barred)
         units = (unit_of("N·m", kind), unit_of("rad", kind))
-        row = self._neutral(log_set, j, size)
+        row = self._neutral(log_set.joints[j], size, dt / per_row)
 
         fit, heldout = (record.samples() for record in records)
         none = np.zeros((0, len(fit.trial))), np.zeros((0, len(heldout.trial)))
@@ -121,8 +124,8 @@ class Actuator:
             return ActuatorJoint(
                 joint=name,
                 unit=units[0],
-                dt=float(row[slot("setting", "sample_time")]),
-                base=base_parameters(first, size),
+                dt=dt,
+                base=base_parameters(first, size, per_row),
                 effects=(*effects, *(shapes_of(size, units[0]) if shaped else ())),
                 fit=fit,
                 heldout=heldout,
@@ -139,7 +142,7 @@ class Actuator:
                 unsigned=name in self.unsigned,
             )
 
-        guess = _best_guess(model, records[0])
+        guess = _best_guess(model, first_guesses(records[0], per_row))
         return model(_fitted(model(guess)), guess["k2"], shaped=True)  # the shapes fade with the leakage
 
     def _draws(self, log_set: LogSet) -> tuple[np.ndarray, np.ndarray]:
@@ -162,17 +165,19 @@ class Actuator:
         everywhere[[self.earlier.joints.index(name) for name in log_set.joints]] = draws
         return replace(sizes_of(then, k, everywhere), noise=own.noise)
 
-    def _neutral(self, log_set: LogSet, j: int, size: Sizes) -> np.ndarray:
-        """(WIDTH,) a row of the loops without effects."""
+    def _neutral(self, joint: str, size: Sizes, step: float) -> np.ndarray:
+        """(WIDTH,) a row of the loops without effects; step: s."""
         row = neutral_row()
-        row[slot("setting", "sample_time")] = float(np.median([t.trajectory.dt for t in log_set.fit]))
+        row[slot("setting", "sample_time")] = step
         row[slot("setting", "middle")] = size.middle
         row[slot("setting", "clear")] = CLEAR * size.of["effort"]
-        row[slot("setting", "effort_limit")] = self.effort_limit.get(log_set.joints[j], np.inf)
+        row[slot("setting", "effort_limit")] = self.effort_limit.get(joint, np.inf)
         return row
 
 
-def _best_guess(model: Callable[[dict[str, float]], ActuatorJoint], record: Record) -> dict[str, float]:
+def _best_guess(
+    model: Callable[[dict[str, float]], ActuatorJoint], guesses: Sequence[dict[str, float]]
+) -> dict[str, float]:
     """Of the first guesses the one that runs free best."""
 
     def square(first: dict[str, float]) -> float:
@@ -180,7 +185,6 @@ def _best_guess(model: Callable[[dict[str, float]], ActuatorJoint], record: Reco
         error = fitter.error(fitter.neutral)
         return float(error @ error)
 
-    guesses = first_guesses(record)
     return min(guesses, key=square)
 
 

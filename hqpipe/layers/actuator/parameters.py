@@ -15,22 +15,25 @@ from hqpipe.machine import effect as scales
 from hqpipe.machine.layout import BASE
 
 LOGGED_SPEED, SPEED_LATE, BY_OPENING = "logged_speed", "speed_late", "by_opening"
+MOVING = ("moving_command", "moving_position")
 OF_FRICTION = tuple((name, p) for name, e in EFFECTS.items() for p in e.parameters if p.search.beside == "friction")
 """Owner and number of how friction turns round."""
 BASE_NAMES = (*BASE, LOGGED_SPEED, SPEED_LATE, *(p.name for _, p in OF_FRICTION))
-"""Base parameters in their order."""
+"""Base parameters in their order; those of `MOVING` come last where the controller is faster than the log."""
 FROM_NOTHING = 0.1  # share of the unit, or a quarter of the upper bound, of a number that starts at its neutral value
 
 
-def base_parameters(first: Mapping[str, float], size: Sizes) -> tuple[Parameter, ...]:
+def base_parameters(first: Mapping[str, float], size: Sizes, per_row: int = 1) -> tuple[Parameter, ...]:
     """The four coefficients, which speed the log's is, and the travel in which friction turns round.
 
     The speed from one position to the next adds up to the travel however coarse the encoder is; the logged one is right where
-    the controller computes with it. `logged_speed` is the share of the second, and `speed_late` by how many samples the
-    speed belongs later than its row; it does nothing but beside friction, as does the travel.
+    the controller computes with it. `logged_speed` is the share of the second, and `speed_late` by how many rows the
+    speed belongs later than its row; it does nothing but beside friction, as does the travel. Between the
+    rows of a log that is slower than the controller, `moving_command` and `moving_position` are 1 where that sees a smooth
+    curve, and 0 where it sees what was logged last.
 
     Args:
-        first: coefficient → first guess.
+        first: coefficient → first guess. per_row: samples of the controller from one row of the log to the next.
     """
     most = {"k2": 1.0, "k4": 1.0 / max(size.widest, 1e-300)}  # neither leakage nor an impact takes more than there is
     return (
@@ -38,6 +41,7 @@ def base_parameters(first: Mapping[str, float], size: Sizes) -> tuple[Parameter,
         Parameter(LOGGED_SPEED, "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0)),
         Parameter(SPEED_LATE, "1", 0.0, 0.25, -0.5, 0.5),
         *(replace(p, spread=3.0 * p.neutral, starts=()) for p in (_parameter(p, size) for _, p in OF_FRICTION)),
+        *(Parameter(name, "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0)) for name in MOVING if per_row > 1),
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from hqpipe.identify.model import Samples
 from hqpipe.logs.differentiate import step_speed
 from hqpipe.logs.end_stops import judged_windows
+from hqpipe.logs.finer_clock import between, finer, held
 from hqpipe.logs.trajectory import Trajectory, Trial, recording_of
 from hqpipe.machine.chain import Signals
 
@@ -24,15 +25,18 @@ class Record:
 
     Attributes:
         files: names of the trials. trial: (W,) index into them.
-        signals: for the loops, with the speed from one position to the next.
-        logged: (T,) speed as it was logged. by_speed, by_opening: (T,) flow that all joints draw, as their speeds and as the
-            errors of their positions tell it, rad/s.
+        signals: for the loops on the clock of the controller, with the speed from one position to the next; command and
+            position as they were logged last.
+        moving: (T,) command and position on smooth curves between rows, the same where the controller is no faster than the
+            log. logged: (T,) speed as it was logged. by_speed, by_opening: (T,) flow that all joints draw, as their speeds and
+            as the errors of their positions tell it, rad/s.
         step: (S,) samples behind the start of a window that are judged. judged: (W, S) whether each was recorded.
     """
 
     files: tuple[str, ...]
     trial: np.ndarray
     signals: Signals
+    moving: tuple[np.ndarray, np.ndarray]
     logged: np.ndarray
     by_speed: np.ndarray
     by_opening: np.ndarray
@@ -47,12 +51,15 @@ class Record:
         """(N,) the judged ones of (steps, W) values of samples 1 … steps of each window, window by window."""
         return rows[self.step - 1].T[self.judged]
 
-    def driven_by(self, logged: float, opening: float) -> Signals:
-        """The signals with a share of the logged speed, and of the flow that the openings tell."""
+    def driven_by(self, logged: float, opening: float, moving: Sequence[float] = ()) -> Signals:
+        """The signals with a share of the logged speed, of the flow that the openings tell, and of the motion of command and
+        position between rows."""
         s = self.signals
-        velocity = s.velocity + logged * (self.logged - s.velocity) if logged else s.velocity
-        demand = self.by_speed + opening * (self.by_opening - self.by_speed) if opening else s.demand
-        return s._replace(velocity=velocity, demand=demand)
+        channels = {"velocity": s.velocity + logged * (self.logged - s.velocity) if logged else s.velocity}
+        channels["demand"] = self.by_speed + opening * (self.by_opening - self.by_speed) if opening else s.demand
+        for name, line, share in zip(("command", "position"), self.moving, moving, strict=False):
+            channels[name] = getattr(s, name) + share * (line - getattr(s, name))
+        return s._replace(**channels)
 
     def samples(self) -> Samples:
         """The samples that the joint is judged on."""
@@ -69,20 +76,24 @@ class Record:
         )
 
 
-def record_of(trials: Sequence[Trial], j: int, steps: int, draws: tuple[np.ndarray, np.ndarray]) -> Record:
-    """Joint `j` in complete windows of `steps` samples, evenly thinned.
+def record_of(
+    trials: Sequence[Trial], j: int, steps: int, draws: tuple[np.ndarray, np.ndarray], per_row: int = 1
+) -> Record:
+    """Joint `j` in complete windows of `steps` rows, evenly thinned.
 
     Left out are windows in which the joint touches an end stop, those that start at a sample that was not recorded, and those
     of which half was not.
 
     Args:
         draws: (J,) what the speed, and what the position error of each joint count in the flow from the supply.
+        per_row: samples of the controller from one row of the log to the next.
     """
     logs = [trial.trajectory for trial in trials]
     if not logs:
-        return _empty(steps)
+        return _empty(steps * per_row)
+    starts = [window_starts(t, j, steps) * per_row for t in logs]
+    rows, logs = logs, [finer(t, per_row) for t in logs]
     bounds = np.cumsum([0, *(t.samples for t in logs)])
-    starts = [window_starts(t, j, steps) for t in logs]
     first = np.concatenate([s + begun for s, begun in zip(starts, bounds, strict=False)]).astype(np.int64)
     names = [recording_of(trial) for trial in trials]
     files = tuple(dict.fromkeys(names))
@@ -91,14 +102,14 @@ def record_of(trials: Sequence[Trial], j: int, steps: int, draws: tuple[np.ndarr
         kept = np.linspace(0, len(first) - 1, MOST_WINDOWS).round().astype(int)
         first, trial = first[kept], trial[kept]
     effort = _joined(logs, lambda t: t.effort[:, j])
+    every, steps = max(1, -(-len(first) * steps // MOST_SAMPLES)), steps * per_row
     target = np.ascontiguousarray(effort[first[None, :] + np.arange(steps + 1)[:, None]])
     recorded = _joined(logs, lambda t: np.ones(t.samples) if t.observed is None else t.recorded[:, j]) > 0.0
     target[1:][~recorded[first[None, :] + np.arange(1, steps + 1)[:, None]]] = np.nan
-    every = max(1, -(-len(first) * steps // MOST_SAMPLES))
-    step = np.arange(every, steps + 1, every)
+    step = np.arange(every, steps // per_row + 1, every) * per_row
     signals = Signals(
-        command=_joined(logs, lambda t: t.position_command[:, j]),
-        position=_joined(logs, lambda t: t.position[:, j]),
+        command=_joined(rows, lambda t: held(t.position_command[:, j], per_row)),
+        position=_joined(rows, lambda t: held(t.position[:, j], per_row)),
         velocity=_joined(logs, lambda t: step_speed(t.position[:, j], t.dt)),
         effort=effort,
         time=_joined(logs, lambda t: t.time - t.time[0] + t.start),
@@ -112,6 +123,10 @@ def record_of(trials: Sequence[Trial], j: int, steps: int, draws: tuple[np.ndarr
         files=files,
         trial=trial,
         signals=signals,
+        moving=tuple(
+            _joined(rows, lambda t, name=name: between(getattr(t, name)[:, j], per_row))
+            for name in ("position_command", "position")
+        ),
         logged=_joined(logs, lambda t: t.velocity[:, j]),
         by_speed=signals.demand,
         by_opening=_joined(logs, lambda t: np.abs(t.position_command - t.position) @ draws[1]),
@@ -178,4 +193,4 @@ def _empty(steps: int) -> Record:
         np.zeros((steps + 1, 0)),
     )
     step = np.arange(1, steps + 1)
-    return Record((), windows, signals, none, none, none, step, np.zeros((0, steps), dtype=bool))
+    return Record((), windows, signals, (none, none), none, none, none, step, np.zeros((0, steps), dtype=bool))

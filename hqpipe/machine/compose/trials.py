@@ -198,7 +198,9 @@ def _balance(source: Source, chain: Chain, arrays: Arrays, link) -> None:
                         "doubt = min(abs(gain / last_gain - 1.0), 1.0)",
                     )
                 source.add("before, left, wanted = start, missing, start + missing / gain")
-                with source.under("if wanted <= low or wanted >= high:  # the limit takes from what the start is worth"):
+                with source.under(
+                    "if wanted <= low or wanted >= high:  # the limit takes from what the start is worth"
+                ):
                     source.add("wanted, doubt = 0.5 * (low + high), 1.0")
                 source.add("close = doubt * abs(wanted - start) < CLOSE * abs(wanted)", "start = wanted")
                 with source.under("if close:"):

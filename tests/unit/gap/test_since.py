@@ -65,6 +65,22 @@ def test_intervals_of_the_fit_are_in_joint_space_too(tmp_path):
     assert found.familiar("LFR", 3200.0) == 2.0 * FAMILIAR * 16.0, "it errs more where the output moves more"
 
 
+def test_coefficients_of_long_samples_become_those_of_the_controller_s_steps(tmp_path):
+    """A held opening at a held speed turns the torque by as much in a sample of 5 ms as in five of 1 ms."""
+    model = replace(hydraulic(), dt=5e-3)
+    save_actuator(model, tmp_path)
+    row = earlier_actuator(tmp_path).rows[model.joints[0]]
+    k1, k2, k3 = (row[slot("base", name)] for name in ("k1", "k2", "k3"))
+    torque = 0.0
+    for _ in range(5):
+        torque += k1 * 0.01 - k2 * torque - k3 * 0.3
+    radius = model.column("sprocket_radius")[0]
+    coarse = [model.column(name)[0] * radius**power for name, power in (("k1", 2), ("k3", 2))]
+    assert torque == pytest.approx(coarse[0] * 0.01 - coarse[1] * 0.3, rel=5 * k2)
+    assert (1.0 - k2) ** 5 == pytest.approx(1.0 - model.column("k2")[0])
+    assert row[slot("setting", "sample_time")] == pytest.approx(1e-3)
+
+
 def test_a_diagnosed_model_brings_its_effects(tmp_path):
     rows = np.tile(neutral_row(), (2, 1))
     rows[:, slot("base", "k1")] = 540.0
@@ -87,7 +103,7 @@ def test_a_model_without_coefficients_is_refused(tmp_path):
     [
         ({"mode": "torque"}, r"control modes position and torque: give a reference of the same mode"),
         ({"joints": ("LFR", "LFQ")}, r"joints LFR, LFP and LFR, LFQ, without 'LFP': give"),
-        ({"dt": 2e-3}, r"sample times 0\.001 s and 0\.002 s"),
+        ({"dt": 1.4e-3}, r"sample times 0\.001 s and 0\.0014 s"),
         ({"source": "pressure"}, r"torques from load_cell and from pressure"),
     ],
 )

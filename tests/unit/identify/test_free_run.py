@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from actuators.net_examples import random_net
@@ -40,9 +42,18 @@ def test_first_sample_of_a_window_is_one_step_and_the_last_a_window_ahead():
 
 
 def test_another_rate_is_refused():
-    with pytest.raises(UsageError, match="cannot be stepped at 0.002 s"):
-        free_run(trajectory(dt=2e-3), hydraulic())
-    free_run(trajectory(dt=2e-3), StiffPD.build(("hip", "knee"), kp=1.0, kd=0.0, effort_limit=np.inf))
+    with pytest.raises(UsageError, match="cannot be stepped at 0.0014 s"):
+        free_run(trajectory(dt=1.4e-3), hydraulic())
+    free_run(trajectory(dt=1.4e-3), StiffPD.build(("hip", "knee"), kp=1.0, kd=0.0, effort_limit=np.inf))
+
+
+def test_a_slower_log_is_replayed_on_the_clock_of_the_model():
+    """Where nothing moves, and the command stays, the rows of a slow log are every fifth of a fast one."""
+    fast = trajectory(samples=1001)
+    still = replace(fast, position=np.zeros_like(fast.position), velocity=np.zeros_like(fast.velocity))
+    still = replace(still, position_command=np.full_like(still.position, 0.02))
+    slow = replace(still, time=still.time[::5], **{name: v[::5] for name, v in still.channels().items()})
+    np.testing.assert_allclose(free_run(slow, hydraulic(), 0.1), free_run(still, hydraulic(), 0.1)[::5], atol=1e-9)
 
 
 def test_a_window_needs_two_samples():
@@ -125,7 +136,7 @@ def test_augmented_replays_as_the_diagnosis_does(effects, noise):
     trial = planted.trajectory(planted.simulate(1.5, [values] * 2, noise, 6))
     rows = np.tile(row(values), (2, 1))
     rows[:, slot("base", "k1")] *= 0.9
-    windows = FittedJoints(trial.joints, rows, np.ones(2)).predict(trial, 100)
+    windows = FittedJoints(trial.joints, rows, np.ones(2), np.zeros((2, 2))).predict(trial, 100)
     found = predict(trial, Augmented(trial.joints, rows, 1e-3), 100)
     np.testing.assert_allclose(found, windows, rtol=1e-9, atol=1e-8)
     assert np.abs(found - trial.effort).max() > 5.0

@@ -32,7 +32,7 @@ def right(trial):
     for name, value in planted.GAINS.items():
         rows[:, slot("base", name)] = value
     rows[0, DELAY] = planted.TYPICAL["command_delay"]["delay_s"]
-    return FittedJoints(trial.joints, rows, np.ones(2))
+    return FittedJoints(trial.joints, rows, np.ones(2), np.zeros((2, 2)))
 
 
 @pytest.mark.parametrize("window", [1, 64, STEPS])
@@ -63,6 +63,21 @@ def test_no_prediction_sees_a_later_sample(trial, right, share):
     changed, plain = (joints.predict(t, STEPS) for t in (replace(trial, **later), trial))
     np.testing.assert_array_equal(changed[:1235], plain[:1235])
     assert np.abs(changed[1235:] - plain[1235:]).max() > 1.0
+
+
+@pytest.mark.parametrize("rows", [2, 5])
+def test_a_slower_log_is_predicted_on_the_clock_of_the_model(trial, right, rows):
+    slow = thinned(trial, rows)
+    predicted = right.predict(slow, STEPS // rows)
+    error, moves = (np.sqrt(np.mean((x - slow.effort) ** 2)) for x in (predicted, np.roll(slow.effort, 20, axis=0)))
+    assert error < 0.1 * moves
+    later = replace(slow, position=np.where(np.arange(slow.samples)[:, None] > 100, 2.0, 1.0) * slow.position)
+    np.testing.assert_array_equal(right.predict(later, STEPS // rows)[:102], predicted[:102])
+
+
+def thinned(trial, rows):
+    """One row of so many."""
+    return replace(trial, time=trial.time[::rows], **{name: v[::rows] for name, v in trial.channels().items()})
 
 
 def test_speed_is_continued_as_it_changed():

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from position_loop_logs import DT, planted_logs, with_column
+from position_loop_logs import DT, planted, planted_logs, with_column
 
 from hqpipe.identify.identify import identify
 from hqpipe.identify.model import all_parameters, positions
 from hqpipe.layers.actuator import Actuator
 from hqpipe.layers.actuator.parameters import LOGGED_SPEED
+from hqpipe.machine.layout import BASE, slot
 
 PLANTED = (
     ("valve_deadband", "half_width", 0.02, {"rounding": 0.0}),
@@ -59,6 +60,31 @@ def test_a_slow_integrator_is_named_too():
     (found,) = identify(Actuator().joints(planted_logs({"integral_action": {"ki": 0.1}}, seed=4))).found
     assert [cause.effect for cause in found.causes] == ["integral_action"]
     assert found.causes[0].numbers[0].value == pytest.approx(0.1, rel=0.2)
+
+
+def every_row(log_set, rows):
+    """The log set with one row of so many."""
+
+    def thinned(trial):
+        t = trial.trajectory
+        channels = {name: values[::rows] for name, values in t.channels().items()}
+        return replace(trial, trajectory=replace(t, time=t.time[::rows], **channels))
+
+    return replace(log_set, trials=tuple(map(thinned, log_set.trials)), rate_hz=log_set.rate_hz / rows)
+
+
+@pytest.mark.parametrize("rows", [2, 5, 10])
+def test_a_log_slower_than_the_controller_tells_the_same(rows):
+    effects = [{}, {"command_delay": {"delay_s": 0.006}}, {"valve_deadband": {"half_width": 0.02, "rounding": 0.0}}]
+    sound, late, lapped = identify(Actuator().joints(every_row(planted_logs(*effects, seconds=10.0), rows))).found
+    assert sound.causes == ()
+    for found, name, value in ((late, "command_delay", 0.006), (lapped, "valve_deadband", 0.02)):
+        assert [cause.effect for cause in found.causes] == [name]
+        number = found.causes[0].numbers[0]
+        assert found.model.reported(name, number.name, number.value)[1] == pytest.approx(value, rel=0.1)
+    assert found.model.row(found.kept.values)[slot("setting", "sample_time")] == pytest.approx(DT)
+    for k, name in enumerate(BASE):
+        assert sound.base.values[k] == pytest.approx(planted.GAINS[name], rel=0.05, abs=1e-3), name
 
 
 def share_of_the_logged_speed(log_set):
