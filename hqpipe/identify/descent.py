@@ -105,16 +105,16 @@ def stepped(
         normal: (F, F). slope: (F,) of half the cost. values, low, high: (P,). free: (F,) indices.
         damping: in units of the diagonal of `normal`.
     """
-    moves = ~stopped(slope, values[free], low[free], high[free]) & (np.diag(normal) > 0.0)
-    if not moves.any():
+    diagonal = normal.diagonal()
+    moves = np.flatnonzero(~stopped(slope, values[free], low[free], high[free]) & (diagonal > 0.0))
+    if not len(moves):
         return values
-    part = normal[np.ix_(moves, moves)]
-    scale = np.sqrt(np.diag(part))
-    part = part / np.outer(scale, scale) + damping * np.eye(len(scale))
-    step = -np.linalg.solve(part, slope[moves] / scale) / scale
+    scale = np.sqrt(diagonal[moves])
+    part = normal[moves[:, None], moves] / scale / scale[:, None]
+    part.flat[:: len(moves) + 1] += damping
     trial = values.copy()
-    trial[free[moves]] += step
-    return np.clip(trial, low, high)
+    trial[free[moves]] -= np.linalg.solve(part, slope[moves] / scale) / scale
+    return np.minimum(np.maximum(trial, low), high)
 
 
 def stopped(slope: np.ndarray, now: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

@@ -135,7 +135,7 @@ class Fitter:
             point, _ = descended(problem, point, SLOW, 1, _STALE)
         for other, slopes in others:
             apart = slopes @ (point.values - other.values)[free]
-            if apart @ apart < SLOW * other.cost:
+            if other.cost <= point.cost and apart @ apart < SLOW * other.cost:
                 return other, slopes
         return descended(_Differences(self, free, noise), point, SLOW)
 
@@ -220,15 +220,12 @@ class Fitter:
         known = np.isfinite(self.spread[free])
         return np.where(known, (values - self.neutral)[free] / np.where(known, self.spread[free], 1.0), 0.0)
 
-    def _equations(
-        self, values: np.ndarray, error: np.ndarray, jacobian: np.ndarray, free: np.ndarray, noise: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """(F, F) normal matrix and (F,) slope of half the cost, the priors among them."""
-        prior = np.zeros(len(free))  # curvature of the prior
+    def _prior(self, values: np.ndarray, free: np.ndarray, noise: float) -> np.ndarray:
+        """(F,) curvature of the prior."""
         known = np.isfinite(self.spread[free])
+        prior = np.zeros(len(free))
         prior[known] = 2.0 * noise / self.spread[free][known] ** 2 / (1.0 + self._relative(values, free)[known] ** 2)
-        normal = jacobian.T @ jacobian + np.diag(prior)
-        return normal, jacobian.T @ error + prior * (values - self.neutral)[free]
+        return prior
 
 
 class _Differences:
@@ -252,6 +249,7 @@ class _Differences:
         self._fitter, self._noise, self._first, self._resolved = fitter, noise, first, resolved
         self.free, self.low, self.high = free, fitter.low, fitter.high
         self._steps = np.zeros(len(free))
+        self._squares: tuple[np.ndarray, np.ndarray] | None = None  # sensitivities, and their products
 
     def at(self, values: np.ndarray, last: _Point) -> _Point:
         return self._fitter._at(values, self.free, self._noise)
@@ -269,10 +267,26 @@ class _Differences:
         return self._resolved
 
     def followed(self, slopes: np.ndarray, last: _Point, now: _Point) -> np.ndarray:
-        return _followed(slopes, last, now, self.free, self._steps)
+        """Sensitivities (N, F) that a step bears out, as near to the last ones as can be (Broyden 1965)."""
+        step = (now.values - last.values)[self.free] / self._steps  # by lengths that make the numbers comparable
+        missed = now.error - last.error - slopes @ (step * self._steps)
+        share = step / (step @ step) / self._steps
+        found = slopes + np.outer(share, missed).T
+        cross = np.outer(slopes.T @ missed, share)
+        self._squares = found, self._products(slopes) + cross + cross.T + missed @ missed * np.outer(share, share)
+        return found
 
     def equations(self, slopes: np.ndarray, point: _Point) -> tuple[np.ndarray, np.ndarray]:
-        return self._fitter._equations(point.values, point.error, slopes, self.free, self._noise)
+        fitter, free = self._fitter, self.free
+        prior = fitter._prior(point.values, free, self._noise)
+        slope = slopes.T @ point.error + prior * (point.values - fitter.neutral)[free]
+        return self._products(slopes) + np.diag(prior), slope
+
+    def _products(self, slopes: np.ndarray) -> np.ndarray:
+        """(F, F) of the columns of the sensitivities."""
+        if self._squares is None or self._squares[0] is not slopes:
+            self._squares = slopes, slopes.T @ slopes
+        return self._squares[1]
 
 
 def lengths(normal: np.ndarray) -> np.ndarray:
@@ -283,14 +297,3 @@ def lengths(normal: np.ndarray) -> np.ndarray:
 
 def _variance(error: np.ndarray) -> float:
     return float(error @ error) / max(len(error), 1)
-
-
-def _followed(slopes: np.ndarray, last: _Point, now: _Point, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Sensitivities (N, F) that a step bears out, as near to the last ones as can be (Broyden 1965).
-
-    Args:
-        steps: (F,) lengths that make the numbers comparable.
-    """
-    step = (now.values - last.values)[free] / steps
-    missed = now.error - last.error - slopes @ (step * steps)
-    return slopes + np.outer(step / (step @ step) / steps, missed).T

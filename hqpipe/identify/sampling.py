@@ -66,13 +66,16 @@ def covariance(fitter: Fitter, solution: Solution) -> Covariance:
     unit = np.outer(scale, scale)
     inverse = np.linalg.pinv((normal + np.diag(prior)) / unit, hermitian=True) / unit
     time = correlation_time(error, samples)
-    block, state = blocks(samples, BLOCK * time), samples.state
-    slopes = jacobian * error[:, None] / scale
-    both = block * STATES + state
-    scatter = _scatter(slopes, block) + _scatter(slopes, state) - _scatter(slopes, both)
+    block = blocks(samples, BLOCK * time)
+    count = int(block.max()) + 1 if len(block) else 1
+    cell, slopes = block * STATES + samples.state, jacobian.T * error / scale[:, None]
+    sums = np.array([np.bincount(cell, row, count * STATES) for row in slopes]).reshape(-1, count, STATES)
+    full = np.bincount(cell, minlength=count * STATES).reshape(count, STATES)
+    # The scatter over blocks and over states, less what both count.
+    scatter = _scatter(sums.sum(axis=2), full.sum(axis=1)) + _scatter(sums.sum(axis=1), full.sum(axis=0))
+    scatter -= _scatter(sums.reshape(len(sums), count * STATES), full.ravel())
     values, vectors = np.linalg.eigh(scatter)
     scatter = (vectors * np.maximum(values, 0.0)) @ vectors.T * unit
-    count = int(block.max()) + 1 if len(block) else 1
     expected = noise * time * normal
     meat = (count * scatter + len(free) * expected) / (count + len(free))
     robust = inverse @ (meat + noise * np.diag(prior)) @ inverse
@@ -84,11 +87,7 @@ def _unknown(free: int) -> Covariance:
     return Covariance(np.zeros((free, free)), np.zeros((free, free)), np.inf, 1)
 
 
-def _scatter(slopes: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """(F, F) of the sums over groups; corrected for the freedom that the fit took from them."""
-    if not len(group):
-        return np.zeros((slopes.shape[1], slopes.shape[1]))
-    count = np.bincount(group)
-    sums = np.array([np.bincount(group, column) for column in slopes.T]).reshape(-1, len(count))
-    filled = np.count_nonzero(count)
+def _scatter(sums: np.ndarray, full: np.ndarray) -> np.ndarray:
+    """(F, F) of sums (F, G) over groups of `full` (G,) samples; corrected for the freedom that the fit took from them."""
+    filled = np.count_nonzero(full)
     return sums @ sums.T * filled / max(filled - len(sums), 1)

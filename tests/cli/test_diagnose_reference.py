@@ -26,15 +26,21 @@ JOINTS = ("LFR", "LFP")
 SMALL = f"without=[{', '.join(name for name in EFFECTS if name not in ('valve_lag', 'valve_deadband'))}]"
 
 
-def write(folder: Path, seed: int, joints: tuple[str, ...] = JOINTS, every: int = 1, **kwargs) -> Path:
+def write(
+    folder: Path, seed: int, joints: tuple[str, ...] = JOINTS, every: int = 1, slower: float = 1.0, **kwargs
+) -> Path:
+    """Logs of one row of so many, on a clock that goes slower."""
     logs = planted.logs_of([{}] * len(joints), seconds=6.0, seed=seed, joints=joints, **kwargs)
-    with LogSetWriter(folder, control_mode="position", effort_source="load_cell", rate_hz=1000.0 / every) as writer:
+    with LogSetWriter(
+        folder, control_mode="position", effort_source="load_cell", rate_hz=1000.0 / every / slower
+    ) as writer:
         for trial in logs.trials:
             t = trial.trajectory
-            columns = {"time": t.time[::every]}
+            columns = {"time": slower * t.time[::every]}
             for j, joint in enumerate(joints):
                 for name in ("position", "velocity", "position_command", "effort"):
-                    columns[f"joint/{joint}/{name}"] = getattr(t, name)[::every, j]
+                    values = getattr(t, name)[::every, j]
+                    columns[f"joint/{joint}/{name}"] = values / slower if name == "velocity" else values
             writer.add(trial.file, columns, split=trial.split)
     return folder
 
@@ -91,9 +97,9 @@ def coefficients(folder: Path, joints: tuple[str, ...] = JOINTS, dt: float = 1e-
         (lambda f: f / "absent", "no such folder"),
         (pd, "a model of kind 'stiff_pd' has no coefficients to compare: give artifacts/actuator"),
         (lambda f: coefficients(f, ("LFR", "RFP")), "joints LFR, LFP and LFR, RFP, without 'LFP'"),
-        (lambda f: coefficients(f, dt=0.002), "sample times 0.001 s and 0.002 s"),
+        (lambda f: coefficients(f, dt=0.0014), "sample times 0.001 s and 0.0014 s"),
         (lambda f: write(f, 1, ("LFR", "LFQ")), "joints LFR, LFP and LFR, LFQ, without 'LFP'"),
-        (lambda f: write(f, 1, every=2), "sample times 0.001 s and 0.002 s"),
+        (lambda f: write(f, 1, slower=1.4), "sample times 0.001 s and 0.0014 s"),
     ],
 )
 def test_what_cannot_be_a_reference_is_refused_in_one_line(hqpipe, tmp_path, make, message):
@@ -102,6 +108,16 @@ def test_what_cannot_be_a_reference_is_refused_in_one_line(hqpipe, tmp_path, mak
     assert code == 2
     (line,) = [line for line in told.splitlines() if line.startswith("error:")]
     assert message in line
+
+
+def test_a_slower_record_of_the_same_controller_is_a_reference(hqpipe, machine, tmp_path):
+    reference = write(tmp_path / "slow", 1, every=5)
+    code, _, told = hqpipe("diagnose", "--logs", "now", "--reference", str(reference), "--set", SMALL)
+    assert code == 0, told
+    content = json.loads((machine / "artifacts" / "diagnosis" / "diagnosis.json").read_text(encoding="utf-8"))
+    (cause,) = content["causes"]
+    assert (cause["effect"], cause["joints"]) == ("leakage_change", ["LFP"])
+    assert cause["parameters"]["ratio"]["value"] == pytest.approx(1.8, rel=0.1)
 
 
 def test_a_folder_of_something_else_is_told_apart(hqpipe, tmp_path):

@@ -101,8 +101,9 @@ class Actuator:
     ) -> ActuatorJoint | str:
         """The model of joint `j`, or why there is none."""
         name, kind = log_set.joints[j], log_set.kinds.get(log_set.joints[j])
-        dt = float(np.median([t.trajectory.dt for t in log_set.fit]))
+        dt = _sample_time(log_set)
         per_row = steps_per_row(dt)
+        slowest = max(per_row, steps_per_row(_sample_time(self.earlier)) if self.earlier else 1)
         records = tuple(record_of(trials, j, steps, draws, per_row) for trials in (log_set.fit, log_set.heldout))
         if records[0].windows < FEWEST_WINDOWS:
             return f"only {records[0].windows} windows of {steps} samples away from its end stops"
@@ -125,7 +126,7 @@ class Actuator:
                 joint=name,
                 unit=units[0],
                 dt=dt,
-                base=base_parameters(first, size, per_row),
+                base=base_parameters(first, size, slowest),
                 effects=(*effects, *(shapes_of(size, units[0]) if shaped else ())),
                 fit=fit,
                 heldout=heldout,
@@ -173,6 +174,11 @@ class Actuator:
         row[slot("setting", "clear")] = CLEAR * size.of["effort"]
         row[slot("setting", "effort_limit")] = self.effort_limit.get(joint, np.inf)
         return row
+
+
+def _sample_time(log_set: LogSet) -> float:
+    """Median over the fit trials, s."""
+    return float(np.median([t.trajectory.dt for t in log_set.fit]))
 
 
 def _best_guess(

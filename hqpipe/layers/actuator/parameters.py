@@ -33,7 +33,8 @@ def base_parameters(first: Mapping[str, float], size: Sizes, per_row: int = 1) -
     curve, and 0 where it sees what was logged last.
 
     Args:
-        first: coefficient → first guess. per_row: samples of the controller from one row of the log to the next.
+        first: coefficient → first guess. per_row: samples of the controller from one row of the log to the next; of
+            two records, of the slower one.
     """
     most = {"k2": 1.0, "k4": 1.0 / max(size.widest, 1e-300)}  # neither leakage nor an impact takes more than there is
     return (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -49,7 +50,17 @@ class Record:
 
     def picked(self, rows: np.ndarray) -> np.ndarray:
         """(N,) the judged ones of (steps, W) values of samples 1 … steps of each window, window by window."""
-        return rows[self.step - 1].T[self.judged]
+        judged = rows[self._every].T
+        return judged.ravel() if self._whole else judged[self.judged]
+
+    @cached_property
+    def _every(self) -> slice:
+        """The rows of `step`, which are evenly apart."""
+        return slice(int(self.step[0]) - 1, None, int(self.step[0]))
+
+    @cached_property
+    def _whole(self) -> bool:
+        return bool(self.judged.all())
 
     def driven_by(self, logged: float, opening: float, moving: Sequence[float] = ()) -> Signals:
         """The signals with a share of the logged speed, of the flow that the openings tell, and of the motion of command and
