@@ -11,13 +11,14 @@ from scipy.interpolate import CubicSpline
 from hqpipe.logs.trajectory import Trajectory
 
 STEP = 1e-3  # s, of the paper's controller; that of another machine is near enough for what a joint follows
+MOST = 20  # steps from one row to the next; assumption: what a row does not say is then cut finely enough
 Way = Callable[[np.ndarray, int], np.ndarray]
 COMMANDS = ("position_command", "effort_command", "valve_command")
 
 
 def steps_per_row(dt: float) -> int:
     """How many steps of the controller lie between two rows of a log; dt: s."""
-    return max(1, round(dt / STEP))
+    return min(max(1, round(dt / STEP)), MOST)
 
 
 def between(values: np.ndarray, steps: int) -> np.ndarray:

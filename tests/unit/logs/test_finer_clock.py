@@ -26,7 +26,8 @@ def trial() -> Trajectory:
 
 
 @pytest.mark.parametrize(
-    ("hertz", "steps"), [(4000.0, 1), (1000.0, 1), (800.0, 1), (500.0, 2), (400.0, 2), (200.0, 5), (100.0, 10)]
+    ("hertz", "steps"),
+    [(4000.0, 1), (1000.0, 1), (800.0, 1), (500.0, 2), (400.0, 2), (200.0, 5), (100.0, 10), (50.0, 20), (9.0, 20)],
 )
 def test_steps_between_rows_are_near_a_millisecond(hertz, steps):
     assert steps_per_row(1.0 / hertz) == steps
