@@ -116,6 +116,14 @@ class Search:
         self._begins(names, known)
         return self._kept(names, self._refit(known, name))
 
+    def grown_along(self, names: Sequence[str]) -> Known:
+        """The base with effects joining in the order in which they promise most, those of them that may stand together."""
+        known, open_ones = self.base, set(names)
+        while ranked := self.screening.screened(known, sorted(open_ones.intersection(self.addable(known.names)))):
+            known = self.grown_by(known, ranked[0][1])
+            open_ones -= known.names
+        return known
+
     def without(self, known: Known, name: str) -> Known:
         """The set without one of its effects: the best fit from the set itself, and from what was fitted before."""
         names = known.names - {name}

@@ -72,6 +72,16 @@ def test_sets_fit_no_worse_than_what_an_effect_is_taken_out_of(search):
         assert no_worse(search.known[known.names], smaller), name
 
 
+def test_what_most_joints_have_is_tried_as_a_whole(machine):
+    """A joint that alone would end in a lag without the delay."""
+    model = next(model for model in machine.models if model.joint == "RFK")
+    search = Search(model, prior_odds(model, {}, 0))
+    names = {"valve_delay", "valve_lag", "valve_deadband"}
+    usual = search.grown_along(sorted(names))
+    assert usual.names == names
+    assert usual.solution.square < 0.5 * search.grown_along(["valve_lag"]).solution.square
+
+
 def test_a_worn_valve_is_read_in_the_terms_of_the_plant(machine):
     found = identify(machine, workers=2)
     for joint in found.found:

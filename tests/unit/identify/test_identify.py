@@ -159,7 +159,13 @@ def test_the_order_of_a_set_does_not_decide_which_effect_is_tried_first():
             self.asked.append(name)
             return known
 
+        def grown_along(self, names):
+            return SimpleNamespace(names=frozenset(names))
+
         def gain(self, large, small):
+            return -1.0
+
+        def preference(self, one, other):
             return -1.0
 
         def improved(self, known):
