@@ -67,9 +67,12 @@ class JointSearch:
                     if search.preference(option, known) > 0.0:
                         known = option
                         break
-        # The search may have gone astray in this joint alone: what most others have is tried as a whole.
-        usual = search.grown_along([name for name in count if count[name] > 0.5 * len(others)])
-        self._known = search.improved(usual if search.preference(usual, known) > 0.0 else known)
+        usual = frozenset(name for name in count if count[name] > 0.5 * len(others))
+        if usual - known.names and known.names - usual:
+            # The search may have gone astray in this joint alone: what most others have is tried as a whole.
+            whole = search.grown_along(sorted(usual))
+            known = whole if search.preference(whole, known) > 0.0 else known
+        self._known = search.improved(known)
 
     def with_shared(self, shared: Names, causes: Names) -> JointFound | None:
         """The answer of a joint that lacks a cause of most others, once more, as what most have need only be probable in one;
