@@ -176,6 +176,19 @@ class ActuatorModel:
                 fix=f"step it every {self.dt:.6g} s, or fit it again on logs of {1.0 / dt:.6g} Hz",
             )
 
+    def steps_per_row(self, dt: float) -> int:
+        """How many samples of the model go into one of a log; dt: s, of the log.
+
+        Raises:
+            UsageError: it is no whole number, to 2 %.
+        """
+        if not self.DT_BOUND:
+            return 1
+        steps = max(1, round(dt / self.dt))
+        if abs(dt / steps / self.dt - 1.0) > DT_TOLERANCE:
+            self.check_dt(dt)
+        return steps
+
     def fresh_memory(self, count: int) -> np.ndarray:
         """(N, J, M) memory of `count` robots that have just been reset: zeros, M = `memory_columns`."""
         return np.zeros((count, len(self.joints), self.memory_columns))

@@ -59,10 +59,10 @@ class Diagnosed:
 
         Raises:
             IdentificationError: a channel is missing.
-            UsageError: the sample time is another one than that of the fit.
+            UsageError: a sample of the log is no whole number of the model's.
         """
         require_channels(trajectory, ("effort", "position_command"), "replaying the model with diagnosed effects")
-        self.actuator.check_dt(trajectory.dt / self.rows.per_row(trajectory.dt))
+        self.actuator.steps_per_row(trajectory.dt)  # refuses another clock
         return self.rows.predict(trajectory, window)
 
 

@@ -72,7 +72,7 @@ class FittedJoints:
         Returns:
             (T, J) N·m or N; row 0 is the logged torque.
         """
-        per_row = self.per_row(trajectory.dt)
+        per_row = max(1, round(trajectory.dt / self.rows[0, _STEP]))
         trajectory, window = known_so_far(trajectory, per_row), window * per_row
         t, predicted = trajectory.for_joints(self.joints), np.array(trajectory.effort, dtype=np.float64)
         whole = (t.samples - 1) // window * window
@@ -87,10 +87,6 @@ class FittedJoints:
                 cut = signals._replace(first=first.astype(np.int64), steps=steps, target=target)
                 predicted[at[1:], column] = residual_windows(self.rows[j], cut) + target[1:]
         return predicted[::per_row]
-
-    def per_row(self, dt: float) -> int:
-        """Steps of the model from one row of a log to the next; dt: s, of the log."""
-        return max(1, round(dt / self.rows[0, _STEP]))
 
     def _signals(self, t: Trajectory, j: int, per_row: int) -> Signals:
         """Joint `j` of a trial on the clock of the controller, without windows."""

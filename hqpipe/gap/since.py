@@ -32,7 +32,7 @@ class EarlierModel:
     """An earlier actuator model of the machine.
 
     Attributes:
-        path: as it is shown. sha256: of what is read of it. dt: sample time, s. joints: names.
+        path: as it is shown. sha256: of what is read of it. dt: sample time of the controller, s. joints: names.
         rows: joint → (WIDTH,), NaN for what the model does not say. sd: joint → column → standard deviation.
         left: joint → what it left on its own logs. warnings: what to know of it.
     """
@@ -102,7 +102,7 @@ def check_alike(
     """Refuse logs that are not of the machine of a reference, or were not made alike.
 
     Args:
-        path, mode, joints, dt, source: of the reference; source of its torque, None if it is not known.
+        path, mode, joints, dt, source: of the reference; dt as of `sample_time`; source of its torque, None if it is not known.
 
     Raises:
         UsageError: names both sides and the fix.
@@ -117,7 +117,7 @@ def check_alike(
         )
     check_same_machine(log_set, path, mode, joints, source)
     now = sample_time(log_set)
-    if abs(_step(now) / _step(dt) - 1.0) > DT_TOLERANCE:
+    if abs(now / dt - 1.0) > DT_TOLERANCE:
         raise UsageError(
             f"{log_set.path} and the reference {path}: sample times {now:.6g} s and {dt:.6g} s, and coefficients are per "
             "sample",
@@ -162,14 +162,10 @@ def check_same_machine(
         )
 
 
-def _step(dt: float) -> float:
-    """s, of the controller's clock for a log or a model with a sample time."""
-    return dt / steps_per_row(dt)
-
-
 def sample_time(log_set: LogSet) -> float:
-    """Median over the trials, s."""
-    return float(np.median([trial.trajectory.dt for trial in log_set.trials]))
+    """Of the controller, s: of logs that are slower, a part of the median over the trials."""
+    dt = float(np.median([trial.trajectory.dt for trial in log_set.trials]))
+    return dt / steps_per_row(dt)
 
 
 def earlier_actuator(folder: Path, shown: str | None = None) -> EarlierModel:
@@ -192,11 +188,12 @@ def earlier_actuator(folder: Path, shown: str | None = None) -> EarlierModel:
         )
     shown = shown or str(folder)
     fitted, left = variances(folder, model), left_of(folder, model)
+    steps = 1 if isinstance(model, Augmented) else steps_per_row(model.dt)  # a diagnosis fits on the controller's clock
     rows = {}
     for j, joint in enumerate(model.joints):
         row = model.parameters[j].copy() if isinstance(model, Augmented) else _joint_space(model, j)
         row[slot("setting", "held")] = NOT_KNOWN  # other logs begin in their own way
-        rows[joint], slopes = _per_step(row, steps_per_row(model.dt))
+        rows[joint], slopes = _per_step(row, steps)
         for column in fitted.get(joint, {}):
             fitted[joint][column] *= slopes[column] ** 2
     sd = {joint: {column: float(np.sqrt(v)) for column, v in found.items()} for joint, found in fitted.items()}
@@ -208,7 +205,7 @@ def earlier_actuator(folder: Path, shown: str | None = None) -> EarlierModel:
             f"the reference {shown} does not say how much its own logs moved: in livelier ones an error that it always had may "
             "pass for a change"
         )
-    return EarlierModel(shown, digest(folder), model.dt, model.joints, rows, sd, left, tuple(warnings))
+    return EarlierModel(shown, digest(folder), model.dt / steps, model.joints, rows, sd, left, tuple(warnings))
 
 
 def _per_step(row: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndarray]:

@@ -74,8 +74,7 @@ def predict(trajectory: Trajectory, model: Model, window: int) -> np.ndarray:
     if not isinstance(model, ActuatorModel):
         return model.predict(trajectory, window)
     require_channels(trajectory, ("effort", "position_command"), f"replaying the {model.NAME} model")
-    per_row = max(1, round(trajectory.dt / model.dt)) if model.DT_BOUND else 1
-    model.check_dt(trajectory.dt / per_row)
+    per_row = model.steps_per_row(trajectory.dt)
     model = model.for_joints(trajectory.joints)
     if isinstance(model, Augmented):
         _check_effects(model)

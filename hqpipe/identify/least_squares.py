@@ -182,12 +182,12 @@ class Fitter:
                 moved = values.copy()
                 moved[index] += step
                 difference = self.error(moved) - error
-                square = float(difference @ difference)
-                if square > (_SEEN * size) ** 2:
+                change = float(np.sqrt(difference @ difference))
+                if change > _SEEN * size:
                     break
                 step = self._within(values, int(index), 10.0 * step)
             # What changes nothing has no slope but that of rounding, and what grows without bounds has none.
-            if (_SEEN * size) ** 2 < square < (_UNSTABLE * size) ** 2:
+            if _SEEN * size < change < _UNSTABLE * size:
                 np.divide(difference, step, out=rows[k])
         return rows.T
 

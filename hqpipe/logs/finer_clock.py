@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +11,6 @@ from hqpipe.logs.trajectory import Trajectory
 
 STEP = 1e-3  # s, of the paper's controller; that of another machine is near enough for what a joint follows
 MOST = 20  # steps from one row to the next; assumption: what a row does not say is then cut finely enough
-Way = Callable[[np.ndarray, int], np.ndarray]
-COMMANDS = ("position_command", "effort_command", "valve_command")
 
 
 def steps_per_row(dt: float) -> int:
@@ -44,20 +41,13 @@ def continued(values: np.ndarray, steps: int) -> np.ndarray:
     return held(values, steps) + share.reshape(-1, *[1] * (values.ndim - 1)) * held(change, steps)
 
 
-def finer(trajectory: Trajectory, steps: int) -> Trajectory:
-    """A trial with so many samples from one row to the next: commands held, all else smooth."""
-    return _made_finer(trajectory, steps, lambda name: held if name in COMMANDS else between)
-
-
 def known_so_far(trajectory: Trajectory, steps: int) -> Trajectory:
-    """The same by what each row and those before it tell: positions go on as they moved, all else is held."""
-    return _made_finer(trajectory, steps, lambda name: continued if name == "position" else held)
-
-
-def _made_finer(trajectory: Trajectory, steps: int, way: Callable[[str], Way]) -> Trajectory:
+    """A trial with so many samples from one row to the next, by what each row and those before it tell: positions go on as they
+    moved, all else is held."""
     if steps == 1:
         return trajectory
-    channels = {name: way(name)(values, steps) for name, values in trajectory.channels().items()}
+    channels = {name: held(values, steps) for name, values in trajectory.channels().items()}
+    channels["position"] = continued(trajectory.position, steps)
     observed = None if trajectory.observed is None else held(trajectory.observed, steps)
     extra = {name: held(values, steps) for name, values in trajectory.extra.items()}
     return replace(trajectory, time=between(trajectory.time, steps), observed=observed, extra=extra, **channels)

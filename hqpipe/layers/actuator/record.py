@@ -11,7 +11,7 @@ import numpy as np
 from hqpipe.identify.model import Samples
 from hqpipe.logs.differentiate import step_speed
 from hqpipe.logs.end_stops import judged_windows
-from hqpipe.logs.finer_clock import between, finer, held
+from hqpipe.logs.finer_clock import between, held
 from hqpipe.logs.trajectory import Trajectory, Trial, recording_of
 from hqpipe.machine.chain import Signals
 
@@ -103,8 +103,7 @@ def record_of(
     if not logs:
         return _empty(steps * per_row)
     starts = [window_starts(t, j, steps) * per_row for t in logs]
-    rows, logs = logs, [finer(t, per_row) for t in logs]
-    bounds = np.cumsum([0, *(t.samples for t in logs)])
+    bounds = np.cumsum([0, *((t.samples - 1) * per_row + 1 for t in logs)])
     first = np.concatenate([s + begun for s, begun in zip(starts, bounds, strict=False)]).astype(np.int64)
     names = [recording_of(trial) for trial in trials]
     files = tuple(dict.fromkeys(names))
@@ -112,19 +111,26 @@ def record_of(
     if len(first) > MOST_WINDOWS:
         kept = np.linspace(0, len(first) - 1, MOST_WINDOWS).round().astype(int)
         first, trial = first[kept], trial[kept]
-    effort = _joined(logs, lambda t: t.effort[:, j])
+
+    def kept(pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:
+        return _joined(logs, lambda t: held(pick(t), per_row))
+
+    def smooth(pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:
+        return _joined(logs, lambda t: between(pick(t), per_row))
+
+    effort = smooth(lambda t: t.effort[:, j])
     every, steps = max(1, -(-len(first) * steps // MOST_SAMPLES)), steps * per_row
     target = np.ascontiguousarray(effort[first[None, :] + np.arange(steps + 1)[:, None]])
-    recorded = _joined(logs, lambda t: np.ones(t.samples) if t.observed is None else t.recorded[:, j]) > 0.0
+    recorded = kept(lambda t: np.ones(t.samples) if t.observed is None else t.recorded[:, j]) > 0.0
     target[1:][~recorded[first[None, :] + np.arange(1, steps + 1)[:, None]]] = np.nan
     step = np.arange(every, steps // per_row + 1, every) * per_row
     signals = Signals(
-        command=_joined(rows, lambda t: held(t.position_command[:, j], per_row)),
-        position=_joined(rows, lambda t: held(t.position[:, j], per_row)),
-        velocity=_joined(logs, lambda t: step_speed(t.position[:, j], t.dt)),
+        command=kept(lambda t: t.position_command[:, j]),
+        position=kept(lambda t: t.position[:, j]),
+        velocity=_joined(logs, lambda t: step_speed(between(t.position[:, j], per_row), t.dt / per_row)),
         effort=effort,
-        time=_joined(logs, lambda t: t.time - t.time[0] + t.start),
-        demand=_joined(logs, lambda t: np.abs(t.velocity) @ draws[0]),
+        time=smooth(lambda t: t.time - t.time[0] + t.start),
+        demand=kept(lambda t: np.abs(t.velocity) @ draws[0]),
         bounds=bounds.astype(np.int64),
         first=first,
         steps=steps,
@@ -134,13 +140,10 @@ def record_of(
         files=files,
         trial=trial,
         signals=signals,
-        moving=tuple(
-            _joined(rows, lambda t, name=name: between(getattr(t, name)[:, j], per_row))
-            for name in ("position_command", "position")
-        ),
-        logged=_joined(logs, lambda t: t.velocity[:, j]),
+        moving=(smooth(lambda t: t.position_command[:, j]), smooth(lambda t: t.position[:, j])),
+        logged=smooth(lambda t: t.velocity[:, j]),
         by_speed=signals.demand,
-        by_opening=_joined(logs, lambda t: np.abs(t.position_command - t.position) @ draws[1]),
+        by_opening=kept(lambda t: np.abs(t.position_command - t.position) @ draws[1]),
         step=step,
         judged=~np.isnan(target[step].T),
     )

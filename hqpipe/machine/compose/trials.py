@@ -180,7 +180,7 @@ def _balance(source: Source, chain: Chain, arrays: Arrays, link) -> None:
         source.add(
             f"most = {call(source, limit, scalar)}",
             "start, gain = 0.0, 0.0",
-            f"rough = max(1, int(ROUGH / {dt}))",
+            f"rough = max(1, min(int(ROUGH / {dt}), (last - first) // FEWEST))",
         )
         with source.under("for stride in (rough, 1):"):
             source.add("low, high, before, left = -most, most, start, 0.0")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hqpipe.logs.finer_clock import between, continued, finer, held, known_so_far, steps_per_row
+from hqpipe.logs.finer_clock import between, continued, held, known_so_far, steps_per_row
 from hqpipe.logs.trajectory import Trajectory
 
 STEPS = 5
@@ -33,20 +33,26 @@ def test_steps_between_rows_are_near_a_millisecond(hertz, steps):
     assert steps_per_row(1.0 / hertz) == steps
 
 
-def test_rows_stay_what_they_are(trial):
-    fine = finer(trial, STEPS)
-    for name, values in trial.channels().items():
-        np.testing.assert_allclose(getattr(fine, name)[::STEPS], values, atol=1e-12)
-    np.testing.assert_allclose(fine.time[::STEPS], trial.time, atol=1e-12)
-    np.testing.assert_array_equal(fine.observed[::STEPS], trial.observed)
-    assert fine.samples == (trial.samples - 1) * STEPS + 1 and fine.dt == pytest.approx(trial.dt / STEPS)
+@pytest.mark.parametrize("way", [between, held, continued])
+def test_rows_stay_what_they_are(trial, way):
+    found = way(trial.position, STEPS)
+    np.testing.assert_allclose(found[::STEPS], trial.position, atol=1e-12)
+    assert len(found) == (trial.samples - 1) * STEPS + 1
+    assert way(trial.position, 1) is trial.position
 
 
-def test_commands_are_held_and_positions_go_on_smoothly(trial):
-    fine = finer(trial, STEPS)
-    np.testing.assert_array_equal(fine.position_command[:-1], np.repeat(trial.position_command[:-1], STEPS, axis=0))
+def test_a_position_goes_on_smoothly_between_rows(trial):
     inside = slice(3 * STEPS, -3 * STEPS)  # a spline knows less at its ends
-    np.testing.assert_allclose(fine.position[inside, 0], np.sin(9.0 * fine.time[inside]), atol=1e-6)
+    fine = between(trial.time, STEPS)
+    np.testing.assert_allclose(between(trial.position, STEPS)[inside, 0], np.sin(9.0 * fine[inside]), atol=1e-6)
+
+
+def test_a_trial_on_a_finer_clock_holds_all_but_its_positions(trial):
+    fine = known_so_far(trial, STEPS)
+    np.testing.assert_array_equal(fine.position_command[:-1], np.repeat(trial.position_command[:-1], STEPS, axis=0))
+    np.testing.assert_array_equal(fine.observed[::STEPS], trial.observed)
+    np.testing.assert_allclose(fine.time[::STEPS], trial.time, atol=1e-12)
+    assert fine.dt == pytest.approx(trial.dt / STEPS)
 
 
 def test_what_is_known_so_far_looks_at_no_later_row(trial):
@@ -61,5 +67,4 @@ def test_what_is_known_so_far_looks_at_no_later_row(trial):
 
 
 def test_as_many_steps_as_rows_change_nothing(trial):
-    assert finer(trial, 1) is trial
-    assert between(trial.time, 1) is trial.time and held(trial.time, 1) is trial.time
+    assert known_so_far(trial, 1) is trial
