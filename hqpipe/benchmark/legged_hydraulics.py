@@ -130,7 +130,9 @@ def advance(joint, state, supply: float, tank: float, force: float, time: float)
         force: of the piston on the joint, N. time: s since the start of the record.
     """
     into_a, into_b, drawn = flows(joint, state, supply, tank)
-    leak = joint.leakage * np.exp(joint.leakage_drift * max(time, 0.0)) * (state[PA] - state[PB])
+    leak = joint.leakage * (state[PA] - state[PB])
+    if joint.leakage_drift != 0.0 and time > 0.0:
+        leak *= np.exp(joint.leakage_drift * time)
     v = state[PISTON_SPEED]
     volume_a = joint.dead_a + joint.area_a * (0.5 * joint.stroke + state[PISTON])
     volume_b = joint.dead_b + joint.area_b * (0.5 * joint.stroke - state[PISTON])
@@ -140,7 +142,9 @@ def advance(joint, state, supply: float, tank: float, force: float, time: float)
     state[PB] = max(state[PB] + STEP * rate_b * (into_b + leak + joint.area_b * v), EMPTY)
     push = state[PA] * joint.area_a - state[PB] * joint.area_b - force
     free = (v + STEP * push / joint.piston_mass) / (1.0 + STEP * joint.viscous / joint.piston_mass)
-    dry = joint.coulomb + joint.stribeck * np.exp(-((free / joint.stribeck_speed) ** 2)) + joint.load_friction * abs(force)
+    dry = joint.coulomb + joint.load_friction * abs(force)
+    if joint.stribeck > 0.0 and abs(free) < 4.0 * joint.stribeck_speed:  # beyond it less than 1e-6 is left
+        dry += joint.stribeck * np.exp(-((free / joint.stribeck_speed) ** 2))
     stop = STEP * dry / joint.piston_mass
     state[PISTON_SPEED] = 0.0 if abs(free) <= stop else free - np.sign(free) * stop
     state[PISTON] += STEP * state[PISTON_SPEED]

@@ -156,8 +156,8 @@ def quadruped() -> Robot:
         supply=pump,
         stand=spec.nominal_position.copy(),
         swing=swing,
-        speed=np.full(len(kinds), 2.2),
-        acceleration=np.full(len(kinds), 22.0),
+        speed=np.full(len(kinds), 4.5),
+        acceleration=np.full(len(kinds), 90.0),
         top_speed=np.full(len(kinds), speed),
         velocity_filter_hz=float(sensors["velocity_filter_hz"]),
         resolution=float(sensors["encoder_resolution"]),
@@ -187,16 +187,16 @@ class Axis:
     dead: float
 
 
-SMALL = (  # a quadruped of about 80 kg with rotary roll joints and differential cylinders, in the size of HyQ (Semini et al. 2011)
-    Axis("HAA", "x", 3.0, 0.08, 0.0, 0.22, 150.0, 0.05, 1.0, False, 1.2),
-    Axis("HFE", "y", 4.6, 0.35, 0.6, 0.45, 170.0, 0.045, 0.84, True, 1.0),
-    Axis("KFE", "y", 1.9, 0.35, -1.2, 0.5, 150.0, 0.042, 0.84, True, 1.0),
+SMALL = (  # a quadruped of about 90 kg with rotary roll joints and cylinders on linkages, in the size of HyQ (Semini et al. 2011)
+    Axis("HAA", "x", 4.0, 0.08, 0.0, 0.22, 95.0, 0.05, 1.0, False, 1.6),
+    Axis("HFE", "y", 6.5, 0.35, 0.6, 0.45, 110.0, 0.045, 0.94, True, 1.6),
+    Axis("KFE", "y", 3.2, 0.35, -1.2, 0.5, 90.0, 0.042, 0.94, True, 1.6),
 )
 BIPED = (  # a two-legged test stand of adult size, double-rod cylinders on linkages; assumption throughout
     Axis("roll", "x", 4.5, 0.1, 0.0, 0.2, 360.0, 0.055, 1.0, True, 0.9),
     Axis("pitch", "y", 8.0, 0.4, 0.4, 0.4, 380.0, 0.055, 1.0, True, 0.9),
-    Axis("knee", "y", 4.0, 0.4, -0.8, 0.45, 360.0, 0.05, 1.0, True, 0.9),
-    Axis("ankle", "y", 1.6, 0.12, 0.4, 0.3, 160.0, 0.04, 1.0, True, 1.4),
+    Axis("knee", "y", 5.0, 0.4, -0.8, 0.45, 300.0, 0.05, 1.0, True, 0.9),
+    Axis("ankle", "y", 2.4, 0.14, 0.4, 0.3, 80.0, 0.04, 1.0, True, 1.6),
 )
 
 
@@ -247,7 +247,7 @@ def _designed(axes: Sequence[Axis], count: int, pressure: float, rates: tuple[fl
         mean = 0.5 * area * (1.0 + axis.ratio)
         joint["flow"] = top * axis.arm * mean / np.sqrt(0.5 * pressure)
         joint["natural_hz"], joint["damping"], joint["slew"] = 110.0, 0.8, 350.0
-        joint["overlap"] = -0.008  # a critical centre, worn a little: 4 µm on 0.5 mm; assumption
+        joint["overlap"] = -0.002  # a critical centre: 1 µm on a spool of 0.5 mm; assumption
         joint["valve_delay_s"] = 2.0e-4
         joint["gain"] = loop / top
     return np.tile(found, count)
@@ -296,16 +296,16 @@ def _own(
 
 @cache
 def small_quadruped() -> Robot:
-    """Twelve joints, 80 kg."""
+    """Twelve joints, 90 kg."""
     hips = {"LF": (0.37, 0.2), "RF": (0.37, -0.2), "LH": (-0.37, 0.2), "RH": (-0.37, -0.2)}
-    return _own("legged quadruped of 80 kg", hips, SMALL, 16.0e6, (9.0, 20.0, 75.0), 0.9e9, (2.6, 28.0))
+    return _own("legged quadruped of 90 kg", hips, SMALL, 16.0e6, (9.0, 18.0, 150.0), 0.9e9, (4.0, 90.0))
 
 
 @cache
 def biped() -> Robot:
     """Eight joints on a stand."""
     hips = {"left": (0.0, 0.12), "right": (0.0, -0.12)}
-    return _own("legged biped stand", hips, BIPED, 20.0e6, (8.0, 22.0, 80.0), 0.8e9, (2.2, 22.0))
+    return _own("legged biped stand", hips, BIPED, 20.0e6, (8.0, 20.0, 140.0), 0.8e9, (3.6, 80.0))
 
 
 ROBOTS = (quadruped, small_quadruped, biped)
