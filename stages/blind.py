@@ -37,14 +37,15 @@ def blind() -> None:
     multiple=True,
     metavar="KIND",
     help="Make only this kind: none, single, mixture, place, outside; of the quadruped faint (for the limit of detection), "
-    "of the others change (recorded twice); repeatable.  [default: all but faint and change]",
+    "of servo, arm and cylinder change (recorded twice); repeatable.  [default: all but faint and change]",
 )
 @click.option(
     "--machine",
-    type=click.Choice(["quadruped", "servo", "arm", "cylinder", "joints"]),
+    type=click.Choice(["quadruped", "legged", "servo", "arm", "cylinder", "joints"]),
     default="quadruped",
     show_default=True,
-    help="What is simulated; joints are servos, arms and cylinders in turn.",
+    help="What is simulated; legged are three hydraulic robots with other equations than the quadruped's, joints are servos, "
+    "arms and cylinders in turn.",
 )
 @click.option("--out", type=Folder(file_okay=False), required=True, help="Folder for the cases.")
 @_WORKERS

@@ -13,7 +13,7 @@ from hqpipe.system import durable
 from hqpipe.system.processes import in_processes
 
 ROBOT = "hydraulic_quadruped"  # the cases are overrides of this machine
-QUADRUPED = "quadruped"
+QUADRUPED, LEGGED = "quadruped", "legged"
 FORMAT, ANSWERS = "hqpipe-blind/1", "answers.json"
 TRUTH, HALF_MADE = "truth", ".half"
 Progress = Callable[[float, float, str], None]
@@ -32,8 +32,8 @@ def make(
 
     Args:
         count: how many cases. seed: of everything. out: folder. workers: processes; the result does not depend on them.
-        kinds: of `hqpipe.plant.cases` or `hqpipe.benchmark.cases`; none for the usual mixture.
-        machine: "quadruped", or one of `hqpipe.benchmark.cases`.
+        kinds: of `hqpipe.plant.cases`, `hqpipe.benchmark.cases` or `hqpipe.benchmark.legged_cases`; none for the usual mixture.
+        machine: "quadruped", "legged", or one of `hqpipe.benchmark.cases`.
 
     Returns:
         How many cases had to be made.
@@ -60,6 +60,11 @@ def _plan(count: int, seed: int, kinds: Sequence[str], machine: str) -> tuple[Se
         from hqpipe.plant.cases import cases
 
         return cases(count, seed, kinds), make_case
+    if machine == LEGGED:
+        from hqpipe.benchmark.legged_cases import cases as legged_cases
+        from hqpipe.stages.blind_legged import make_legged_case
+
+        return legged_cases(count, seed, kinds), make_legged_case
     from hqpipe.benchmark.cases import cases as joint_cases
     from hqpipe.stages.blind_joints import make_joint_case
 
@@ -140,11 +145,13 @@ def _write_answers(
     out: Path, count: int, seed: int, kinds: Sequence[str], planned: Sequence[Any], machine: str
 ) -> None:
     from hqpipe.stages.blind_joints import joint_answer
+    from hqpipe.stages.blind_legged import legged_answer
 
     asked: dict[str, Any] = {"kinds": sorted(set(kinds))} if kinds else {}
     if machine != QUADRUPED:
         asked["machine"] = machine
-    answers = [answer(case) if machine == QUADRUPED else joint_answer(case) for case in planned]
+    written = {QUADRUPED: answer, LEGGED: legged_answer}.get(machine, joint_answer)
+    answers = [written(case) for case in planned]
     content = {"format": FORMAT, "cases": count, "seed": seed, **asked, "answers": answers}
     text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
     path = out / ANSWERS

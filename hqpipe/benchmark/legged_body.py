@@ -1,6 +1,7 @@
 """Compiled rigid-body dynamics of legs on a clamped trunk: mass matrix, bias torques, foot contact with a sprung plate.
 
-Recursive Newton–Euler for the bias and sums over links for the mass matrix (Featherstone, Rigid Body Dynamics Algorithms, 2008).
+Recursive Newton–Euler for the bias and sums over links for the mass matrix (Featherstone,
+Rigid Body Dynamics Algorithms, 2008).
 """
 
 from __future__ import annotations
@@ -66,7 +67,16 @@ def leg_terms(body, leg: int, q, dq, work, mass, bias, foot, jacobian) -> None:
     zero = work[0, 14]
     for j in range(n):
         row = work[j]
-        frame, origin, axis, com, spin, turned, moved, pull = row[0:3], row[3], row[4], row[5], row[6], row[7], row[8], row[9]
+        frame, origin, axis, com, spin, turned, moved, pull = (
+            row[0:3],
+            row[3],
+            row[4],
+            row[5],
+            row[6],
+            row[7],
+            row[8],
+            row[9],
+        )
         if j == 0:
             zero[:] = 0.0
             origin[:] = body.origin[leg, 0]

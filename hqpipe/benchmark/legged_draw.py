@@ -30,7 +30,15 @@ SCATTER = {  # relative standard deviation between joints of one machine; assump
     "side_a": 0.003,
     "side_b": 0.003,
 }
-SHARED = {"modulus": 0.1, "leakage": 0.12, "coulomb": 0.3, "viscous": 0.2, "natural_hz": 0.1, "flow": 0.04, "gain": 0.05}
+SHARED = {
+    "modulus": 0.1,
+    "leakage": 0.12,
+    "coulomb": 0.3,
+    "viscous": 0.2,
+    "natural_hz": 0.1,
+    "flow": 0.04,
+    "gain": 0.05,
+}
 """The same between machines of one design: oil, wear of the whole fleet, settings; assumptions."""
 FREE = ("multisine", "sweep", "moves", "steps", "slow")
 STAND = ("tread", "press")
@@ -104,9 +112,7 @@ class LeggedMachine:
     def oil_stiffness(self) -> np.ndarray:
         """(J,) N·m/rad of both chambers at half stroke."""
         c = self.cylinders
-        sides = sum(
-            c[f"area_{s}"] ** 2 / (c[f"dead_{s}"] + 0.5 * c["stroke"] * c[f"area_{s}"]) for s in "ab"
-        )
+        sides = sum(c[f"area_{s}"] ** 2 / (c[f"dead_{s}"] + 0.5 * c["stroke"] * c[f"area_{s}"]) for s in "ab")
         return c["modulus"] * sides * c["radius"] ** 2
 
 
@@ -117,7 +123,9 @@ def draw_machine(robot: Robot, rng: np.random.Generator) -> LeggedMachine:
         cylinders[field] *= np.exp(rng.normal(0.0, width))
     for field, width in SCATTER.items():
         cylinders[field] *= np.exp(rng.normal(0.0, width, len(cylinders)))
-    cylinders["null"] = rng.normal(0.0, 0.002, len(cylinders))  # opening: what an adjusted servo valve keeps; assumption
+    cylinders["null"] = rng.normal(
+        0.0, 0.002, len(cylinders)
+    )  # opening: what an adjusted servo valve keeps; assumption
     supplies = np.array([robot.supply, robot.supply])
     return LeggedMachine(robot, cylinders, cylinders.copy(), supplies, _logger(rng), _trials(rng))
 
@@ -140,7 +148,10 @@ def _trials(rng: np.random.Generator) -> tuple[LeggedTrial, ...]:
     """Four to six trials of 10 to 20 s, one or two held out; hanging and standing legs are in the fit of every machine."""
     count, held = int(rng.integers(4, 7)), int(rng.integers(1, 3))
     fit = ["multisine", "tread", str(rng.choice(STAND)), *rng.choice(FREE + STAND, 3)][: count - held]
-    motions = [str(name) for name in rng.permutation(fit)] + ["tread", str(rng.choice(["multisine", "press", "moves"]))][:held]
+    motions = [str(name) for name in rng.permutation(fit)] + [
+        "tread",
+        str(rng.choice(["multisine", "press", "moves"])),
+    ][:held]
     found = []
     for number, motion in enumerate(motions):
         plate = float(rng.uniform(4e4, 1.2e5)) if motion in STAND else 0.0
@@ -173,5 +184,3 @@ def seconds_of(machine: LeggedMachine, trial: LeggedTrial) -> tuple[float, float
         return -NEVER, NEVER
     start, stop = machine.span
     return (start * trial.seconds if start > 0.0 else -NEVER), (stop * trial.seconds if stop < 1.0 else NEVER)
-
-

@@ -15,23 +15,23 @@ import hqpipe.system.checked_cache  # noqa: F401 (before any function is compile
 
 STEP: Final = 1.0e-4  # s
 FIELDS = (
-    "area_a area_b stroke dead_a dead_b modulus "  # m², m², m, m³, m³, Pa
-    "leakage leakage_drift "  # m³/(s·Pa) between the chambers, 1/s of its exponential growth
-    "piston_mass coulomb stribeck stribeck_speed viscous load_friction "  # kg, N, N, m/s, N·s/m, 1
-    "link_stiffness link_damping play "  # N/m, N·s/m, m of lost motion between piston and joint
-    "radius side_a side_b phase middle "  # m of a sprocket, or both sides and angle of a linkage; rad at half stroke
-    "flow natural_hz damping slew overlap corner limit "  # m³/(s·√Pa) a land, Hz, 1, 1/s, opening, opening, opening
-    "asymmetry gain_drift null valve_delay_s "  # 1, 1/s, opening, s
-    "stiction hysteresis air cold cold_until hunting hunting_hz "  # opening, opening, Pa, 1, s, 1, Hz
-    "gain integral integral_limit history command_delay_s crosstalk lost_share "  # 1/rad, 1/s, opening, opening, s, 1, 1
-    "ripple_angle "  # rad, amplitude of an eccentric encoder's error
-    "torque_bias torque_scale skew_s unsigned stale_share"  # N·m, 1, s, 0 or 1, 1: of the torque channel
-).split()
+    (
+        "area_a area_b stroke dead_a dead_b modulus "  # m², m², m, m³, m³, Pa
+        "leakage leakage_drift "  # m³/(s·Pa) between the chambers, 1/s of its exponential growth
+        "piston_mass coulomb stribeck stribeck_speed viscous load_friction "  # kg, N, N, m/s, N·s/m, 1
+        "link_stiffness link_damping play "  # N/m, N·s/m, m of lost motion between piston and joint
+        "radius side_a side_b phase middle "  # m of a sprocket, or both sides and angle of a linkage; rad at half stroke
+        "flow natural_hz damping slew overlap corner limit "  # m³/(s·√Pa) a land, Hz, 1, 1/s, opening, opening, opening
+        "asymmetry gain_drift null valve_delay_s "  # 1, 1/s, opening, s
+        "stiction hysteresis air cold cold_until hunting hunting_hz "  # opening, opening, Pa, 1, s, 1, Hz
+        "gain integral integral_limit history command_delay_s crosstalk lost_share "  # 1/rad, 1/s, opening, opening, s, 1, 1
+        "ripple_angle "  # rad, amplitude of an eccentric encoder's error
+        "torque_bias torque_scale skew_s unsigned stale_share"  # N·m, 1, s, 0 or 1, 1: of the torque channel
+    ).split()
+)
 JOINT = np.dtype([(name, np.float64) for name in FIELDS], align=True)
 """One joint's hydraulics, valve, position loop and torque channel."""
-SUPPLY = np.dtype(
-    [(n, np.float64) for n in "pressure tank slope capacity pump ripple ripple_hz".split()], align=True
-)
+SUPPLY = np.dtype([(n, np.float64) for n in "pressure tank slope capacity pump ripple ripple_hz".split()], align=True)
 """Set pressure and tank, Pa; m³/(s·Pa) by which the pump answers a fall; m³/Pa of accumulator and lines; m³/s; 1; Hz."""
 
 PA, PB, SPOOL, SPOOL_SPEED, PISTON, PISTON_SPEED, HELD, SLACK = range(8)
@@ -155,5 +155,6 @@ def advance(joint, state, supply: float, tank: float, force: float, time: float)
 def supplied(supply, pressure: float, drawn: float, time: float) -> float:
     """Pressure of the supply a step later, Pa."""
     given = min(max(supply.slope * (supply.pressure - pressure), 0.0), supply.pump)
-    given *= 1.0 + supply.ripple * np.sin(2.0 * np.pi * supply.ripple_hz * time)
+    rate = 2.0 * np.pi * supply.ripple_hz
+    given += supply.ripple * supply.pressure * supply.capacity * rate * np.cos(rate * time)
     return max(pressure + STEP * (given - drawn) / supply.capacity, 0.05 * supply.pressure)

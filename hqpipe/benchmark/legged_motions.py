@@ -32,7 +32,10 @@ def _free(robot: Robot, trial: LeggedTrial, time: np.ndarray, j: int) -> np.ndar
     """(T,) of one joint of a hanging leg."""
     pace = trial.pace
     room = Range(
-        float(robot.stand[j]), float(robot.swing[j]), float(robot.speed[j]) * pace, float(robot.acceleration[j]) * pace**2
+        float(robot.stand[j]),
+        float(robot.swing[j]),
+        float(robot.speed[j]) * pace,
+        float(robot.acceleration[j]) * pace**2,
     )
     rng = np.random.default_rng([trial.seed, j])
     if trial.motion == "multisine":
@@ -73,7 +76,9 @@ def _standing(robot: Robot, trial: LeggedTrial, time: np.ndarray) -> np.ndarray:
             along = stride * np.cos(2.0 * np.pi * (rate * time + offset + 0.3 * drift))
         else:
             own = rng.uniform(0.5, 1.5) * rate
-            wave = np.sin(2.0 * np.pi * own * time + rng.uniform(0.0, 6.0)) + 0.6 * np.sin(2.0 * np.pi * 2.7 * own * time)
+            wave = np.sin(2.0 * np.pi * own * time + rng.uniform(0.0, 6.0)) + 0.6 * np.sin(
+                2.0 * np.pi * 2.7 * own * time
+            )
             fold, along = 0.7 * press * (wave - 0.4), stride * np.sin(2.0 * np.pi * 0.37 * own * time)
         first = leg * n
         side = sway * np.sin(2.0 * np.pi * 0.5 * rate * time + leg)

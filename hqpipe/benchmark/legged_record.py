@@ -50,7 +50,9 @@ def _lost(machine: LeggedMachine, trial: LeggedTrial, ticks: int) -> np.ndarray:
     """(T, J) True where a command does not arrive."""
     found = np.zeros((ticks, len(machine.names)), dtype=np.bool_)
     for j in np.flatnonzero(machine.faulty["lost_share"]):
-        found[:, j] = stretches(ticks, machine.faulty["lost_share"][j], LOST_S, np.random.default_rng([trial.seed, j, 7]))
+        found[:, j] = stretches(
+            ticks, machine.faulty["lost_share"][j], LOST_S, np.random.default_rng([trial.seed, j, 7])
+        )
     return found
 
 

@@ -125,7 +125,11 @@ def quadruped() -> Robot:
     found["dead_a"], found["dead_b"] = piston["dead_volume_a"], piston["dead_volume_b"]
     found["modulus"], found["leakage"] = fluid["bulk_modulus"], piston["leakage"]
     found["piston_mass"] = 2.0 * piston["piston_mass"] + chain["mass"]  # two pulling cylinders and a chain
-    for field, key in (("coulomb", "coulomb_friction"), ("stribeck", "stribeck_friction"), ("viscous", "viscous_friction")):
+    for field, key in (
+        ("coulomb", "coulomb_friction"),
+        ("stribeck", "stribeck_friction"),
+        ("viscous", "viscous_friction"),
+    ):
         found[field] = 2.0 * piston[key]
     found["stribeck_speed"] = piston["stribeck_velocity"]
     strands, tooth = 2.0 * chain["stiffness"], chain["tooth_stiffness"]
@@ -133,7 +137,11 @@ def quadruped() -> Robot:
     found["link_damping"] = 2.0 * chain["damping"] * (tooth / (strands + tooth)) ** 2
     found["radius"], found["middle"] = radius, 0.5 * (spec.position_lower + spec.position_upper)
     found["flow"] = valve["rated_flow"] / np.sqrt(0.5 * valve["rated_drop"])
-    found["natural_hz"], found["damping"], found["slew"] = valve["bandwidth_hz"], valve["damping_ratio"], valve["slew_rate"]
+    found["natural_hz"], found["damping"], found["slew"] = (
+        valve["bandwidth_hz"],
+        valve["damping_ratio"],
+        valve["slew_rate"],
+    )
     found["overlap"], found["valve_delay_s"] = -valve["null_opening"], valve["delay"]
     found["gain"] = firmware["position_pid"]["kp"]
     half = 0.5 * (supply["pressure"] - supply["return_pressure"])
@@ -141,8 +149,12 @@ def quadruped() -> Robot:
     pump = np.zeros((), dtype=SUPPLY)
     pump["pressure"], pump["tank"], pump["pump"] = supply["pressure"], supply["return_pressure"], supply["pump_flow"]
     pump["slope"] = supply["pump_flow"] / supply["relief_override"]
-    gas = supply["accumulator_volume"] * (supply["accumulator_precharge"] / supply["pressure"]) ** (1 / supply["gas_exponent"])
-    pump["capacity"] = gas / (supply["gas_exponent"] * supply["pressure"]) + supply["line_volume"] / fluid["bulk_modulus"]
+    gas = supply["accumulator_volume"] * (supply["accumulator_precharge"] / supply["pressure"]) ** (
+        1 / supply["gas_exponent"]
+    )
+    pump["capacity"] = (
+        gas / (supply["gas_exponent"] * supply["pressure"]) + supply["line_volume"] / fluid["bulk_modulus"]
+    )
     kinds = tuple({"R": "roll", "P": "pitch", "K": "knee"}[name[-1]] for name in spec.joints)
     swing = np.array([{"roll": 0.25, "pitch": 0.4, "knee": 0.45}[kind] for kind in kinds])
     return Robot(
@@ -187,7 +199,7 @@ class Axis:
     dead: float
 
 
-SMALL = (  # a quadruped of about 90 kg with rotary roll joints and cylinders on linkages, in the size of HyQ (Semini et al. 2011)
+SMALL = (  # a quadruped in the size of HyQ (Semini et al. 2011): rotary roll joints, cylinders on linkages
     Axis("HAA", "x", 4.0, 0.08, 0.0, 0.22, 95.0, 0.05, 1.0, False, 1.6),
     Axis("HFE", "y", 6.5, 0.35, 0.6, 0.45, 110.0, 0.045, 0.94, True, 1.6),
     Axis("KFE", "y", 3.2, 0.35, -1.2, 0.5, 90.0, 0.042, 0.94, True, 1.6),
@@ -206,7 +218,9 @@ def _own_body(legs: Sequence[tuple[float, float]], axes: Sequence[Axis]) -> Body
     for leg, (x, y) in enumerate(legs):
         for k, axis in enumerate(axes):
             above = axes[k - 1].length if k else 0.0
-            body.origin[leg, k] = (x, y, 0.0) if k == 0 else (0.0, np.sign(y) * above, 0.0) if k == 1 else (0.0, 0.0, -above)
+            body.origin[leg, k] = (
+                (x, y, 0.0) if k == 0 else (0.0, np.sign(y) * above, 0.0) if k == 1 else (0.0, 0.0, -above)
+            )
             body.axis[leg, k] = (1.0, 0.0, 0.0) if axis.turns == "x" else (0.0, 1.0, 0.0)
             body.mass[leg, k] = axis.mass
             along = (0.0, 0.5 * np.sign(y) * axis.length, 0.0) if k == 0 else (0.0, 0.0, -0.45 * axis.length)
@@ -217,7 +231,9 @@ def _own_body(legs: Sequence[tuple[float, float]], axes: Sequence[Axis]) -> Body
     return body
 
 
-def _designed(axes: Sequence[Axis], count: int, pressure: float, rates: tuple[float, float, float], modulus: float) -> np.ndarray:
+def _designed(
+    axes: Sequence[Axis], count: int, pressure: float, rates: tuple[float, float, float], modulus: float
+) -> np.ndarray:
     """(count · n,) cylinders for `axes`.
 
     Args:
@@ -289,8 +305,8 @@ def _own(
         speed=np.full(len(top), motion[0]),
         acceleration=np.full(len(top), motion[1]),
         top_speed=top,
-        velocity_filter_hz=60.0,
-        resolution=2.0 * np.pi / 2**16,
+        velocity_filter_hz=160.0,
+        resolution=2.0 * np.pi / 2**17,
     )
 
 

@@ -89,7 +89,9 @@ def run_legs(body, sound, faulty, supplies, span, commands, lost, before, resolu
         supply = supplies[1] if active else supplies[0]
         for j in range(count):
             joint = joints[j]
-            wobble = joint.ripple_angle * np.sin(q[j] * 7.0)  # eccentric by 7 periods a turn: a pancake encoder; assumption
+            wobble = joint.ripple_angle * np.sin(
+                q[j] * 7.0
+            )  # eccentric by 7 periods a turn: a pancake encoder; assumption
             seen = np.round((q[j] + wobble) / resolution) * resolution
             velocity[j] += share * ((seen - seen_before[j]) / TICK - velocity[j])
             seen_before[j] = seen
@@ -119,7 +121,15 @@ def run_legs(body, sound, faulty, supplies, span, commands, lost, before, resolu
                 first = leg * n
                 if i % PER_BODY == 0:
                     leg_terms(
-                        body, leg, q[first : first + n], dq[first : first + n], work, mass, bias[leg], foot[leg], jacobian[leg]
+                        body,
+                        leg,
+                        q[first : first + n],
+                        dq[first : first + n],
+                        work,
+                        mass,
+                        bias[leg],
+                        foot[leg],
+                        jacobian[leg],
                     )
                     invert(mass, inverse[leg])
                 speed[:] = 0.0
