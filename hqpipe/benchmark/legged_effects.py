@@ -193,7 +193,7 @@ RECIPES: dict[str, LeggedRecipe] = {
         LeggedRecipe("valve_delay", "ms more", (1.0, 3.0, 7.0), _delay("valve_delay_s")),
         LeggedRecipe("valve_lag", "Hz", (45.0, 22.0, 10.0), _lag),
         LeggedRecipe("valve_deadband", "% of the spool's stroke", (1.0, 3.0, 8.0), _overlap),
-        LeggedRecipe("flow_saturation", "of the opening at the fastest motion", (0.6, 0.4, 0.25), _limit),
+        LeggedRecipe("flow_saturation", "of the opening at the fastest motion", (0.8, 0.55, 0.35), _limit),
         LeggedRecipe("direction_asymmetry", "%", (5.0, 12.0, 25.0), _asymmetry, signed=True),
         LeggedRecipe("gain_drift", "% in a trial", (8.0, 20.0, 40.0), _drift, signed=True, spans=False),
         LeggedRecipe("leakage_drift", "K in a trial", (8.0, 20.0, 35.0), _leak_drift, spans=False),

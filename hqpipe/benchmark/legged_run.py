@@ -81,7 +81,7 @@ def run_legs(body, sound, faulty, supplies, span, commands, lost, before, resolu
         for i in range(n):
             j = leg * n + i
             settle(sound[j], states[j], q[j], bias[leg, i], pressure)
-            integral[j] = sound[j].history
+            integral[j] = faulty[j].history
     for tick in range(ticks):
         time = (tick - before) * TICK
         active = span[0] <= time < span[1]
