@@ -36,13 +36,13 @@ class Body(NamedTuple):
     foot: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _cross(a, b, out) -> None:
     x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
     out[0], out[1], out[2] = x, y, z
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _turn(frame, axis, angle: float, out) -> None:
     """`out` = `frame` turned by `angle` about `axis` of that frame (Rodrigues)."""
     c, s = np.cos(angle), np.sin(angle)
@@ -55,7 +55,7 @@ def _turn(frame, axis, angle: float, out) -> None:
         out[i, 2] = f0 * (x * z * d + y * s) + f1 * (y * z * d - x * s) + f2 * (c + z * z * d)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def leg_terms(body, leg: int, q, dq, work, mass, bias, foot, jacobian) -> None:
     """Mass matrix, bias torques and foot of one leg.
 
@@ -127,7 +127,7 @@ def leg_terms(body, leg: int, q, dq, work, mass, bias, foot, jacobian) -> None:
             jacobian[i, j] = column[i]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _inertia_times(frame, principal, vector, out) -> None:
     """World-frame inertia times a vector."""
     a, b, c = 0.0, 0.0, 0.0
@@ -140,7 +140,7 @@ def _inertia_times(frame, principal, vector, out) -> None:
         out[i] = frame[i, 0] * a + frame[i, 1] * b + frame[i, 2] * c
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _torques(body, leg: int, n: int, work, bias) -> None:
     """Backward pass: torques that hold the accelerations of the forward pass."""
     for j in range(n):
@@ -164,7 +164,7 @@ def _torques(body, leg: int, n: int, work, bias) -> None:
                 bias[j] += work[j, 4, i] * (part[i] + couple[i])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _masses(body, leg: int, n: int, work, mass) -> None:
     for i in range(n):
         for j in range(n):
@@ -187,7 +187,7 @@ def _masses(body, leg: int, n: int, work, mass) -> None:
                     mass[j, i] += total
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def invert(mass, out) -> None:
     """Inverse of a small symmetric positive definite matrix (Gauss–Jordan, no pivoting needed); `mass` is destroyed."""
     n = len(mass)
@@ -207,7 +207,7 @@ def invert(mass, out) -> None:
                     out[k, j] -= factor * out[i, j]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def plate_force(foot, speed, height: float, stiffness: float, anchor, force) -> None:
     """Force of a sprung plate on a foot, N; the plate only pushes, and friction holds the foot up to `FRICTION` times that.
 

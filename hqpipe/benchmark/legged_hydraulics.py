@@ -40,7 +40,7 @@ LAMINAR: Final = 1.0e5  # Pa, below which a land is laminar, so that its slope s
 EMPTY: Final = 1.0e3  # Pa, the least that oil bears before it opens a cavity
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def root(drop: float) -> float:
     """√Δp with its sign, √Pa; a straight line where the flow is laminar."""
     size = abs(drop)
@@ -48,13 +48,13 @@ def root(drop: float) -> float:
     return value if drop > 0.0 else -value
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def uncovered(shift: float, corner: float) -> float:
     """Width of a land that a spool uncovers, opening; worn edges of radius `corner` begin to leak before."""
     return 0.5 * (shift + np.sqrt(shift * shift + corner * corner))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def lever(joint, angle: float) -> tuple[float, float]:
     """Where the joint holds the piston, m from half stroke, and the moment arm dx/dq, m."""
     if joint.side_a <= 0.0:
@@ -66,7 +66,7 @@ def lever(joint, angle: float) -> tuple[float, float]:
     return length - zero, a * b * np.sin(turned) / length
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def drive_spool(joint, state, command: float, time: float) -> None:
     """Advance the spool by a step towards a command, both in shares of the full opening."""
     state[SLACK] = max(min(state[SLACK], command + joint.hysteresis), command - joint.hysteresis)
@@ -88,7 +88,7 @@ def drive_spool(joint, state, command: float, time: float) -> None:
         state[SPOOL_SPEED] = 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def flows(joint, state, supply: float, tank: float) -> tuple[float, float, float]:
     """Oil into chamber a, into chamber b, and out of the supply, m³/s."""
     s, k = state[SPOOL], joint.flow
@@ -98,13 +98,13 @@ def flows(joint, state, supply: float, tank: float) -> tuple[float, float, float
     return from_supply_a - to_tank_a, from_supply_b - to_tank_b, from_supply_a + from_supply_b
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def modulus(joint, pressure: float) -> float:
     """Of oil with free air in a soft hose: less where the pressure is low; Pa (form of Jelali and Kroll 2003)."""
     return joint.modulus * pressure / (pressure + joint.air)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def link_force(joint, state, place: float, speed: float) -> float:
     """Force of the piston on the joint through rod, pins or chain, N.
 
@@ -122,7 +122,7 @@ def link_force(joint, state, place: float, speed: float) -> float:
     return 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def advance(joint, state, supply: float, tank: float, force: float, time: float) -> float:
     """Advance chambers and piston by a step; the oil taken from the supply, m³/s.
 
@@ -151,7 +151,7 @@ def advance(joint, state, supply: float, tank: float, force: float, time: float)
     return drawn
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def supplied(supply, pressure: float, drawn: float, time: float) -> float:
     """Pressure of the supply a step later, Pa."""
     given = min(max(supply.slope * (supply.pressure - pressure), 0.0), supply.pump)

@@ -23,13 +23,13 @@ from hqpipe.benchmark.legged_hydraulics import (
 
 TICK: Final = 1.0e-3  # s, of the firmware
 PER_TICK: Final = 10
-PER_BODY: Final = 5
+PER_BODY: Final = 10
 COLUMNS = "position velocity cell_torque pressure_torque pressure_a pressure_b supply opening true_speed".split()
 POSITION, VELOCITY, CELL, OIL, ROW_A, ROW_B, ROW_SUPPLY, OPENING, TRUE_SPEED = range(9)
 MEMORY: Final = 1024  # steps of valve commands that are kept: 0.1 s, more than any dead time
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def delayed(commands, tick: float, late: float, j: int) -> float:
     """Command that the firmware interpolates at a tick, `late` ticks old."""
     at = max(tick - late, 0.0)
@@ -38,7 +38,7 @@ def delayed(commands, tick: float, late: float, j: int) -> float:
     return commands[low, j] + (at - low) * (commands[high, j] - commands[low, j])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def settle(joint, state, angle: float, torque: float, supply: float) -> None:
     """Put a joint to rest at an angle where its cylinder carries a torque."""
     state[:] = 0.0
@@ -52,7 +52,7 @@ def settle(joint, state, angle: float, torque: float, supply: float) -> None:
         state[PB] = min(max((state[PA] * joint.area_a - force) / joint.area_b, 1e5), supply)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def run_legs(body, sound, faulty, supplies, span, commands, lost, before, resolution, filter_hz, plate, kept, feet):
     """Run all joints along their commands.
 

@@ -39,7 +39,9 @@ def short(machine, seconds: float = 2.0):
 def drawn(source: str = "load_cell", seed: int = 0):
     """A short biped stand without noise whose torque comes from this sensor."""
     machine = short(draw_machine(biped(), np.random.default_rng(seed)))
-    logger = replace(machine.logger, every=1, effort_source=source, torque_noise=0.0, pressure_noise=0.0, policy_ticks=1)
+    logger = replace(
+        machine.logger, every=1, effort_source=source, torque_noise=0.0, pressure_noise=0.0, policy_ticks=1
+    )
     return replace(machine, logger=logger)
 
 
