@@ -33,14 +33,11 @@ def short(machine: LeggedMachine, seconds: float) -> LeggedMachine:
 
 def changes(machine: LeggedMachine, faulty: LeggedMachine) -> np.ndarray:
     """(J, 2) changes of torque and position, as shares of what they vary by."""
-    found = []
-    for name in machine.names:
-        found.append((f"joint/{name}/effort", f"joint/{name}/position"))
     logs = [(record(machine, trial), record(faulty, trial)) for trial in machine.trials]
     rows = []
-    for channels in found:
+    for name in machine.names:
         row = []
-        for channel in channels:
+        for channel in (f"joint/{name}/effort", f"joint/{name}/position"):
             sound, other = (np.concatenate([log[side][channel] for log in logs]) for side in (0, 1))
             row.append(float(np.sqrt(np.mean((other - sound) ** 2)) / np.std(sound)))
         rows.append(row)

@@ -15,22 +15,16 @@ def make_joint_case(case: Any, out: Path) -> None:
     """Simulate one case, its machines without effects and its reference; nothing half-made is left under its name."""
     from hqpipe.benchmark.cases import write
     from hqpipe.logs.writer import LogSetWriter
-    from hqpipe.stages.blind_make import HALF_MADE, TRUTH, truth_sets
+    from hqpipe.stages.blind_make import HALF_MADE, TRUTH, put_in_place, truth_sets
 
     half = out / HALF_MADE / case.name
     write(case, half / "logs", LogSetWriter)
     for name, left_out in truth_sets(case).items():
         write(case, half / TRUTH / name, LogSetWriter, left_out)
-    truth, reference = out / TRUTH / case.name, out / f"{case.name}{REFERENCE}"
-    if (half / TRUTH).is_dir():
-        truth.parent.mkdir(parents=True, exist_ok=True)
-        durable.move_into_place(half / TRUTH, truth)
-    else:
-        durable.remove(truth)
     if case.reference is not None:
         write(case, half / "reference", LogSetWriter, before=True)
-        durable.move_into_place(half / "reference", reference)
-    durable.move_into_place(half / "logs", out / case.name)  # last, because a case that has its name is complete
+        durable.move_into_place(half / "reference", out / f"{case.name}{REFERENCE}")
+    put_in_place(half, out, case.name)
 
 
 def joint_answer(case: Any) -> dict[str, Any]:

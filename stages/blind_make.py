@@ -80,13 +80,18 @@ def make_case(case: Any, out: Path) -> None:
     gait = simulate(case, robot, half / "logs")
     for name, left_out in truth_sets(case).items():
         simulate(case, robot, half / TRUTH / name, left_out, gait)
-    truth = out / TRUTH / case.name
+    put_in_place(half, out, case.name)
+
+
+def put_in_place(half: Path, out: Path, name: str) -> None:
+    """Give a case that was simulated in `half` its name in `out`: truth sets first, as a case that has its name is complete."""
+    truth = out / TRUTH / name
     if (half / TRUTH).is_dir():
         truth.parent.mkdir(parents=True, exist_ok=True)
         durable.move_into_place(half / TRUTH, truth)
     else:
         durable.remove(truth)
-    durable.move_into_place(half / "logs", out / case.name)  # last, because a case that has its name is complete
+    durable.move_into_place(half / "logs", out / name)
 
 
 def truth_sets(case: Any) -> dict[str, tuple[str, ...]]:

@@ -43,7 +43,7 @@ ATTEMPTS = 200  # machines drawn until one shows what is asked for
 
 @dataclass(frozen=True)
 class Spanned(Planted):
-    """An effect that may act for a part of each trial, or have joint numbers that a faulty joint shares with sound ones.
+    """An effect that may act for a part of each trial.
 
     Attributes:
         span: start and end as shares of the trial, None for all of it.

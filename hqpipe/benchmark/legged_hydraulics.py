@@ -26,7 +26,7 @@ FIELDS = (
         "stiction hysteresis air cold cold_until hunting hunting_hz "  # opening, opening, Pa, 1, s, 1, Hz
         "gain integral integral_limit history command_delay_s crosstalk lost_share "  # 1/rad, 1/s, opening, opening, s, 1, 1
         "ripple_angle "  # rad, amplitude of an eccentric encoder's error
-        "torque_bias torque_scale skew_s unsigned stale_share"  # N·m, 1, s, 0 or 1, 1: of the torque channel
+        "torque_bias skew_s unsigned stale_share"  # N·m, s, 0 or 1, 1: of the torque channel
     ).split()
 )
 JOINT = np.dtype([(name, np.float64) for name in FIELDS], align=True)

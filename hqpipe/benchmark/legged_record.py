@@ -110,7 +110,7 @@ def torque_channel(
     acting = _acting(machine, trial, len(kept))
     time = np.arange(len(kept)) * TICK
     late = np.interp(time - joint["skew_s"], time, sensor)
-    found = np.where(acting, joint["torque_scale"] * late, sensor) + bias
+    found = np.where(acting, late, sensor) + bias
     found += rng.normal(0.0, machine.logger.torque_noise * machine.top_torque[j], len(kept))
     if joint["stale_share"] > 0.0:
         held = stretches(len(kept), joint["stale_share"], STALE_S, np.random.default_rng([trial.seed, j, 8])) & acting

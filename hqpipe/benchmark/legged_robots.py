@@ -57,7 +57,7 @@ class Robot:
 def neutral_cylinders(count: int) -> np.ndarray:
     """(J,) of `JOINT` with nothing wrong and nothing built in."""
     found = np.zeros(count, dtype=JOINT)
-    found["limit"] = found["torque_scale"] = found["hunting_hz"] = 1.0
+    found["limit"] = found["hunting_hz"] = 1.0
     found["stribeck_speed"], found["cold_until"] = 0.02, -NEVER
     found["integral_limit"] = 0.3  # opening; assumption, the value of robot.yaml
     found["corner"] = 1.0e-3  # opening: an edge of 0.5 µm on a spool of 0.5 mm; assumption
