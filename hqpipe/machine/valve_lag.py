@@ -36,8 +36,8 @@ def mean_share(time_constant: float, dt: float) -> float:
 
 @njit(cache=True, nogil=True, inline="always")
 def follow(spool: float, target: float, share: float) -> float:
-    """Spool position after a share of the way."""
-    return spool + share * (target - spool)
+    """Spool position after a share of the way; the whole way leads to the target to its last bit."""
+    return target + (1.0 - share) * (spool - target)
 
 
 @njit(cache=True, nogil=True)
