@@ -86,13 +86,14 @@ class LayerErrors:
     Attributes:
         joints: in the order of the layer. files: of the judged trials, in the order of the logs.
         whole: file → (s from the start of the recording to the first sample, length of the recording).
-        block_s: length of a block.
+        block_s: length of a block. material: share of the output's RMS, below which a gap does not matter.
     """
 
     joints: tuple[JudgedJoint, ...]
     files: tuple[str, ...]
     whole: dict[str, tuple[float, float]]
     block_s: float
+    material: float
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -168,7 +169,7 @@ def layer_errors(found: LayerFound, log_set: LogSet) -> LayerErrors:
     named = {file for joint in joints for file in joint.samples.files}
     files = [*(file for file in whole if file in named), *sorted(named - whole.keys())]
     files = [file for file in files if file in there] + [file for file in files if file not in there]
-    return LayerErrors(joints, tuple(files), whole, max(BLOCK_S, found.joints.window_s))
+    return LayerErrors(joints, tuple(files), whole, max(BLOCK_S, found.joints.window_s), found.joints.material)
 
 
 def _labels(s: Samples, whole: dict[str, tuple[float, float]]) -> dict[tuple[str, str], np.ndarray]:

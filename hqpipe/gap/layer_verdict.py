@@ -16,7 +16,6 @@ from hqpipe.gap.layer_errors import LayerErrors
 from hqpipe.identify.found import Fitted
 
 EXPLAINED = 0.25  # of the squared error above the noise may be left in an explained gap; assumption
-MATERIAL = 0.005  # of the output's RMS: a change of the error by less is no use to a simulator
 SIGNIFICANCE = 0.05  # over all joints together (Bonferroni)
 FLOOR_MARGIN = 1.05  # the floor itself is an estimate, good to a few per cent
 UNPREDICTED_MARGIN = 2.0  # assumption: the floor takes noise for white; coloured noise is off by less
@@ -119,4 +118,4 @@ def _above(
     low, gain = (np.percentile((weights @ errors.sums(x)) / count, level, axis=0) for x in (squares, gains))
     predictable = (gain > 0.0) & (error - flexible >= MIN_EXPLAINED * error)
     clear = (low > FLOOR_MARGIN * floor) & (predictable | (error > UNPREDICTED_MARGIN * floor))
-    return clear & (error - floor > (MATERIAL * errors.scale) ** 2), predictable
+    return clear & (error - floor > (errors.material * errors.scale) ** 2), predictable

@@ -6,21 +6,20 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from hqpipe.identify.change import KnownJoint, changes_between, changes_since
 from hqpipe.identify.found import JointFound, LayerFound
+from hqpipe.identify.joint_moves import settled_together
 from hqpipe.identify.joint_pool import JointPool
 from hqpipe.identify.joint_search import JointSearch
 from hqpipe.identify.minor_causes import without_minor_causes
 from hqpipe.identify.model import JointModel, LayerJoints
 from hqpipe.identify.passing import with_passing
+from hqpipe.identify.prior import prior_odds
+from hqpipe.identify.screening import Names
+from hqpipe.identify.shared_names import with_shared_names
 
 Progress = Callable[[float, float, str], None]
-_EXPECTED = 1.0  # effects of a joint beforehand; assumption: logs are diagnosed because something is wrong
-_COMMON = 0.5  # of the joints have a common effect; by its definition
 _MOST_JOINTS = 0.5  # share of the joints that have a cause, from which it is one of the machine
-_WEIGHT = 3.0  # joints that the expectation counts as, beside the other joints of the machine; assumption
 
 
 def identify(
@@ -64,18 +63,28 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
 
     with JointPool([JointSearch(model, prior_odds) for model in models], workers) as pool:
         present = pool.each("first", report=report)
-        answers = pool.each("answered", [(present[:j] + present[j + 1 :],) for j in range(len(models))])
+        if len(models) > 1:
+            present, worths = zip(*pool.each("weighed_again", _others(present)), strict=True)
+            present = settled_together(models, present, worths, lambda asked: pool.some("moved", asked))
+            pool.each("told", _others(present))
+        answers = pool.each("answered")
         shared = _shared(answers)
         again = pool.each(
             "with_shared", [(shared, frozenset(cause.effect for cause in joint.causes)) for joint in answers]
         )
         answers = [new or joint for new, joint in zip(again, answers, strict=True)]
+        answers = with_shared_names(answers, lambda steps: pool.some("renamed", steps))
         answers = without_minor_causes(answers, lambda least: pool.some("without", least))
         sets = [(frozenset(joint.kept.effects), frozenset(joint.base.effects)) for joint in answers]
         visible = pool.each("visible", sets)
     return tuple(
         replace(joint, model=model, visible=seen) for joint, model, seen in zip(answers, models, visible, strict=True)
     )
+
+
+def _others(present: Sequence[Names]) -> list[tuple[list[Names]]]:
+    """For each joint the effects of all others, as the one argument of a step of its search."""
+    return [([*present[:j], *present[j + 1 :]],) for j in range(len(present))]
 
 
 def _shared(answers: Sequence[JointFound]) -> frozenset[str]:
@@ -89,18 +98,3 @@ def _half(progress: Progress | None, start: float) -> Progress | None:
     if progress is None:
         return None
     return lambda done, total, text: progress(start * total + 0.5 * done, total, text)
-
-
-def prior_odds(model: JointModel, others: Mapping[str, int], joints: int) -> dict[str, float]:
-    """ln of the prior odds of each effect.
-
-    Args:
-        others: effect → how many of the other joints have it. joints: how many other joints there are.
-    """
-    expected = min(_EXPECTED / max(len(model.effects), 1), 0.5)
-    found = {}
-    for effect in model.effects:
-        before = _COMMON if effect.common else expected
-        share = (_WEIGHT * before + others.get(effect.name, 0)) / (_WEIGHT + joints)
-        found[effect.name] = float(np.log(share / (1.0 - share)))
-    return found

@@ -20,10 +20,8 @@ What does less refines the law of another cause. It is not asked to close that s
 size either one can take most of the other's part. Of the held-out errors it is the share that a cause must close. The cost: a
 real effect that small beside a large one is not named."""
 LEAST_SIZE = 0.1
-"""Size of a cause over what a data sheet of such a machine would give; assumption: a gain unequal by 1 % where 10 % are usual
-is none."""
-AT_BOUND = 0.99  # of the way to its bound, from which a number counts as being there; by the tolerance of a fit
-BELIEVED = 0.5  # probability from which an effect is more likely there than not
+"""Size over what a data sheet of such a machine would give, below which a cause has to close `LEAST_SHARE` of the squared gap
+beside the others; assumption: a gain unequal by 1 % where 10 % are usual is none if it does no more than refine another law."""
 CONFUSED = 0.05  # probability of a set with another effect instead, from which both are said to be alike; assumption
 
 
@@ -35,12 +33,7 @@ def answer(search: Search, best: Known) -> JointFound:
     """
     base = _context(search, best)
     core = _worth_keeping(search, best, base)
-    while True:
-        found = {name: _probability(search, core, name) for name in _causes(search, core)}
-        doubtful = {name: probability for name, (probability, _) in found.items() if probability <= BELIEVED}
-        if not doubtful:
-            break
-        core = _worth_keeping(search, search.without(core, min(doubtful, key=lambda name: doubtful[name])), base)
+    found = {name: _probability(search, core, name) for name in _causes(search, core)}
     search.rank_beside(core)
     probabilities = _considered(search, {name: probability for name, (probability, _) in found.items()})
     claimed, core = core, _confirmed(search, core, base)
@@ -97,7 +90,7 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
         known, smaller = search.taken_apart(known, rest)
         square = search.left_out(known)
         closes = {name: search.left_out(smaller[name]) - square for name in rest}
-        large = {name: _is_large(search, known, name, least) for name in rest}
+        large = {name: _is_large(search, known, name, least, closes[name]) for name in rest}
         name = min(rest, key=lambda name: (large[name], name in search.shared and closes[name] >= 0.0, closes[name]))
         least_gain = 0.0 if name in search.shared else LEAST_GAIN
         if closes[name] >= least_gain * square and large[name]:
@@ -108,35 +101,26 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
     return known if search.left_out(known) < max(persistence, 0.5 * search.left_out(base)) else base
 
 
-def _is_large(search: Search, known: Known, name: str, least: float) -> bool:
+def _is_large(search: Search, known: Known, name: str, least: float, closes: float) -> bool:
     """Whether an effect has the size of a cause; what both of two records have is part of the machine and needs no size.
 
     Args:
-        least: square of what it must do to the prediction.
+        least: square of what it must do to the prediction. closes: what it closes of the squared error beside the others, which
+            speaks for one that is smaller than a data sheet would mention.
     """
     if search.effects[name].in_both:
         return True
-    return _is_sizeable(search, known, name) and search.screening.does(known, name) >= least
+    if not search.admitted(known, name) or search.screening.does(known, name) < least:
+        return False
+    first = int(search.screening.places(name)[0])
+    size = abs(float(known.solution.values[first] - search.fitter.neutral[first]))
+    usual = search.fitter.spread[first] if search.effects[name].named else np.inf
+    return closes >= least or not np.isfinite(usual) or size >= LEAST_SIZE * usual
 
 
 def floor_of(search: Search) -> float:
     """Squared error that the noise of the sensors leaves on the fit samples."""
     return len(search.model.fit.trial) * search.model.noise[0] ** 2
-
-
-def _is_sizeable(search: Search, known: Known, name: str) -> bool:
-    """Whether an effect is as large as what a data sheet would mention, and not at the limit of what can be.
-
-    A number at its bound says that another law is at work. Of a generic shape there is no sheet.
-    """
-    if not search.effects[name].named:
-        return True
-    first, fitter = int(search.screening.places(name)[0]), search.fitter
-    size = abs(float(known.solution.values[first] - fitter.neutral[first]))
-    end = fitter.high[first] if known.solution.values[first] > fitter.neutral[first] else fitter.low[first]
-    most = abs(float(end - fitter.neutral[first]))
-    least = LEAST_SIZE * fitter.spread[first] if np.isfinite(fitter.spread[first]) else 0.0
-    return least <= size <= AT_BOUND * most
 
 
 def _confirmed(search: Search, known: Known, base: Known) -> Known:
@@ -161,7 +145,7 @@ def _confirmed(search: Search, known: Known, base: Known) -> Known:
             borne_out = closes[name] > least or usual > LEAST_SHARE
             if name in search.shared:
                 borne_out |= closes[name] > 0.0 or usual > 0.0
-            shown[name] = borne_out and _is_sizeable(search, known, name)
+            shown[name] = borne_out and search.admitted(known, name)
         name = min(causes, key=lambda name: (shown[name], closes[name]))
         if shown[name]:
             break

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from hqpipe.identify.found import JointFound
 from hqpipe.identify.joint_answer import answer
+from hqpipe.identify.joint_moves import Step, Worths
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel
 from hqpipe.identify.search import Known, Names, Search
@@ -38,23 +39,18 @@ class JointSearch:
         self._known = self._search.run()
         return self._known.names
 
-    def answered(self, others: Sequence[Names] = ()) -> JointFound:
-        """The answer.
+    def answered(self) -> JointFound:
+        """The answer."""
+        return replace(answer(self._search, self._known), model=None)
+
+    def weighed_again(self, others: Sequence[Names]) -> tuple[Names, Worths]:
+        """The effects that the joint asks for beside what the others have, and what it says of steps from there.
 
         Args:
             others: effects of each of the other joints, which the prior then goes by.
         """
-        if others:
-            self._weigh_again(others)
-        return replace(answer(self._search, self._known), model=None)
-
-    def _weigh_again(self, others: Sequence[Names]) -> None:
+        count = self._told(others)
         search, known = self._search, self._known
-        count: dict[str, int] = {}
-        for names in others:
-            for name in names:
-                count[name] = count.get(name, 0) + 1
-        search.odds = self._odds(self._model, count, len(others))
         for name in sorted(count, key=lambda name: (-count[name], name)):  # a set has no order of its own
             if name in search.effects and name in search.addable(known.names) and search.odds[name] > 0.0:
                 larger = search.grown_by(known, name)
@@ -73,6 +69,32 @@ class JointSearch:
             whole = search.grown_along(sorted(usual))
             known = whole if search.preference(whole, known) > 0.0 else known
         self._known = search.improved(known)
+        return self._known.names, search.steps(self._known)
+
+    def moved(self, asked: tuple[Step, Sequence[Names]]) -> tuple[Names, Worths]:
+        """The effects of the joint after a step that it takes together with others, and what it says of further ones.
+
+        Args:
+            asked: the step, and the effects of each of the other joints after it.
+        """
+        step, others = asked
+        self._told(others)
+        search, known = self._search, self._search.after(self._known, step)
+        self._known = search.improved(known)
+        return self._known.names, search.steps(self._known)
+
+    def told(self, others: Sequence[Names]) -> None:
+        """Go by the effects of each of the other joints from now on."""
+        self._told(others)
+
+    def _told(self, others: Sequence[Names]) -> dict[str, int]:
+        """Effect → how many of the other joints have it, which the prior goes by from now on."""
+        count: dict[str, int] = {}
+        for names in others:
+            for name in names:
+                count[name] = count.get(name, 0) + 1
+        self._search.odds = self._odds(self._model, count, len(others))
+        return count
 
     def with_shared(self, shared: Names, causes: Names) -> JointFound | None:
         """The answer of a joint that lacks a cause of most others, once more, as what most have need only be probable in one;
@@ -92,6 +114,14 @@ class JointSearch:
         for name in sorted(known.names & search.barred):
             known = search.without(known, name)
         return replace(answer(search, search.improved(known)), model=None)
+
+    def renamed(self, step: Step) -> JointFound:
+        """The answer with another effect in the place of one, which is refused from now on."""
+        search = self._search
+        known = search.after(self._known, step) if step.leaves in self._known.names else self._known
+        search.refused.add(step.leaves)
+        self._known = search.improved(known)
+        return self.answered()
 
     def visible(self, kept: Names, base: Names) -> dict[str, float]:
         """See `hqpipe.identify.visible.least_visible`; kept, base: effects of the sets of an answer."""

@@ -15,6 +15,11 @@ import numpy as np
 
 _CELLS = 6  # of position, and of speed; assumption: a wrong law is off in one way over a sixth of the range
 STATES = _CELLS**2
+MATERIAL = 0.005  # of the output's RMS: a change of the error by less is no use to a simulator; assumption
+FORCE_SENSOR = 0.01
+"""Class of a force sensor over the RMS of what it measures, half of its full scale at most: pressure transmitters and load
+cells of 0.5 % of full scale, as data sheets of industrial ones say. A smaller error may be the sensor's own. The cost: an
+unknown effect that small counts as no gap."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +33,7 @@ class Parameter:
             the prior. Infinite for a base parameter about which nothing is known.
         low, high: bounds.
         starts: values from which a fit is tried when it is first freed; none for one step of the size `spread`.
+        least: deviation from `neutral` that every sound machine may have.
     """
 
     name: str
@@ -37,6 +43,7 @@ class Parameter:
     low: float = -np.inf
     high: float = np.inf
     starts: tuple[float, ...] = ()
+    least: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -180,6 +187,7 @@ class LayerJoints:
     Attributes:
         layer: its name. metric: what the error is, as in diagnosis.json. window_s: s, length of a free run, or of the filter.
         window_reason: why. models: the joints that can be judged. left: joint → why it cannot be. warnings: what to know.
+        material: share of the output's RMS, below which a gap does not matter.
     """
 
     layer: str
@@ -189,3 +197,4 @@ class LayerJoints:
     models: tuple[JointModel, ...]
     left: dict[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    material: float = MATERIAL

@@ -14,6 +14,7 @@ import numpy as np
 
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.evidence import independence, log_bayes_factor, occam
+from hqpipe.identify.joint_moves import Step, Worths
 from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.left_out import left_out_square
 from hqpipe.identify.model import Effect, JointModel, positions
@@ -28,6 +29,7 @@ _ROUNDS = 3  # of additions and exchanges; assumption: what still changes then i
 _LOWER = (
     1e-4  # share of the squared error by which another minimum is lower: fits end, and priors move them, within less
 )
+AT_BOUND = 0.99  # of the way to its bound, from which a number counts as being there; by the tolerance of a fit
 _UNLIKELY = -3.0  # ln of odds below which an effect is left aside: 5 %
 BASE_STARTS = 12  # combinations of starting values of base parameters that are tried
 
@@ -39,8 +41,9 @@ class Search:
     Attributes:
         odds: effect → ln of the prior odds that the joint has it.
         gains: effect → ln of how much more probable the logs are with it beside the set that is reached.
-        known: every set that was fitted. barred: effects that no set may have from now on. shared: effects that are causes in
-            most joints of the machine, as far as that is known.
+        known: every set that was fitted. barred: effects that no set may have from now on.
+        refused: effects that were found with a size that no cause has, so that other sets have to do without them.
+        shared: effects that are causes in most joints of the machine, as far as that is known.
     """
 
     model: JointModel
@@ -48,6 +51,7 @@ class Search:
     fitter: Fitter = field(init=False)
     known: dict[Names, Known] = field(init=False, default_factory=dict)
     barred: set[str] = field(init=False, default_factory=set)
+    refused: set[str] = field(init=False, default_factory=set)
     shared: frozenset[str] = field(init=False, default=frozenset())
     _left_out: dict[tuple[Names, float], float] = field(init=False, default_factory=dict)
     _begun: set[tuple[Names, Names, float]] = field(init=False, default_factory=set)
@@ -69,10 +73,23 @@ class Search:
         best = self._begun_with()
         for _ in range(_ROUNDS):
             before = best.names
-            best = self.settled(self.improved(self._grown(best)))
+            best = self.settled(self.improved(self.grown(best)))
             if best.names == before:
                 break
         return best
+
+    def admitted(self, known: Known, name: str) -> bool:
+        """Whether an effect is larger than every sound machine may have it, and not at its bound, where another law must be at
+        work.
+
+        What both of two records have is part of the machine, and a generic shape has no size.
+        """
+        if not self.effects[name].named or self.effects[name].in_both:
+            return True
+        first, fitter = int(self.screening.places(name)[0]), self.fitter
+        size = abs(float(known.solution.values[first] - fitter.neutral[first]))
+        end = fitter.high[first] if known.solution.values[first] > fitter.neutral[first] else fitter.low[first]
+        return self.effects[name].parameters[0].least <= size <= AT_BOUND * abs(float(end - fitter.neutral[first]))
 
     def _begun_with(self) -> Known:
         """The set that a model offers to begin with, without what is not needed of it; else the base."""
@@ -92,12 +109,21 @@ class Search:
         return best
 
     def improved(self, best: Known) -> Known:
-        """Drop what is not needed, and exchange single effects while that helps."""
-        seen = {best.names}
-        while (better := self._better(best)) is not None and better.names not in seen:
-            seen.add(better.names)
-            best = better
-        return self.known[best.names]
+        """Drop what is not needed, and exchange single effects while that helps; what is not admitted is refused, and the set
+        is completed without it, for what it closes may be the part of another effect, which it kept out."""
+        while True:
+            seen = {best.names}
+            while (better := self._better(best)) is not None and better.names not in seen:
+                seen.add(better.names)
+                best = better
+            best = self.known[best.names]
+            odd = [name for name in sorted(best.names) if not self.admitted(best, name)]
+            if not odd:
+                return best
+            self.refused.update(odd)
+            for name in odd:
+                best = self.without(best, name)
+            best = self.grown(best)
 
     def taken_apart(self, known: Known, names: Sequence[str]) -> tuple[Known, dict[str, Known]]:
         """A set, fitted again where a part of it turned out better, and the set without each of some of its effects."""
@@ -158,6 +184,31 @@ class Search:
         free = np.arange(len(self.model.base), len(known.solution.free))
         return independence(self.fitter, known.solution, known.covariance, free) if len(free) else 1.0
 
+    def steps(self, known: Known) -> Worths:
+        """What the logs say of one effect more, one less, or one in the place of another, for the sets that were fitted."""
+        found: dict[Step, float] = {}
+        for name in self.addable(known.names):
+            if known.names | {name} in self.known:
+                found[Step(None, name)] = self._worth(self.grown_by(known, name), known)
+        for name in sorted(known.names):
+            smaller = self.without(known, name)
+            found[Step(name, None)] = -self._worth(known, smaller)
+            for other in self.addable(smaller.names):
+                if other != name and smaller.names | {other} in self.known:
+                    option = self.grown_by(smaller, other)
+                    odds = self.odds[other] - self.odds[name]
+                    found[Step(name, other)] = self.preference(option, known) - odds
+        return found
+
+    def after(self, known: Known, step: Step) -> Known:
+        """The set after a step."""
+        smaller = known if step.leaves is None else self.without(known, step.leaves)
+        return smaller if step.joins is None else self.grown_by(smaller, step.joins)
+
+    def _worth(self, large: Known, small: Known) -> float:
+        """ln of how much more probable the logs are with a set than with a part of it, the prior of the effects left aside."""
+        return self.gain(large, small) - sum(self.odds[name] for name in large.names - small.names)
+
     def left_out(self, known: Known) -> float:
         """Sum of the squared errors of groups of fit samples, each predicted from the others."""
         key = known.names, known.solution.square
@@ -185,19 +236,21 @@ class Search:
     def addable(self, names: Names) -> list[str]:
         """Effects that may join a set."""
         shut = names.union(*(self.effects[name].excludes for name in names)) if names else names
-        shut |= self.barred
+        shut = shut | self.barred | self.refused
         return [n for n, e in self.effects.items() if n not in shut and not e.excludes & names]
 
     def beside(self, known: Known) -> list[Known]:
-        """Sets with one effect more that the logs may ask for, those that are barred among them; after `rank_beside`."""
-        able = {*self.addable(known.names), *self.barred} - known.names
+        """Sets with one effect more that the logs may ask for, those that are barred or refused among them; after
+        `rank_beside`."""
+        able = {*self.addable(known.names), *self.barred, *self.refused} - known.names
         able = {name for name in able if not self.effects[name].excludes & known.names}
         likely = sorted(
             (name for name in able if self.gains[name] > _UNLIKELY), key=lambda name: (-self.gains[name], name)
         )
         return [self.grown_by(known, name) for name in likely[:_REFITTED]]
 
-    def _grown(self, best: Known) -> Known:
+    def grown(self, best: Known) -> Known:
+        """The set with the effects that the logs ask for beside it, the most probable first."""
         while len(best.names) < _MOST:
             ranked = self.screening.screened(best, self.addable(best.names))
             options = [(self.gain(k, best), k) for _, name in ranked[:_REFITTED] for k in [self.grown_by(best, name)]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hqpipe.identify.correlation import correlation_time
-from hqpipe.identify.joint_answer import LEAST_GAIN, LEAST_SHARE, LEAST_SIZE, floor_of
+from hqpipe.identify.joint_answer import LEAST_GAIN, LEAST_SHARE, floor_of
 from hqpipe.identify.minor_causes import LEAST_OF_UNKNOWN
 from hqpipe.identify.search import Known, Search
 
@@ -33,7 +33,6 @@ def least_visible(search: Search, known: Known, base: Known) -> dict[str, float]
         size, done, square = reached
         charge = 0.5 * len(effect.parameters) * float(np.log(independent)) - search.odds[name]
         needed = max(rules, 2.0 * max(charge, 0.0) * known.covariance.noise * time)
-        spread = search.fitter.spread[search.screening.places(name)[0]]
         least = max(needed / square, LEAST_SHARE * gap / done)
-        found[name] = float(max(size * np.sqrt(least), LEAST_SIZE * spread))
+        found[name] = float(max(size * np.sqrt(least), effect.parameters[0].least))
     return found

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hqpipe.identify.identify import identify, prior_odds
+from hqpipe.identify.identify import identify
+from hqpipe.identify.prior import prior_odds
 from hqpipe.identify.search import Search
 from hqpipe.layers.actuator import Actuator
 from hqpipe.logs.end_stops import mark_end_stops

@@ -10,7 +10,7 @@ import numpy as np
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.free_run import window_samples
 from hqpipe.identify.least_squares import Fitter
-from hqpipe.identify.model import LayerJoints
+from hqpipe.identify.model import FORCE_SENSOR, LayerJoints
 from hqpipe.identify.window_choice import window_for
 from hqpipe.layers.actuator.changes import RATIOS
 from hqpipe.layers.actuator.joint import ActuatorJoint
@@ -94,7 +94,9 @@ class Actuator:
                 "record longer motions under changing commands",
                 "position_command",
             )
-        return LayerJoints(self.NAME, "free_run_rmse", window.seconds, window.reason, tuple(models), left)
+        return LayerJoints(
+            self.NAME, "free_run_rmse", window.seconds, window.reason, tuple(models), left, material=FORCE_SENSOR
+        )
 
     def _joint(
         self, log_set: LogSet, j: int, steps: int, draws: tuple[np.ndarray, np.ndarray], barred: Collection[str]

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from hqpipe.identify.joint_answer import LEAST_SIZE
 from hqpipe.identify.model import Effect, Parameter
 from hqpipe.layers.actuator.sizes import Sizes
 from hqpipe.machine import EFFECTS
@@ -79,11 +78,10 @@ def _parameter(p: scales.Parameter, size: Sizes) -> Parameter:
     starts = tuple(start * unit for start in search.starts)
     known = [search.usual * unit] if search.usual else [abs(start) for start in starts if start]
     usual = min(known) if known else min(FROM_NOTHING, 0.25 * search.upper) * unit  # the least start is a usual size
-    if search.least:
-        usual = max(usual, search.least / (LEAST_SIZE * size.most_effort))
     neutral = p.neutral if search.counts or not p.neutral else (starts[0] if len(starts) == 1 else p.neutral)
     low, high = search.lower * unit, search.upper * unit
-    return Parameter(p.name, p.unit, float(np.clip(neutral, low, high)), usual, low, high, starts)
+    neutral, least = float(np.clip(neutral, low, high)), search.least / size.most_effort
+    return Parameter(p.name, p.unit, neutral, usual, low, high, starts, least)
 
 
 def reported_unit(unit: str, units: Sequence[str]) -> str:

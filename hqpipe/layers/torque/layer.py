@@ -7,7 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from hqpipe.errors import IdentificationError
-from hqpipe.identify.model import LayerJoints
+from hqpipe.identify.model import FORCE_SENSOR, LayerJoints
 from hqpipe.layers.refusal import no_joint_judged
 from hqpipe.layers.torque.build import Seen, joint_of, seen_in
 from hqpipe.logs.end_stops import at_end_stop, mark_end_stops
@@ -69,7 +69,7 @@ class Torque:
                 "record motions under changing commands",
                 "effort_command",
             )
-        return LayerJoints(self.NAME, "free_run_rmse", length, reason, tuple(models), left, told)
+        return LayerJoints(self.NAME, "free_run_rmse", length, reason, tuple(models), left, told, material=FORCE_SENSOR)
 
 
 def _window(dt: float, joints: dict[str, Seen], window_s: float | None) -> tuple[float, str]:

@@ -7,8 +7,8 @@ import pytest
 from identify.toy_joint import ToyJoint
 
 from hqpipe.identify.change import _joined
-from hqpipe.identify.identify import prior_odds
 from hqpipe.identify.intervals import _between, half_widths
+from hqpipe.identify.prior import prior_odds
 from hqpipe.identify.search import Search
 
 

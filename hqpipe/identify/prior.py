@@ -1,0 +1,48 @@
+"""How probable effects are before the logs are seen, and how far joints of one machine have the same ones.
+
+Of each effect the share of joints that have it is unknown and has a beta distribution; how many joints have it is then
+beta-binomial. Given what the other joints have, an effect that they have is more probable in this one, and one that they lack
+less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.special import betaln
+
+from hqpipe.identify.model import Effect, JointModel
+
+_EXPECTED = 1.0  # effects of a joint beforehand; assumption: logs are diagnosed because something is wrong
+_COMMON = 0.5  # of the joints have a common effect; by its definition
+_WEIGHT = 3.0  # joints that the expectation counts as, beside the other joints of the machine; assumption
+
+
+def prior_odds(model: JointModel, others: Mapping[str, int], joints: int) -> dict[str, float]:
+    """ln of the prior odds of each effect in one joint.
+
+    Args:
+        others: effect → how many of the other joints have it. joints: how many other joints there are.
+    """
+    found = {}
+    for effect in model.effects:
+        share = (_WEIGHT * _before(model, effect) + others.get(effect.name, 0)) / (_WEIGHT + joints)
+        found[effect.name] = float(np.log(share / (1.0 - share)))
+    return found
+
+
+def log_prior(model: JointModel, effect: Effect, having: np.ndarray, joints: int) -> np.ndarray:
+    """ln of the prior probability that exactly these joints of a machine have an effect, for every count (K,) of them.
+
+    Args:
+        model: of one of the joints. having: (K,) how many of the `joints` have it.
+    """
+    share = _before(model, effect)
+    with_it, without = _WEIGHT * share, _WEIGHT * (1.0 - share)
+    return betaln(with_it + having, without + joints - having) - betaln(with_it, without)
+
+
+def _before(model: JointModel, effect: Effect) -> float:
+    """Share of joints that are expected to have an effect."""
+    return _COMMON if effect.common else min(_EXPECTED / max(len(model.effects), 1), 0.5)
