@@ -22,6 +22,7 @@ real effect that small beside a large one is not named."""
 LEAST_SIZE = 0.1
 """Size over what a data sheet of such a machine would give, below which a cause has to close `LEAST_SHARE` of the squared gap
 beside the others; assumption: a gain unequal by 1 % where 10 % are usual is none if it does no more than refine another law."""
+BELIEVED = 0.5  # probability from which an effect is more likely there than not
 CONFUSED = 0.05  # probability of a set with another effect instead, from which both are said to be alike; assumption
 
 
@@ -33,7 +34,12 @@ def answer(search: Search, best: Known) -> JointFound:
     """
     base = _context(search, best)
     core = _worth_keeping(search, best, base)
-    found = {name: _probability(search, core, name) for name in _causes(search, core)}
+    while True:
+        found = {name: _probability(search, core, name) for name in _causes(search, core)}
+        doubtful = {name: probability for name, (probability, _) in found.items() if probability <= BELIEVED}
+        if not doubtful:
+            break
+        core = _worth_keeping(search, search.without(core, min(doubtful, key=lambda name: doubtful[name])), base)
     search.rank_beside(core)
     probabilities = _considered(search, {name: probability for name, (probability, _) in found.items()})
     claimed, core = core, _confirmed(search, core, base)
@@ -110,12 +116,22 @@ def _is_large(search: Search, known: Known, name: str, least: float, closes: flo
     """
     if search.effects[name].in_both:
         return True
-    if not search.admitted(known, name) or search.screening.does(known, name) < least:
+    if not _is_admitted(search, known, name) or search.screening.does(known, name) < least:
         return False
+    usual = search.fitter.spread[search.screening.places(name)[0]] if search.effects[name].named else np.inf
+    return closes >= least or not np.isfinite(usual) or _size(search, known, name) >= LEAST_SIZE * usual
+
+
+def _is_admitted(search: Search, known: Known, name: str) -> bool:
+    """Whether an effect is larger than every sound machine may have it, and not at its bound."""
+    least = search.effects[name].parameters[0].least
+    return _size(search, known, name) >= least and search.within_bounds(known, name)
+
+
+def _size(search: Search, known: Known, name: str) -> float:
+    """Of an effect's first number, from neutral."""
     first = int(search.screening.places(name)[0])
-    size = abs(float(known.solution.values[first] - search.fitter.neutral[first]))
-    usual = search.fitter.spread[first] if search.effects[name].named else np.inf
-    return closes >= least or not np.isfinite(usual) or size >= LEAST_SIZE * usual
+    return abs(float(known.solution.values[first] - search.fitter.neutral[first]))
 
 
 def floor_of(search: Search) -> float:
@@ -145,7 +161,7 @@ def _confirmed(search: Search, known: Known, base: Known) -> Known:
             borne_out = closes[name] > least or usual > LEAST_SHARE
             if name in search.shared:
                 borne_out |= closes[name] > 0.0 or usual > 0.0
-            shown[name] = borne_out and search.admitted(known, name)
+            shown[name] = borne_out and _is_admitted(search, known, name)
         name = min(causes, key=lambda name: (shown[name], closes[name]))
         if shown[name]:
             break

@@ -42,7 +42,7 @@ class Search:
         odds: effect → ln of the prior odds that the joint has it.
         gains: effect → ln of how much more probable the logs are with it beside the set that is reached.
         known: every set that was fitted. barred: effects that no set may have from now on.
-        refused: effects that were found with a size that no cause has, so that other sets have to do without them.
+        refused: effects that were found at a bound, so that other sets have to do without them.
         shared: effects that are causes in most joints of the machine, as far as that is known.
     """
 
@@ -78,18 +78,17 @@ class Search:
                 break
         return best
 
-    def admitted(self, known: Known, name: str) -> bool:
-        """Whether an effect is larger than every sound machine may have it, and not at its bound, where another law must be at
-        work.
+    def within_bounds(self, known: Known, name: str) -> bool:
+        """Whether an effect is not at its bound, where another law must be at work.
 
-        What both of two records have is part of the machine, and a generic shape has no size.
+        What both of two records have is part of the machine, and a generic shape has no limit.
         """
         if not self.effects[name].named or self.effects[name].in_both:
             return True
         first, fitter = int(self.screening.places(name)[0]), self.fitter
         size = abs(float(known.solution.values[first] - fitter.neutral[first]))
         end = fitter.high[first] if known.solution.values[first] > fitter.neutral[first] else fitter.low[first]
-        return self.effects[name].parameters[0].least <= size <= AT_BOUND * abs(float(end - fitter.neutral[first]))
+        return size <= AT_BOUND * abs(float(end - fitter.neutral[first]))
 
     def _begun_with(self) -> Known:
         """The set that a model offers to begin with, without what is not needed of it; else the base."""
@@ -109,7 +108,7 @@ class Search:
         return best
 
     def improved(self, best: Known) -> Known:
-        """Drop what is not needed, and exchange single effects while that helps; what is not admitted is refused, and the set
+        """Drop what is not needed, and exchange single effects while that helps; what ends at its bound is refused, and the set
         is completed without it, for what it closes may be the part of another effect, which it kept out."""
         while True:
             seen = {best.names}
@@ -117,7 +116,7 @@ class Search:
                 seen.add(better.names)
                 best = better
             best = self.known[best.names]
-            odd = [name for name in sorted(best.names) if not self.admitted(best, name)]
+            odd = [name for name in sorted(best.names) if not self.within_bounds(best, name)]
             if not odd:
                 return best
             self.refused.update(odd)
