@@ -117,8 +117,11 @@ class JointSearch:
 
     def renamed(self, step: Step) -> JointFound:
         """The answer with another effect in the place of one, which is refused from now on."""
-        search = self._search
-        known = search.after(self._known, step) if step.leaves in self._known.names else self._known
+        search, known = self._search, self._known
+        if step.leaves in known.names:
+            known = search.without(known, step.leaves)
+            if step.joins in search.addable(known.names):
+                known = search.grown_by(known, step.joins)
         search.refused.add(step.leaves)
         self._known = search.improved(known)
         return self.answered()
