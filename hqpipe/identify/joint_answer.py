@@ -9,11 +9,8 @@ import numpy as np
 from hqpipe.identify.drifts import drifts
 from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
 from hqpipe.identify.intervals import half_widths
-from hqpipe.identify.search import Known, Names, Search
+from hqpipe.identify.search import LEAST_GAIN, Known, Names, Search
 
-LEAST_GAIN = 0.05
-"""Share by which the squared error on data left out of the fit must grow without an effect for it to be a cause: 2.5 % of the
-error. An effect with less is of no use to a simulator. The cost: a real one that small is not named."""
 LEAST_SHARE = 0.01
 """Square of what a cause does to the prediction, over the squared gap from the base's error to the noise: a tenth of the gap.
 What does less refines the law of another cause. It is not asked to close that share by itself: of a delay and a lag of like

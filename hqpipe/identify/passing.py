@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from hqpipe.identify.found import JointFound
-from hqpipe.identify.joint_answer import LEAST_GAIN
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel, all_parameters, positions
+from hqpipe.identify.search import LEAST_GAIN
 from hqpipe.identify.stretches import LEAST_OUTSIDE, Shown, Stretches, inside, near_ends, stretches_of
 
 UNEXPLAINED = LEAST_OUTSIDE

@@ -21,6 +21,10 @@ from hqpipe.identify.model import Effect, JointModel, positions
 from hqpipe.identify.sampling import covariance
 from hqpipe.identify.screening import Known, Names, Screening
 
+LEAST_GAIN = 0.05
+"""Share by which the squared error must grow without an effect for it to be a cause: 2.5 % of the error. An effect with less is
+of no use to a simulator. No joint asks for one by itself either: where no model is exact, ever smaller effects are
+significant without end. The cost: a real one that small is not named."""
 _REFITTED = 4  # of the screened candidates; assumption: the best one is among them, though a slope is no fit
 _REPLACED = 2  # of the screened candidates, that are tried in the place of another effect; assumption
 _POLISHED = 2  # starts of an effect from which it is fitted; assumption: one of them is near the best minimum
@@ -30,6 +34,9 @@ _LOWER = (
     1e-4  # share of the squared error by which another minimum is lower: fits end, and priors move them, within less
 )
 AT_BOUND = 0.99  # of the way to its bound, from which a number counts as being there; by the tolerance of a fit
+_PROMISED = 0.2
+"""Of what a fit takes off the squared error, that its slope promises at least: where less is promised than this share of what
+is needed, nothing is fitted. Seen: in 98 % of the fits on which something hung a slope promised a quarter or more."""
 _UNLIKELY = -3.0  # ln of odds below which an effect is left aside: 5 %
 BASE_STARTS = 12  # combinations of starting values of base parameters that are tried
 
@@ -251,8 +258,10 @@ class Search:
     def grown(self, best: Known) -> Known:
         """The set with the effects that the logs ask for beside it, the most probable first."""
         while len(best.names) < _MOST:
-            ranked = self.screening.screened(best, self.addable(best.names))
-            options = [(self.gain(k, best), k) for _, name in ranked[:_REFITTED] for k in [self.grown_by(best, name)]]
+            needed = LEAST_GAIN / (1.0 + LEAST_GAIN) * best.solution.square
+            ranked = self.screening.screened(best, self.addable(best.names))[:_REFITTED]
+            larger = [self.grown_by(best, name) for gain, name in ranked if gain >= _PROMISED * needed]
+            options = [(self.gain(k, best), k) for k in larger if best.solution.square - k.solution.square >= needed]
             if not options:
                 break
             gain, option = max(options, key=lambda pair: pair[0])
@@ -274,9 +283,11 @@ class Search:
         return None
 
     def replaced(self, smaller: Known, name: str) -> list[Known]:
-        """A set with each of the effects that promise most in the place of one that was taken out."""
+        """A set with each of the effects that promise most in the place of one that was taken out, and enough to replace it."""
         others = [other for other in self.addable(smaller.names) if other != name]
-        return [self.grown_by(smaller, other) for _, other in self.screening.screened(smaller, others)[:_REPLACED]]
+        needed = smaller.solution.square - self.known[smaller.names | {name}].solution.square
+        ranked = self.screening.screened(smaller, others)[:_REPLACED]
+        return [self.grown_by(smaller, other) for gain, other in ranked if gain >= _PROMISED * needed]
 
     def _price(self, known: Known) -> float:
         places = np.arange(len(self.model.base), len(known.solution.free))
