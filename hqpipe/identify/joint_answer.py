@@ -19,7 +19,7 @@ real effect that small beside a large one is not named."""
 LEAST_SIZE = 0.1
 """Size over what a data sheet of such a machine would give, below which a cause has to close `LEAST_SHARE` of the squared gap
 beside the others; assumption: a gain unequal by 1 % where 10 % are usual is none if it does no more than refine another law."""
-BELIEVED = 0.5  # probability from which an effect is more likely there than not
+BELIEVED = 0.5  # probability from which an effect, or one of those that are like it, is more likely there than not
 CONFUSED = 0.05  # probability of a set with another effect instead, from which both are said to be alike; assumption
 
 
@@ -33,12 +33,12 @@ def answer(search: Search, best: Known) -> JointFound:
     core = _worth_keeping(search, best, base)
     while True:
         found = {name: _probability(search, core, name) for name in _causes(search, core)}
-        doubtful = {name: probability for name, (probability, _) in found.items() if probability <= BELIEVED}
+        doubtful = {name: there for name, (_, there, _) in found.items() if there <= BELIEVED}
         if not doubtful:
             break
         core = _worth_keeping(search, search.without(core, min(doubtful, key=lambda name: doubtful[name])), base)
     search.rank_beside(core)
-    probabilities = _considered(search, {name: probability for name, (probability, _) in found.items()})
+    probabilities = _considered(search, {name: probability for name, (probability, _, _) in found.items()})
     claimed, core = core, _confirmed(search, core, base)
     unchanged = frozenset(name for name in core.names if search.effects[name].in_both)
     named = _only(search, core, frozenset(_causes(search, core)) | base.names | unchanged)
@@ -52,7 +52,7 @@ def answer(search: Search, best: Known) -> JointFound:
         named=fitted(search, named),
         kept=fitted(search, core),
         full=fitted(search, min(best, core, key=lambda known: known.solution.square)),
-        causes=tuple(JointCause(n, found[n][0], _numbers(search, core, half, n), found[n][1]) for n in causes),
+        causes=tuple(JointCause(n, found[n][0], _numbers(search, core, half, n), found[n][2]) for n in causes),
         without={name: fitted(search, without[name]) for name in causes},
         probabilities=probabilities,
         gains=dict(search.gains),
@@ -98,7 +98,7 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
         least_gain = 0.0 if name in search.shared else LEAST_GAIN
         if closes[name] >= least_gain * square and large[name]:
             break
-        known = search.improved(search.without(known, name))
+        known = search.without(known, name)
     persistence = float(np.sum((search.model.fit.held - search.model.fit.output) ** 2))
     # What predicts no better than holding the output, and leaves most of the gap, explains nothing.
     return known if search.left_out(known) < max(persistence, 0.5 * search.left_out(base)) else base
@@ -197,8 +197,9 @@ def fitted(search: Search, known: Known) -> Fitted:
     return Fitted(order, known.solution.values, known.solution.error, heldout)
 
 
-def _probability(search: Search, best: Known, name: str) -> tuple[float, tuple[str, ...]]:
-    """Of an effect of a set, beside the sets without it or with another in its place; and what these others are."""
+def _probability(search: Search, best: Known, name: str) -> tuple[float, float, tuple[str, ...]]:
+    """Of an effect of a set beside the sets without it or with another in its place, that it or one of these others is there,
+    and what these others are."""
     smaller = search.without(best, name)
     against, twins = {"": -search.gain(best, smaller)}, set()
     for option in search.replaced(smaller, name):
@@ -213,7 +214,11 @@ def _probability(search: Search, best: Known, name: str) -> tuple[float, tuple[s
     weights = {other: float(np.exp(min(value, 700.0))) for other, value in against.items()}
     total = 1.0 + sum(weights.values())
     alike = {other for other, weight in weights.items() if weight / total >= CONFUSED} | twins
-    return 1.0 / total, tuple(o for o in weights if o in alike and o and search.effects[o].named)
+    return (
+        1.0 / total,
+        1.0 - weights[""] / total,
+        tuple(o for o in weights if o in alike and o and search.effects[o].named),
+    )
 
 
 def _only(search: Search, best: Known, names: Names) -> Known:

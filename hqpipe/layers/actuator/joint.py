@@ -27,6 +27,7 @@ _PRESLIDING = [BASE_NAMES.index(p.name) for _, p in OF_FRICTION]
 _BASE = [slot("base", name) for name in BASE]
 _TURN, _LATE = [slot(owner, p.name) for owner, p in OF_FRICTION], slot("setting", "speed_late")
 _STEP = slot("setting", "sample_time")
+_ORIFICE, _AREAS = ("orifice_flow", "effort_max_nm"), ("direction_asymmetry", "areas")
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
 OPENINGS = ("raw_command", "command", "raw_position", "position")  # signals that come of command and position
 SPEEDS = ("raw_velocity", "velocity", "sliding")  # signals that are the speed of the log, or come of it
@@ -70,6 +71,7 @@ class ActuatorJoint:
     _opening: int = field(init=False)
     _run: RepeatedRun = field(init=False)
     _friction: np.ndarray = field(init=False)
+    _of_orifice: tuple[int, int, float] | None = field(init=False)
     _neutral: np.ndarray = field(init=False)
     _last: tuple = field(init=False, default=(0.0, 0.0, ()))
     _driven: Signals = field(init=False)
@@ -86,6 +88,7 @@ class ActuatorJoint:
         object.__setattr__(self, "_driven", self.records[0].signals)
         friction = [k for k, (owner, _) in enumerate(self.places) if EFFECTS[owner].effort_sources]
         object.__setattr__(self, "_friction", len(self.base) + np.array(friction, dtype=np.int64))
+        object.__setattr__(self, "_of_orifice", self._areas_beside_orifice())
         object.__setattr__(self, "_neutral", np.array([parameter.neutral for parameter in all_parameters(self)]))
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
@@ -113,6 +116,18 @@ class ActuatorJoint:
             found += beside[shape] * self.shapes[heldout][shape]
         return found
 
+    def _areas_beside_orifice(self) -> tuple[int, int, float] | None:
+        """Places of the inverse of the orifice's largest torque and of the unequal areas that its model may have, and the least
+        value of the first from which they act.
+
+        The torque at which the pressures of both chambers are equal is the areas' difference times the largest torque. Where
+        the root bends nothing, that torque could be anything, and would stand for the offset of a sensor.
+        """
+        if _ORIFICE not in self.places or _AREAS not in self.places:
+            return None
+        first, areas = (len(self.base) + self.places.index(place) for place in (_ORIFICE, _AREAS))
+        return first, areas, all_parameters(self)[first].least
+
     @property
     def per_row(self) -> int:
         """Samples of the controller from one row of the log to the next."""
@@ -123,9 +138,15 @@ class ActuatorJoint:
         return tuple(values[len(BASE_NAMES) : len(self.base)].tolist())
 
     def idle(self, values: np.ndarray) -> tuple[int, ...]:
-        """Places of parameters that change nothing at these values: how friction turns round, where there is none."""
+        """Places of parameters that change nothing at these values: how friction turns round, where there is none, and the
+        areas beside an orifice that bends nothing."""
         present = np.any(values[self._friction] != self._neutral[self._friction])
-        return () if present else (_SPEED_LATE, *_PRESLIDING)
+        turning = () if present else (_SPEED_LATE, *_PRESLIDING)
+        return (*turning, self._of_orifice[1]) if self._is_straight(values) else turning
+
+    def _is_straight(self, values: np.ndarray) -> bool:
+        """Whether there are areas of an orifice that bends nothing."""
+        return self._of_orifice is not None and values[self._of_orifice[0]] < self._of_orifice[2]
 
     def sensitivity(self, values: np.ndarray, index: int) -> np.ndarray | None:
         """(N,) of the error by the size of a generic shape, in which it is linear; None of any other parameter."""
@@ -140,6 +161,8 @@ class ActuatorJoint:
         row[_LATE] = self.per_row * (LATE * (1.0 - values[_LOGGED]) + values[_SPEED_LATE])
         row[_FLOW] = (1.0 - opening) * self.draws[0], opening * self.draws[1]
         row[self._columns] = values[self._owned]
+        if self._is_straight(values):
+            row[slot(*_AREAS)] = 0.0
         return row
 
     def values_of(self, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

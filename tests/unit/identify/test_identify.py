@@ -12,8 +12,9 @@ from identify.toy_joint import ToyJoint
 from hqpipe.identify.found import JointFound
 from hqpipe.identify.identify import identify
 from hqpipe.identify.joint_search import JointSearch
-from hqpipe.identify.model import LayerJoints
+from hqpipe.identify.model import Effect, LayerJoints, Parameter
 from hqpipe.identify.prior import prior_odds
+from hqpipe.identify.search import Search
 
 
 def _layer(*models):
@@ -93,6 +94,32 @@ def test_two_large_causes_that_can_take_each_others_part_are_both_named():
     gap = np.mean(joint.base.error**2)
     closes = np.mean(joint.without["spring"].error ** 2) - np.mean(joint.named.error**2)
     assert closes < 0.01 * gap, "by itself it closes next to nothing"
+
+
+@pytest.mark.parametrize("stiffness, names", [(0.02, []), (0.06, ["spring"])])
+def test_what_takes_little_off_the_error_joins_no_set_however_significant(stiffness, names):
+    joint = ToyJoint(truth={"spring": stiffness}, seed=3)
+    search = Search(joint, prior_odds(joint, {}, 0))
+    reached = search.run()
+    assert search.gain(search.grown_by(search.base, "spring"), search.base) > 10.0
+    assert sorted(reached.names) == names
+
+
+def test_of_names_that_nothing_tells_apart_one_is_given_and_the_others_are_told():
+    model = ToyJoint(truth={"spring": 1.0}, seed=3)
+    spring, whole = len(model.base) + 2, model.error
+    model.effects += tuple(Effect(name, (Parameter("nm_per_rad", "N·m/rad", 0.0, 0.5),)) for name in ("belt", "cable"))
+
+    def error(values, heldout=False):
+        alike = values[:-2].copy()
+        alike[spring] += values[-2:].sum()
+        return whole(alike, heldout)
+
+    model.error = error
+    (joint,) = _found(model)
+    (cause,) = joint.causes
+    assert {cause.effect, *cause.confused_with} == {"spring", "belt", "cable"}
+    assert cause.probability == pytest.approx(1.0 / 3.0, abs=0.05)
 
 
 def test_a_cause_that_is_small_beside_what_is_left_unexplained_needs_other_joints():

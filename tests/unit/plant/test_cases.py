@@ -54,7 +54,8 @@ def test_the_usual_mixture_is_drawn_as_ever():
     # Cases are made over days and by several people: the same command must go on giving the same ones, up to the last
     # digits of an exponential, which processors round differently.
     drawn = [
-        [(p.effect, p.size, p.joints, p.span, rounded(p.parameters)) for p in case.planted] for case in cases(120, 20262)
+        [(p.effect, p.size, p.joints, p.span, rounded(p.parameters)) for p in case.planted]
+        for case in cases(120, 20262)
     ]
     assert hashlib.sha256(json.dumps(drawn).encode()).hexdigest()[:16] == "a8031afb5c8ceca8"
     assert all(planted.factor is None for case in MANY for planted in case.planted)

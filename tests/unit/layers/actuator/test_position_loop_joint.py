@@ -57,6 +57,17 @@ def test_the_numbers_beside_a_neutral_first_number_do_nothing(model):
         assert np.array_equal(model.error(values), expected), effect.name
 
 
+def test_unequal_areas_act_where_the_orifice_bends_the_flow(model):
+    orifice, areas = placed(model, "orifice_flow", "effort_max_nm"), placed(model, "orifice_flow", "areas")
+    for share, acts in ((0.9, False), (1.1, True)):
+        values = neutral(model)
+        values[orifice] = share * all_parameters(model)[orifice].least
+        expected = model.error(values)
+        values[areas] = 0.1
+        assert (areas in model.idle(values)) is not acts
+        assert np.array_equal(model.error(values), expected) is not acts
+
+
 def test_every_effect_and_every_shape_does_something(model):
     expected = model.error(neutral(model))
     for effect in model.effects:
