@@ -46,7 +46,7 @@ class Work(NamedTuple):
     """Scratch of the windows of one record.
 
     Attributes:
-        along: (S, T) signals along the log. states: (N, T) torque of the base and states behind it.
+        along: (S, T) signals along the log. states: (N, W) torque of the base and states behind it, before each window.
         laid: (L, steps + 1, W) signals in windows, side by side. lines: (B, W) what the windows work with.
     """
 
@@ -143,7 +143,7 @@ class Loops:
         m, samples, windows = self._module, len(signals.command), len(signals.first)
         return Work(
             np.zeros((m.SCRATCH, samples)),
-            np.zeros((m.STATES, samples)),
+            np.zeros((m.STATES, windows)),
             np.zeros((m.LAID, signals.steps + 1, windows)),
             np.zeros((m.LINES, windows)),
         )

@@ -95,6 +95,6 @@ EFFECT = Effect(
         Block(turn, ("turned", "before", "inner", "grip", "velocity", "kept"), ("turned",), ("grip",)),
         Block(rubbed, ("lost", "turned", "friction_nm", "asymmetry_nm"), ("lost",), ("friction_nm",)),
     ),
-    states=(State("turned"),),
+    states=(State("turned", kept="kept"),),
     common=True,
 )

@@ -28,7 +28,7 @@ HEAD = '''"""Loops of the base model {base} with its effects; written by hqpipe.
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.compose.shared import RING, counts, delayed, delayed_block, lay_out, past
+from hqpipe.machine.compose.shared import RING, counts, delayed, delayed_block, lay_out, past, remembered
 
 CACHE = {cache}
 PASSES = 10  # of the search for what a state holds at the start of a trial

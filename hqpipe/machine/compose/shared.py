@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numba import njit
 
+FORGOTTEN: Final = 1e-9  # of a state: what it was then changes nothing that anyone measures
 RING: Final = 96  # samples: the longest delay of the library at 1 kHz, and some
 
 
@@ -17,6 +18,20 @@ def delayed(signal: np.ndarray, first: int, last: int, at: float) -> float:
     whole = min(int(at), last - 1)
     part = at - whole
     return signal[whole] + part * (signal[whole + 1] - signal[whole])
+
+
+@njit(cache=True, nogil=True)
+def remembered(kept: np.ndarray, earliest: int, last: int) -> int:
+    """The sample from which a state has to be followed to be known at `last`; not before `earliest`.
+
+    Args:
+        kept: (T,) share of the state that is left one sample later.
+    """
+    share = 1.0
+    while last > earliest and share > FORGOTTEN:
+        last -= 1
+        share *= kept[last]
+    return last
 
 
 @njit(cache=True, nogil=True)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hqpipe.machine.compose.source import Source, Straight, call, constants, constants_of, present, scalar, started
-from hqpipe.machine.compose.wiring import SIGNAL, STATE, Chain
+from hqpipe.machine.compose.wiring import SIGNAL, STATE, Chain, Link
 
 if TYPE_CHECKING:
     from hqpipe.machine.compose.windows import Arrays
@@ -39,18 +39,16 @@ def write_follow(source: Source, chain: Chain, arrays: Arrays) -> None:
                 source.add(f"on_{name} = {present(when)}")
         source.add(*(f"m_{name} = 0.0" for name in states))
         if carried:
-            with source.under(f"if {present(carried)}:"), source.under("for trial in range(s.bounds.shape[0] - 1):"):
-                source.add("first, last = s.bounds[trial], s.bounds[trial + 1] - 1")
-                source.add(*(f"m_{name} = 0.0" for name in states))
-                _trial(source, chain, arrays, states, bool(effort))
+            with source.under(f"if {present(carried)}:"):
+                _before_windows(source, chain, arrays, states, [*effort][:1])
         with source.under("for i in range(s.first.shape[0]):"):
             source.add("k = s.first[i]")
             _fetch(source, arrays, names, "k")
             expected = "0.0"
             if carried:
                 with source.under(f"if {present(carried)}:"):
-                    source.add(*(f"m_{name} = w.states[{1 + j}, k]" for j, name in enumerate(states)))
-                expected = f"w.states[0, k] if {present(carried)} else 0.0"
+                    source.add(*(f"m_{name} = w.states[{1 + j}, i]" for j, name in enumerate(states)))
+                expected = f"w.states[0, i] if {present(carried)} else 0.0"
             code = Straight(source, chain, names)
             code.unmeasured("s.target[0, i]")
             code.unloaded()
@@ -59,18 +57,46 @@ def write_follow(source: Source, chain: Chain, arrays: Arrays) -> None:
             source.add("w.lines[0, i] = wound", *(f"w.lines[{1 + j}, i] = m_{name}" for j, name in enumerate(states)))
 
 
-def _trial(source: Source, chain: Chain, arrays: Arrays, states: list[str], slack: bool) -> None:
+def _before_windows(source: Source, chain: Chain, arrays: Arrays, states: list[str], slack: list[Link]) -> None:
+    """The states along each trial up to the start of each window, from where the last window left them, or from where nothing
+    that lies further back is remembered."""
+    source.add("trial, at = -1, 0")
+    with source.under("for i in range(s.first.shape[0]):"):
+        source.add(
+            "last = s.first[i]",
+            "now = np.searchsorted(s.bounds, last, side='right') - 1",
+            "begin = at if now == trial and at <= last else s.bounds[now]",
+        )
+        _skip_forgotten(source, chain, arrays, states, slack)
+        with source.under("if now != trial or begin != at:"):
+            source.add("k = begin", *(f"m_{name} = 0.0" for name in states))
+            _fetch(source, arrays, arrays.needed, "k")
+            code = Straight(source, chain, arrays.needed)
+            code.unmeasured("s.effort[k]")
+            code.unloaded()
+            source.add("expected = 0.0")
+            code.rewound()
+        _advance(source, chain, arrays, states, bool(slack))
+        source.add("trial, at = now, last", "w.states[0, i] = wound")
+        source.add(*(f"w.states[{1 + j}, i] = m_{name}" for j, name in enumerate(states)))
+
+
+def _skip_forgotten(source: Source, chain: Chain, arrays: Arrays, states: list[str], slack: list[Link]) -> None:
+    """Begin later, if every state that is there says how much of it is left from one sample to the next."""
+    kept = [chain.kept.get(name) for name in states]
+    if None in kept:
+        return
+    there = [f"on_{name}" for name in kept if arrays.when(name) is not None]
+    there += [f"not ({present(link.when)})" for link in slack]
+    begins = [f"remembered(a_{name}, begin, last)" for name in dict.fromkeys(kept)]
+    with source.under(f"if {' and '.join(there) or True}:"):
+        source.add(f"begin = min({', '.join(begins)}, last)")
+
+
+def _advance(source: Source, chain: Chain, arrays: Arrays, states: list[str], slack: bool) -> None:
+    """From `begin` to `last`, sample by sample."""
     names = arrays.needed
-    source.add("k = first")
-    _fetch(source, arrays, names, "k")
-    code = Straight(source, chain, names)
-    code.unmeasured("s.effort[first]")
-    code.unloaded()
-    source.add("expected = 0.0")
-    code.rewound()
-    record = ["w.states[0, k] = wound", *(f"w.states[{1 + j}, k] = m_{name}" for j, name in enumerate(states))]
-    with source.under("for k in range(first, last):"):
-        source.add(*record)
+    with source.under("for k in range(begin, last):"):
         _fetch(source, arrays, names, "k")
         code = Straight(source, chain, [*names, "wound"])
         code.behind({"inner"}, True)
@@ -100,7 +126,6 @@ def _trial(source: Source, chain: Chain, arrays: Arrays, states: list[str], slac
                 code.rewound()
             with source.under("else:"):
                 code.unloaded()
-    source.add("k = last", *record)
 
 
 def write_balances(source: Source, chain: Chain, arrays: Arrays) -> None:

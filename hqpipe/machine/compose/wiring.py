@@ -130,7 +130,7 @@ class Chain:
     Attributes:
         base, effects: those it was made of. fields: (owner, name) of each column of a row of parameters.
         constants: in an order in which each needs only those before it.
-        late: delays of inputs, which come first.
+        kept: state → signal that says how much of it is left a sample later. late: delays of inputs, which come first.
         ahead: links that hang on inputs alone. core: what else lies in front of the base's law. behind: what lies behind it.
         law, plain, needed: of the base. gain: column of its parameter that an opening is multiplied by.
     """
@@ -148,6 +148,7 @@ class Chain:
             for name, value in (NEUTRAL | base.signals).items()
         }
         self._states = {state.name for effect in self.effects for state in effect.states}
+        self.kept = {state.name: state.kept for effect in self.effects for state in effect.states if state.kept}
         owned = [*base.constants, *(c for effect in self.effects for c in effect.constants)]
         self._constants = {name for constants in owned for name in constants.names}
         self.constants = self._ordered_constants()

@@ -13,6 +13,7 @@ from hqpipe.actuators.loops.free_run import free_run
 from hqpipe.logs.trajectory import Trajectory
 from hqpipe.machine import EFFECTS
 from hqpipe.machine.chain import residual_windows
+from hqpipe.machine.compose.shared import remembered
 from hqpipe.machine.layout import slot
 
 # What a window finds by bisection (integrator), solves by two rounds (friction under load) or reads between
@@ -71,6 +72,28 @@ def test_an_integrator_is_found_where_it_stands_on_a_sagging_supply():
     after = slice(round(5 * planted.TYPICAL["supply_droop"]["recovery_s"] / planted.DT) // STEPS, None)
     left, without = (residual_windows(p, signals)[:, after] for p in (row(effects), rest))
     assert rms(left) < 0.03 * rms(without)
+
+
+def some_of(signals, windows):
+    return signals._replace(first=signals.first[windows], target=np.ascontiguousarray(signals.target[:, windows]))
+
+
+@pytest.mark.parametrize("effect", ["coulomb_friction", "stribeck_friction", "load_dependent_friction", "backlash"])
+@pytest.mark.parametrize("windows", [[25], [3, 4, 11, 30], [30, 11, 4]])
+def test_a_window_does_not_hang_on_which_others_there_are(effect, windows):
+    """What friction and slack remember of the log before it is the same, from wherever it is followed."""
+    signals, p = signals_of(effect), row({effect: planted.TYPICAL[effect]})
+    whole = residual_windows(p, signals)[:, windows]
+    np.testing.assert_allclose(residual_windows(p, some_of(signals, windows)), whole, atol=1e-6)
+
+
+def test_a_state_is_followed_from_where_nothing_older_is_left_of_it():
+    kept = np.full(100, 0.5)
+    assert remembered(kept, 0, 80) == 80 - 30, "half to the power of 30 is less than 1e-9"
+    assert remembered(kept, 60, 80) == 60
+    kept[40:] = 1.0  # a joint that rests forgets nothing
+    assert remembered(kept, 0, 80) == 40 - 30
+    assert remembered(np.ones(100), 0, 80) == 0
 
 
 def test_effects_together_predict_independent_data():
