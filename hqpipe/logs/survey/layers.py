@@ -17,7 +17,7 @@ _NEEDS = {
     "valve": ("valve_command",),
 }
 _FUTURE = ("rigid_body", "contact")
-_FREE_BODY = ("base/", "foot/")  # columns of a machine whose base moves
+_FREE_BODY = ("base/", "foot/")  # columns of a machine whose base moves, where nothing else is said of it
 _GIVEN_BY_THE_DRIVE = ("current", "estimate")
 _ROW = "effort_source: current or estimate in logset.yaml"
 
@@ -88,7 +88,7 @@ def _joint_motion(
 ) -> Layer:
     """Torque or current against motion, where the joint moves by it alone."""
     missing = () if "current" in channels else _columns(("effort",), channels)
-    if base == "floating" or any(name.startswith(_FREE_BODY) for name in extra):
+    if base == "floating" or (base is None and any(name.startswith(_FREE_BODY) for name in extra)):
         return Layer("joint_motion", None, False, False, missing, "not for a machine whose base moves")
     commanded = mode is not None and COMMAND_OF[mode] in channels
     if missing or mode == "valve":

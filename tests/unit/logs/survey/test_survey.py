@@ -11,6 +11,7 @@ from log_builders import make_columns, put
 
 from hqpipe.errors import LogError
 from hqpipe.logs.survey.findings import grouped
+from hqpipe.logs.survey.layers import layers
 from hqpipe.logs.survey.reading import read
 from hqpipe.logs.survey.survey import survey
 
@@ -128,6 +129,12 @@ def test_without_torque_or_command_another_layer_is_asked(logs, dropped, asked):
         put(logs, file, {name: values for name, values in columns.items() if not name.endswith(dropped)})
     found = surveyed(logs)
     assert found.verdict == "usable" and asked in {x.layer for x in found.layers if x.evaluated}
+
+
+@pytest.mark.parametrize(("base", "asked"), [(None, False), ("floating", False), ("fixed", True)])
+def test_forces_at_the_feet_tell_that_the_base_moves_unless_the_log_says_otherwise(base, asked):
+    found = layers(["position", "velocity", "effort"], None, extra=("foot/LF/force/z",), base=base)
+    assert [x.evaluated for x in found if x.layer == "joint_motion"] == [asked]
 
 
 def test_without_effort_and_command_nothing_can_be_diagnosed(logs):
