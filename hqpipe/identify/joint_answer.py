@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -30,19 +31,13 @@ def answer(search: Search, best: Known) -> JointFound:
         best: the set that it reached.
     """
     base = _context(search, best)
-    core = _worth_keeping(search, best, base)
-    while True:
-        found = {name: _probability(search, core, name) for name in _causes(search, core)}
-        doubtful = {name: there for name, (_, there, _) in found.items() if there <= BELIEVED}
-        if not doubtful:
-            break
-        core = _worth_keeping(search, search.without(core, min(doubtful, key=lambda name: doubtful[name])), base)
+    core, found = _with_beliefs(search, best, base)
     search.rank_beside(core)
-    probabilities = _considered(search, {name: probability for name, (probability, _, _) in found.items()})
+    probabilities = _considered(search, {name: belief.probability for name, belief in found.items()})
     claimed, core = core, _confirmed(search, core, base)
     unchanged = frozenset(name for name in core.names if search.effects[name].in_both)
-    named = _only(search, core, frozenset(_causes(search, core)) | base.names | unchanged)
-    without = {name: search.without(named, name) for name in _causes(search, named)}
+    named = _only(search, core, frozenset(_causes(search, core, base)) | base.names | unchanged)
+    without = {name: search.without(named, name) for name in _causes(search, named, base)}
     causes = sorted(without, key=lambda name: -without[name].solution.square)
     half = half_widths(search, core)
     whole, square = max(search.left_out(base), np.finfo(float).tiny), search.left_out(claimed)
@@ -52,7 +47,9 @@ def answer(search: Search, best: Known) -> JointFound:
         named=fitted(search, named),
         kept=fitted(search, core),
         full=fitted(search, min(best, core, key=lambda known: known.solution.square)),
-        causes=tuple(JointCause(n, found[n][0], _numbers(search, core, half, n), found[n][2]) for n in causes),
+        causes=tuple(
+            JointCause(n, found[n].probability, _numbers(search, core, half, n), found[n].alike) for n in causes
+        ),
         without={name: fitted(search, without[name]) for name in causes},
         probabilities=probabilities,
         gains=dict(search.gains),
@@ -65,17 +62,42 @@ def answer(search: Search, best: Known) -> JointFound:
     )
 
 
+def _with_beliefs(search: Search, best: Known, base: Known) -> tuple[Known, dict[str, _Belief]]:
+    """What is worth keeping of a set, with each cause the most probable in its place, and how far each of them is believed."""
+    core, exchanged = _worth_keeping(search, best, base), {best.names}
+    while True:
+        found = {name: _believed(search, core, name) for name in _causes(search, core, base)}
+        likelier = [b for b in found.values() if b.most > b.probability and b.rival.names not in exchanged]
+        doubtful = {name: belief.there for name, belief in found.items() if belief.there <= BELIEVED}
+        if likelier:
+            known = max(likelier, key=lambda belief: belief.most).rival
+            exchanged.add(known.names)
+        elif doubtful:
+            known = search.without(core, min(doubtful, key=lambda name: doubtful[name]))
+        else:
+            return core, found
+        core = _worth_keeping(search, known, base)
+
+
 def _context(search: Search, best: Known) -> Known:
-    """What the rest of the machine does to the joint, if data left out of the fit and the held-out trials bear it out."""
-    context = _only(search, best, frozenset(name for name in best.names if search.effects[name].context))
+    """What the rest of the machine does to the joint, and what every sound one has of some effect, if data left out of the fit
+    and the held-out trials bear it out."""
+
+    def is_ordinary(known: Known, name: str) -> bool:
+        return 0.0 < _size(search, known, name) < search.effects[name].parameters[0].least
+
+    ordinary = {name for name in best.names if is_ordinary(best, name)}
+    context = _only(search, best, frozenset(n for n in best.names if search.effects[n].context) | ordinary)
+    # Without the causes such an effect may grow, and stand for a part of the gap.
+    context = _only(search, context, context.names - {n for n in ordinary if not is_ordinary(context, n)})
     plain = search.base
     better = search.left_out(context) < search.left_out(plain)
     return context if better and _heldout_square(search, context) <= _heldout_square(search, plain) else plain
 
 
-def _causes(search: Search, known: Known) -> list[str]:
-    """The named effects of a set."""
-    return sorted(name for name in known.names if search.effects[name].named)
+def _causes(search: Search, known: Known, base: Known) -> list[str]:
+    """The named effects of a set beside the context."""
+    return sorted(name for name in known.names - base.names if search.effects[name].named)
 
 
 def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
@@ -147,7 +169,7 @@ def _confirmed(search: Search, known: Known, base: Known) -> Known:
     floor = len(search.model.heldout.trial) * search.model.noise[1] ** 2
     without_any = _heldout_square(search, base)
     least = LEAST_SHARE * max(without_any - floor, 0.0)
-    while causes := _causes(search, known):
+    while causes := _causes(search, known, base):
         closes, shown = {}, {}
         known, smaller = search.taken_apart(known, causes)
         with_all = _heldout_square(search, known)
@@ -197,14 +219,29 @@ def fitted(search: Search, known: Known) -> Fitted:
     return Fitted(order, known.solution.values, known.solution.error, heldout)
 
 
-def _probability(search: Search, best: Known, name: str) -> tuple[float, float, tuple[str, ...]]:
-    """Of an effect of a set beside the sets without it or with another in its place, that it or one of these others is there,
-    and what these others are."""
+@dataclass(frozen=True, eq=False)
+class _Belief:
+    """In an effect of a set.
+
+    Attributes:
+        probability: that it is there, beside the sets without it or with another in its place. there: that it or one of these
+            others is. alike: names of those that are as likely, or as good. rival: the most probable set with another one; None
+            without any. most: its probability.
+    """
+
+    probability: float
+    there: float
+    alike: tuple[str, ...]
+    rival: Known | None
+    most: float
+
+
+def _believed(search: Search, best: Known, name: str) -> _Belief:
     smaller = search.without(best, name)
-    against, twins = {"": -search.gain(best, smaller)}, set()
+    against, options, twins = {"": -search.gain(best, smaller)}, {}, set()
     for option in search.replaced(smaller, name):
         other = next(iter(option.names - smaller.names))
-        against[other] = search.preference(option, best)
+        against[other], options[other] = search.preference(option, best), option
         # With as many numbers, and errors as large, only what a data sheet says of their sizes tells the two apart; where the
         # errors differ by less than a cause has to close, what the law leaves out may do it.
         as_good = search.telling(option, best) > np.log(CONFUSED)
@@ -214,10 +251,13 @@ def _probability(search: Search, best: Known, name: str) -> tuple[float, float, 
     weights = {other: float(np.exp(min(value, 700.0))) for other, value in against.items()}
     total = 1.0 + sum(weights.values())
     alike = {other for other, weight in weights.items() if weight / total >= CONFUSED} | twins
-    return (
+    rival = max(options, key=lambda other: weights[other], default=None)
+    return _Belief(
         1.0 / total,
         1.0 - weights[""] / total,
         tuple(o for o in weights if o in alike and o and search.effects[o].named),
+        options.get(rival),
+        weights.get(rival, 0.0) / total,
     )
 
 

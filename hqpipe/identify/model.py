@@ -59,6 +59,8 @@ class Effect:
         in_both: of two records, that both have it: no change, and so part of the machine beside which changes are judged.
         excludes: names of effects that mean the same in these logs, of which at most one is in a set.
         common: whether as many joints have it as not, as friction; others are as likely as one effect a joint makes them.
+        settled: numbers beside its parameters that the prediction takes from the logs by itself, as what an integrator held
+            when a trial began.
     """
 
     name: str
@@ -69,6 +71,7 @@ class Effect:
     in_both: bool = False
     excludes: frozenset[str] = frozenset()
     common: bool = False
+    settled: int = 0
 
 
 @dataclass(frozen=True)

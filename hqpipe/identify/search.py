@@ -172,7 +172,8 @@ class Search:
 
     def gain(self, large: Known, small: Known) -> float:
         """ln of the posterior odds of a set against a part of it."""
-        odds = sum(self.odds[name] for name in sorted(large.names - small.names))
+        more = large.names - small.names
+        odds = sum(self.odds[name] for name in sorted(more)) - self._settled(large, more)
         return log_bayes_factor(self.fitter, large.solution, large.covariance, small.solution) + odds
 
     def preference(self, one: Known, other: Known) -> float:
@@ -237,7 +238,8 @@ class Search:
             larger = self.grown_by(best, name) if best.names | {name} in self.known else None
             worth = 0.5 * promises.get(name, 0.0) / (best.covariance.noise * time)
             charge = 0.5 * len(effect.parameters) * float(np.log(max(independent, 1.0)))
-            self.gains[name] = self.gain(larger, best) if larger else worth - charge + self.odds[name]
+            charge += self._settled(best, frozenset({name})) - self.odds[name]
+            self.gains[name] = self.gain(larger, best) if larger else worth - charge
 
     def addable(self, names: Names) -> list[str]:
         """Effects that may join a set."""
@@ -290,9 +292,23 @@ class Search:
         ranked = self.screening.screened(smaller, others)[:_REPLACED]
         return [self.grown_by(smaller, other) for gain, other in ranked if gain >= _PROMISED * needed]
 
+    def _settled(self, known: Known, names: Names) -> float:
+        """ln of the price of what effects settle by themselves, each number charged as by Schwarz (1978): half the logarithm of
+        the independent samples of a trial.
+
+        Args:
+            known: a set, whose errors say how many samples are independent. names: of the effects.
+        """
+        numbers = sum(self.effects[name].settled for name in names)
+        if not numbers or not np.isfinite(known.solution.square):
+            return 0.0
+        error, fit = known.solution.error, self.model.fit
+        independent = len(error) / correlation_time(error, fit) / max(len(np.unique(fit.trial)), 1)
+        return 0.5 * numbers * float(np.log(max(independent, 1.0)))
+
     def _price(self, known: Known) -> float:
         places = np.arange(len(self.model.base), len(known.solution.free))
-        odds = sum(self.odds[name] for name in sorted(known.names))
+        odds = sum(self.odds[name] for name in sorted(known.names)) - self._settled(known, known.names)
         return occam(self.fitter, known.solution, known.covariance, places) + odds
 
     def _fit(

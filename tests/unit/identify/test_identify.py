@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from identify.toy_joint import ToyJoint
 
+from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.found import JointFound
 from hqpipe.identify.identify import identify
 from hqpipe.identify.joint_search import JointSearch
@@ -94,6 +95,26 @@ def test_two_large_causes_that_can_take_each_others_part_are_both_named():
     gap = np.mean(joint.base.error**2)
     closes = np.mean(joint.without["spring"].error ** 2) - np.mean(joint.named.error**2)
     assert closes < 0.01 * gap, "by itself it closes next to nothing"
+
+
+@pytest.mark.parametrize("stiffness, cause", [(0.2, False), (0.4, True)])
+def test_what_every_sound_machine_has_of_an_effect_stands_beside_the_base(stiffness, cause):
+    model = ToyJoint(truth={"spring": stiffness, "coulomb_friction": 0.3}, seed=3)
+    ordinary = (Parameter("nm_per_rad", "N·m/rad", 0.0, 0.5, least=0.3),)
+    model.effects = tuple(replace(e, parameters=ordinary) if e.name == "spring" else e for e in model.effects)
+    (joint,) = _found(model)
+    assert set(_names(joint)) == ({"spring", "coulomb_friction"} if cause else {"coulomb_friction"})
+    assert joint.base.effects == (() if cause else ("spring",))
+
+
+def test_what_the_prediction_settles_by_itself_has_its_price():
+    model = ToyJoint(truth={"spring": 0.5}, seed=3)
+    search = Search(model, prior_odds(model, {}, 0))
+    spring = search.grown_by(search.base, "spring")
+    free = search.gain(spring, search.base)
+    search.effects["spring"] = replace(search.effects["spring"], settled=2)
+    independent = 0.5 * len(model.fit.trial) / correlation_time(spring.solution.error, model.fit)
+    assert free - search.gain(spring, search.base) == pytest.approx(np.log(independent))
 
 
 @pytest.mark.parametrize("stiffness, names", [(0.02, []), (0.06, ["spring"])])
