@@ -28,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "recovery"))
 from closed_loop_truth import Sensors, trot
 from hydraulic_truth import RADIUS, TRUTH, log_set
 
-from hqpipe.gap.share import wilson
+from hqpipe.benchmark.score.share import wilson
 from hqpipe.identify.paper_model.fit_actuator import fit_actuator
 from hqpipe.identify.paper_model.problem import COEFFICIENTS, Problem
 from hqpipe.identify.paper_model.results import FitResult, JointFit

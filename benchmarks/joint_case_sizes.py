@@ -14,13 +14,15 @@ import argparse
 
 import numpy as np
 
-from hqpipe.benchmark import cylinder, electric, force_cylinder
-from hqpipe.benchmark.cylinder_record import KEEP, dead_times, references
-from hqpipe.benchmark.electric_record import record
-from hqpipe.benchmark.families import FAMILIES
-from hqpipe.benchmark.force_record import run as run_force
-from hqpipe.benchmark.hydraulics import run_cylinders
-from hqpipe.benchmark.planted import SIZES
+from hqpipe.benchmark.cases.cylinder import machine as cylinder
+from hqpipe.benchmark.cases.cylinder.hydraulics import run_cylinders
+from hqpipe.benchmark.cases.cylinder.record import KEEP, dead_times, references
+from hqpipe.benchmark.cases.electric import machine as electric
+from hqpipe.benchmark.cases.electric.record import record
+from hqpipe.benchmark.cases.families import FAMILIES
+from hqpipe.benchmark.cases.force_cylinder import machine as force_cylinder
+from hqpipe.benchmark.cases.force_cylinder.record import run as run_force
+from hqpipe.benchmark.cases.planted import SIZES
 
 
 def electric_change(machine: electric.ElectricMachine, faulty: electric.ElectricMachine) -> list[float]:

@@ -15,13 +15,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from hqpipe.benchmark.legged_cases import plant, shows
-from hqpipe.benchmark.legged_draw import LeggedMachine, draw_machine, with_settings
-from hqpipe.benchmark.legged_effects import RECIPES, LeggedRecipe
-from hqpipe.benchmark.legged_outside import OUTSIDE
-from hqpipe.benchmark.legged_record import record
-from hqpipe.benchmark.legged_robots import ROBOTS
-from hqpipe.benchmark.planted import SIZES
+from hqpipe.benchmark.cases.legged.draw import LeggedMachine, draw_machine, with_settings
+from hqpipe.benchmark.cases.legged.effects import RECIPES, LeggedRecipe
+from hqpipe.benchmark.cases.legged.outside import OUTSIDE
+from hqpipe.benchmark.cases.legged.record import record
+from hqpipe.benchmark.cases.legged.robots import ROBOTS
+from hqpipe.benchmark.cases.legged_cases import plant, shows
+from hqpipe.benchmark.cases.planted import SIZES
 
 
 def short(machine: LeggedMachine, seconds: float) -> LeggedMachine:

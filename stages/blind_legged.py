@@ -8,7 +8,7 @@ from typing import Any
 
 def make_legged_case(case: Any, out: Path) -> None:
     """Simulate one case and its machines without effects; nothing half-made is left under its name."""
-    from hqpipe.benchmark.legged_cases import write
+    from hqpipe.benchmark.cases.legged_cases import write
     from hqpipe.logs.writer import LogSetWriter
     from hqpipe.stages.blind_make import HALF_MADE, TRUTH, put_in_place, truth_sets
 
@@ -21,7 +21,7 @@ def make_legged_case(case: Any, out: Path) -> None:
 
 def legged_answer(case: Any) -> dict[str, Any]:
     """What is wrong in a case, JSON-able; the machines without effects keep what is ordinary."""
-    from hqpipe.benchmark.legged_cases import describe
+    from hqpipe.benchmark.cases.legged_cases import describe
     from hqpipe.stages.blind_make import truth_folders
 
     return {

@@ -32,8 +32,9 @@ def make(
 
     Args:
         count: how many cases. seed: of everything. out: folder. workers: processes; the result does not depend on them.
-        kinds: of `hqpipe.plant.cases`, `hqpipe.benchmark.cases` or `hqpipe.benchmark.legged_cases`; none for the usual mixture.
-        machine: "quadruped", "legged", or one of `hqpipe.benchmark.cases`.
+        kinds: of `hqpipe.plant.cases`, or of `joint_cases` or `legged_cases` of `hqpipe.benchmark.cases`; none for the usual
+            mixture.
+        machine: "quadruped", "legged", or one of `hqpipe.benchmark.cases.joint_cases`.
 
     Returns:
         How many cases had to be made.
@@ -61,11 +62,11 @@ def _plan(count: int, seed: int, kinds: Sequence[str], machine: str) -> tuple[Se
 
         return cases(count, seed, kinds), make_case
     if machine == LEGGED:
-        from hqpipe.benchmark.legged_cases import cases as legged_cases
+        from hqpipe.benchmark.cases.legged_cases import cases as legged_cases
         from hqpipe.stages.blind_legged import make_legged_case
 
         return legged_cases(count, seed, kinds), make_legged_case
-    from hqpipe.benchmark.cases import cases as joint_cases
+    from hqpipe.benchmark.cases.joint_cases import cases as joint_cases
     from hqpipe.stages.blind_joints import make_joint_case
 
     return joint_cases(count, seed, machine, kinds), make_joint_case

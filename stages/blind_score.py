@@ -28,9 +28,9 @@ def score_folder(folder: Path, without: Sequence[str], workers: int, progress: P
     Raises:
         LogError, UsageError: not such a folder, or no case has the effects.
     """
-    from hqpipe.gap.blind import ORACLE_KINDS, score
-    from hqpipe.gap.blind_limit import KIND as FAINT
-    from hqpipe.gap.blind_truth import CHANGE, read_answers
+    from hqpipe.benchmark.score.all_cases import ORACLE_KINDS, score
+    from hqpipe.benchmark.score.limit import KIND as FAINT
+    from hqpipe.benchmark.score.truth import CHANGE, read_answers
     from hqpipe.report.blind_page import write_page
 
     answers = read_answers(folder)
@@ -129,12 +129,12 @@ def truth_gaps(
     """Base gaps of a case ("with") and of its machines without effects, kept in truth/<case>/true_gaps.json.
 
     Args:
-        folder: of the cases. case: name. sets: name of a set as in `hqpipe.gap.blind_truth.Gaps` → its log set.
+        folder: of the cases. case: name. sets: name of a set as in `hqpipe.benchmark.score.truth.Gaps` → its log set.
         layers: the first that the logs allow gives the base model; none for the paper's four coefficients.
     """
+    from hqpipe.benchmark.score.layer import layer_gaps
+    from hqpipe.benchmark.score.truth import base_gap, scales
     from hqpipe.errors import IdentificationError
-    from hqpipe.gap.blind_layer import layer_gaps
-    from hqpipe.gap.blind_truth import base_gap, scales
 
     path = folder / "truth" / case / GAPS
     if kept := _read(path):
@@ -154,7 +154,7 @@ def truth_gaps(
 
 def case_library(folder: Path, case: str) -> list[str]:
     """Effects that the layers ask for in the logs of a case, kept in truth/<case>/library.json."""
-    from hqpipe.gap.blind_layer import library_of
+    from hqpipe.benchmark.score.layer import library_of
 
     path = folder / "truth" / case / LIBRARY
     if (kept := _read(path)) is None:
@@ -164,7 +164,7 @@ def case_library(folder: Path, case: str) -> list[str]:
 
 def gap_sets(truth: dict[str, Any]) -> dict[str, str]:
     """Set name → folder, from the field `truth` of an answer."""
-    from hqpipe.gap.blind_truth import alone, lacking
+    from hqpipe.benchmark.score.truth import alone, lacking
 
     return (
         {"all": truth["all"]}
@@ -174,7 +174,7 @@ def gap_sets(truth: dict[str, Any]) -> dict[str, str]:
 
 
 def _gaps(folder: Path, answers: Sequence[Any], workers: int, progress: Progress) -> dict[str, Any]:
-    from hqpipe.gap.blind_layer import layers_of
+    from hqpipe.benchmark.score.layer import layers_of
 
     calls = {a.case: (folder, a.case, gap_sets(a.truth), layers_of(a)) for a in answers if a.truth["all"]}
     found = in_processes(truth_gaps, calls, workers, lambda done, name: progress(done, len(calls), "true gaps"))
@@ -183,7 +183,7 @@ def _gaps(folder: Path, answers: Sequence[Any], workers: int, progress: Progress
 
 def _libraries(folder: Path, answers: Sequence[Any], workers: int, progress: Progress) -> dict[str, tuple[str, ...]]:
     """Case → effects that its logs are asked for: those of the actuator's chain, or of the layers that judge its logs."""
-    from hqpipe.gap.blind_layer import layers_of
+    from hqpipe.benchmark.score.layer import layers_of
     from hqpipe.machine import EFFECTS
 
     calls = {a.case: (folder, a.case) for a in answers if layers_of(a)}
@@ -195,7 +195,7 @@ def _libraries(folder: Path, answers: Sequence[Any], workers: int, progress: Pro
 
 
 def _judged(answer: Any, results: Path, gaps: Any, without: tuple[str, ...], library: Collection[str]) -> Any:
-    from hqpipe.gap.blind_case import Judged
+    from hqpipe.benchmark.score.case import Judged
     from hqpipe.gap.diagnosis import errors_left
 
     place = results / answer.case
@@ -206,7 +206,7 @@ def _judged(answer: Any, results: Path, gaps: Any, without: tuple[str, ...], lib
 
 
 def _check_names(without: Sequence[str], answers: Sequence[Any]) -> None:
-    from hqpipe.gap.blind_limit import KIND as FAINT
+    from hqpipe.benchmark.score.limit import KIND as FAINT
 
     known = sorted({e.effect for a in answers if a.kind != FAINT for e in a.effects if not e.outside})
     for name in without:

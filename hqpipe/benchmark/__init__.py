@@ -1,1 +1,1 @@
-"""Withheld cases of servos, arms and cylinders: simulated machines that share no code with what is judged on their logs."""
+"""Withheld cases: what makes them, and the score of a diagnosis on them."""

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from hqpipe.benchmark.score.truth import read_answers
 from hqpipe.cli import run_cli
 from hqpipe.errors import UsageError
-from hqpipe.gap.blind_truth import read_answers
 from hqpipe.machine import EFFECTS
 from hqpipe.plant.cases import Case, cases
 from hqpipe.stages import STAGES, blind_machine, blind_make, blind_score

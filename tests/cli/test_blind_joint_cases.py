@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from hqpipe.benchmark.score.truth import ANSWERS, FORMAT
 from hqpipe.errors import UsageError
-from hqpipe.gap.blind_truth import ANSWERS, FORMAT
 from hqpipe.machine import EFFECTS
 from hqpipe.stages import blind_score
 
@@ -78,8 +78,8 @@ def asked(monkeypatch) -> list[tuple]:
 
     monkeypatch.setattr(blind_score, "in_processes", in_this_process)
     monkeypatch.setattr(blind_score, "diagnose_case", diagnosed)
-    monkeypatch.setattr("hqpipe.gap.blind_layer.library_of", lambda folder: LIBRARY)
-    monkeypatch.setattr("hqpipe.gap.blind_layer.layer_gaps", gaps)
+    monkeypatch.setattr("hqpipe.benchmark.score.layer.library_of", lambda folder: LIBRARY)
+    monkeypatch.setattr("hqpipe.benchmark.score.layer.layer_gaps", gaps)
     return calls
 
 

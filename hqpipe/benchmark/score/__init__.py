@@ -1,0 +1,1 @@
+"""The score of a diagnosis on cases whose effects were withheld."""
