@@ -26,10 +26,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from log_degradations import Planted, Trials, by_seed, variants
 
 from hqpipe.errors import HqpipeError
-from hqpipe.gap.confirm import confirmed
+from hqpipe.gap.checks.confirm import confirmed
+from hqpipe.gap.checks.sanity import check_logs
 from hqpipe.gap.intake import take_in
 from hqpipe.gap.layer_intake import position_checks
-from hqpipe.gap.sanity import check_logs
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.logs.trajectory import LogSet
 

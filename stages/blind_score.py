@@ -117,7 +117,7 @@ def diagnose_case(case: Path, output: Path, without: tuple[str, ...], reference:
 
 def _earlier(reference: Path) -> Any:
     """The earlier record of a machine, as `hqpipe diagnose --reference` takes it from logs."""
-    from hqpipe.gap.since import EarlierLogs
+    from hqpipe.gap.change.since import EarlierLogs
     from hqpipe.logs.log_set import read_log_set
 
     return EarlierLogs(read_log_set(reference))

@@ -112,7 +112,7 @@ def _parts(context: Any, stages: Any) -> dict[str, Any]:
                 fix=f"give a folder that {part.command} made",
             )
     if "diagnosis" in parts:
-        from hqpipe.gap.schema import read_diagnosis
+        from hqpipe.gap.answer.schema import read_diagnosis
 
         read_diagnosis(parts["diagnosis"].folder / "diagnosis.json")
     return parts

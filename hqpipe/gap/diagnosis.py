@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 
 from hqpipe.errors import IdentificationError
-from hqpipe.gap.answer import not_identifiable
-from hqpipe.gap.diagnosis_files import FILE, TABLE, TRACES, Diagnosis, Row, errors_left, write_diagnosis
+from hqpipe.gap.answer.diagnosis_files import FILE, TABLE, TRACES, Diagnosis, Row, errors_left, write_diagnosis
+from hqpipe.gap.answer.head import not_identifiable
+from hqpipe.gap.change.position_record import PositionRecord, position_record
+from hqpipe.gap.change.since import EarlierLogs, EarlierModel
+from hqpipe.gap.change.since_intake import only_known
 from hqpipe.gap.intake import Intake, take_in
 from hqpipe.gap.layer_diagnosis import apply_layer, diagnose_layer
 from hqpipe.gap.layer_intake import position_checks
 from hqpipe.gap.position_layer import diagnose_position
-from hqpipe.gap.position_record import PositionRecord, position_record
 from hqpipe.gap.routing import ACTUATOR, JOINT_MOTION, TORQUE, Route, has_law, route, route_since
-from hqpipe.gap.since import EarlierLogs, EarlierModel
-from hqpipe.gap.since_intake import only_known
 from hqpipe.identify.identify import Progress
 from hqpipe.logs.end_stops import Travel, mark_end_stops
 from hqpipe.logs.trajectory import LogSet

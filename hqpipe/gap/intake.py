@@ -14,14 +14,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hqpipe.errors import IdentificationError
-from hqpipe.gap.confirm import confirmed
-from hqpipe.gap.defect import Defect
-from hqpipe.gap.left_out import LeftOut, leave_out, of_joints, without_trials
-from hqpipe.gap.repair import repairs
-from hqpipe.gap.sanity import check_logs
-from hqpipe.gap.sanity_order import order_defects
-from hqpipe.gap.sensing import channel_warnings
-from hqpipe.gap.signs import SignedLogs, restore_efforts
+from hqpipe.gap.checks.confirm import confirmed
+from hqpipe.gap.checks.defect import Defect
+from hqpipe.gap.checks.left_out import LeftOut, leave_out, of_joints, without_trials
+from hqpipe.gap.checks.repair import repairs
+from hqpipe.gap.checks.sanity import check_logs
+from hqpipe.gap.checks.sanity_order import order_defects
+from hqpipe.gap.checks.sensing import channel_warnings
+from hqpipe.gap.checks.signs import SignedLogs, restore_efforts
 from hqpipe.identify.free_run import window_samples
 from hqpipe.identify.window_choice import MIN_WINDOWS, WindowChoice, window_for
 from hqpipe.logs.columns import COMMAND_CHANNEL, joint_column

@@ -9,21 +9,21 @@ from typing import Any
 import numpy as np
 
 from hqpipe.errors import IdentificationError, UsageError
-from hqpipe.gap.answer import not_identifiable
-from hqpipe.gap.beyond_fit import beyond_fit
-from hqpipe.gap.cross_check import CrossCheck
-from hqpipe.gap.diagnosis_files import Diagnosis, Row
-from hqpipe.gap.layer_answer import layer_content
-from hqpipe.gap.layer_causes import merge_causes, shares, unsigned_joints
-from hqpipe.gap.layer_errors import LayerErrors, layer_errors
-from hqpipe.gap.layer_traces import layer_traces
-from hqpipe.gap.layer_verdict import weigh_layer
-from hqpipe.gap.layer_visible import unseen_changes
-from hqpipe.gap.left_out import LeftOut, of_joints
-from hqpipe.gap.locate import Place, locate
-from hqpipe.gap.second_channel import scale_errors, settle_offsets
-from hqpipe.gap.since import FAMILIAR, EarlierLogs, EarlierModel
-from hqpipe.gap.tally import ALL
+from hqpipe.gap.answer.diagnosis_files import Diagnosis, Row
+from hqpipe.gap.answer.head import not_identifiable
+from hqpipe.gap.answer.layer_answer import layer_content
+from hqpipe.gap.answer.layer_causes import merge_causes, shares, unsigned_joints
+from hqpipe.gap.answer.layer_verdict import weigh_layer
+from hqpipe.gap.answer.layer_visible import unseen_changes
+from hqpipe.gap.answer.second_channel import scale_errors, settle_offsets
+from hqpipe.gap.change.since import FAMILIAR, EarlierLogs, EarlierModel
+from hqpipe.gap.checks.cross_check import CrossCheck
+from hqpipe.gap.checks.left_out import LeftOut, of_joints
+from hqpipe.gap.residuals.beyond_fit import beyond_fit
+from hqpipe.gap.residuals.layer_errors import LayerErrors, layer_errors
+from hqpipe.gap.residuals.layer_traces import layer_traces
+from hqpipe.gap.residuals.locate import Place, locate
+from hqpipe.gap.residuals.tally import ALL
 from hqpipe.identify.found import JointCause, JointFound, LayerFound
 from hqpipe.identify.identify import Progress, identify
 from hqpipe.identify.model import JointModel, LayerJoints

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from hqpipe.gap.left_out import LeftOut, without_trials
-from hqpipe.gap.sanity_order import order_defects
-from hqpipe.gap.sensing import channel_warnings
+from hqpipe.gap.checks.left_out import LeftOut, without_trials
+from hqpipe.gap.checks.sanity_order import order_defects
+from hqpipe.gap.checks.sensing import channel_warnings
 from hqpipe.logs.trajectory import LogSet
 
 

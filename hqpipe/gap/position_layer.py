@@ -9,15 +9,15 @@ import numpy as np
 
 from hqpipe.actuators.augmented import OF_THE_LOG, Augmented
 from hqpipe.errors import IdentificationError
-from hqpipe.gap.answer import not_identifiable
-from hqpipe.gap.diagnosis_files import Diagnosis
+from hqpipe.gap.answer.diagnosis_files import Diagnosis
+from hqpipe.gap.answer.head import not_identifiable
+from hqpipe.gap.answer.second_channel import measured
+from hqpipe.gap.change.position_record import PositionRecord
+from hqpipe.gap.change.since import EarlierModel
 from hqpipe.gap.fitted_joints import FittedJoints
 from hqpipe.gap.intake import LONGER, Intake
 from hqpipe.gap.layer_diagnosis import Since, familiar_errors, known_then, layer_diagnosis
 from hqpipe.gap.left_joints import plain_joints, whole_actuator
-from hqpipe.gap.position_record import PositionRecord
-from hqpipe.gap.second_channel import measured
-from hqpipe.gap.since import EarlierModel
 from hqpipe.identify.change import Changed, KnownJoint
 from hqpipe.identify.found import JointFound, LayerFound
 from hqpipe.identify.identify import Progress, identify

@@ -23,7 +23,7 @@ from hqpipe.logs.trajectory import LogSet, Trajectory
 
 LEAST_SAMPLES = 10  # in a window; assumption: fewer are hardly more than one step ahead
 FEWEST_SAMPLES = 4  # where ten would leave too few windows; assumption
-MIN_WINDOWS = 20  # of each split, as hqpipe.gap.sanity asks for
+MIN_WINDOWS = 20  # of each split, as hqpipe.gap.checks.sanity asks for
 LADDER = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0)
 """Windows that are tried, over the shortest one; the last is the furthest past that is looked at."""
 NEARER = (0.25, 0.5, 0.75)  # pasts that are looked at beside, likewise

@@ -197,7 +197,7 @@ class Effect:
         experiment: what to record so that it shows.
         advice: what an engineer can do about it, in a sentence of the report.
         shows_as: kinds of error that logs show of it: friction, load friction, load, offset, late, limit, play, gain, warming;
-            what to record to tell two of a kind apart is in hqpipe.gap.layer_experiment.
+            what to record to tell two of a kind apart is in hqpipe.gap.answer.layer_experiment.
         blocks, states, constants: what it does in the chain; no blocks: it is read off other channels, see hqpipe.gap.
         multiplies: coefficients of the base whose rates it does nothing but multiply by one number. They take it up completely,
             so that no fit finds it; only between two records of a machine it shows, as a ratio. Where a change of the machine

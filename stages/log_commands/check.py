@@ -44,9 +44,9 @@ def check(folder: Path, strict: bool, as_json: bool) -> None:
 
 def _diagnosis_warnings(log_set: Any) -> list[str]:
     """What `hqpipe diagnose` checks in the channels beyond what reading them does."""
-    from hqpipe.gap.sanity import too_short
-    from hqpipe.gap.sanity_values import value_defects
-    from hqpipe.gap.sensing import channel_warnings
+    from hqpipe.gap.checks.sanity import too_short
+    from hqpipe.gap.checks.sanity_values import value_defects
+    from hqpipe.gap.checks.sensing import channel_warnings
 
     mismatched = [d for d in value_defects(log_set, set()) if d.kind == "velocity_mismatch"]
     found = channel_warnings([trial.trajectory for trial in log_set.trials])

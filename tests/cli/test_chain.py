@@ -14,7 +14,7 @@ import pytest
 import yaml
 
 from hqpipe.actuators.files import load_actuator
-from hqpipe.gap.schema import read_diagnosis
+from hqpipe.gap.answer.schema import read_diagnosis
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.stages import STAGES
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from planted_effects import TYPICAL, leaking, logs_of
 
+from hqpipe.gap.change.since import EarlierLogs
 from hqpipe.gap.diagnosis import diagnose
-from hqpipe.gap.since import EarlierLogs
 from hqpipe.machine.layout import slot
 
 

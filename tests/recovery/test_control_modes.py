@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 from control_mode_truth import JOINTS, NOISE, log_set
 
+from hqpipe.gap.change.since import EarlierLogs
 from hqpipe.gap.diagnosis import diagnose
-from hqpipe.gap.since import EarlierLogs
 
 SAMPLE_S = 1e-3
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from hqpipe.actuators.files import load_actuator
 from hqpipe.actuators.posterior_file import load_posterior
-from hqpipe.gap.schema import read_diagnosis
+from hqpipe.gap.answer.schema import read_diagnosis
 from hqpipe.pipeline.store import read_entry
 from hqpipe.rl.controller import read_wiring
 from hqpipe.rl.policy_io import load_policy

@@ -9,7 +9,7 @@ import numpy as np
 
 from hqpipe.benchmark.score.truth import QUADRUPED, Answer, Gap
 from hqpipe.errors import IdentificationError, LogError
-from hqpipe.gap.joint_scale import joint_scale, pooled
+from hqpipe.gap.residuals.joint_scale import joint_scale, pooled
 from hqpipe.gap.routing import ACTUATOR, route
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel, LayerJoints, Samples
@@ -108,7 +108,7 @@ def layer_gaps(folders: Mapping[str, Path], layers: Sequence[str]) -> dict[str, 
 
 
 def samples_scale(samples: Samples) -> float:
-    """What errors of a joint count against, in the unit of its output, see `hqpipe.gap.joint_scale`."""
+    """What errors of a joint count against, in the unit of its output, see `hqpipe.gap.residuals.joint_scale`."""
     return joint_scale([samples.output[samples.trial == index] for index in np.unique(samples.trial)])
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hqpipe.errors import LogError
-from hqpipe.gap.joint_scale import joint_scale, pooled
+from hqpipe.gap.residuals.joint_scale import joint_scale, pooled
 from hqpipe.identify.free_run import WINDOW_S, free_run
 from hqpipe.identify.paper_model.fit_actuator import fit_actuator
 from hqpipe.logs.log_set import read_log_set

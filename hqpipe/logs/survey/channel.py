@@ -15,7 +15,7 @@ from hqpipe.logs.wiring import saturation_limit
 COMMANDS = ("position_command", "effort_command", "valve_command")
 LIMITED = ("effort", "velocity", "valve_command", "pressure_a", "pressure_b")
 LEVELS = (
-    100  # steps within ±2 standard deviations; assumption: with fewer the steps show in a fit (as hqpipe.gap.sensing)
+    100  # steps within ±2 standard deviations; assumption: with fewer the steps show in a fit (as gap.checks.sensing)
 )
 
 

@@ -14,8 +14,8 @@ from planted_logs import logs_of, size
 
 from hqpipe.actuators.files import load_actuator
 from hqpipe.errors import ConfigError, IdentificationError
+from hqpipe.gap.answer.schema import read_diagnosis, validate_diagnosis
 from hqpipe.gap.diagnosis import FILE, TABLE, TRACES, diagnose, write_diagnosis
-from hqpipe.gap.schema import read_diagnosis, validate_diagnosis
 from hqpipe.machine import EFFECTS
 
 # A part of the library keeps these tests short; the search itself is tested with more.

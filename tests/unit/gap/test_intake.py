@@ -9,10 +9,10 @@ import pytest
 from plant_logs import broken, real, rows, values
 from planted_logs import logs_of
 
-from hqpipe.gap.defect import KINDS, Defect, of_channel
+from hqpipe.gap.checks.defect import KINDS, Defect, of_channel
+from hqpipe.gap.checks.left_out import leave_out
+from hqpipe.gap.checks.signs import restore_efforts
 from hqpipe.gap.intake import take_in
-from hqpipe.gap.left_out import leave_out
-from hqpipe.gap.signs import restore_efforts
 
 WINDOW_S = 0.1
 SHUFFLED = rows(lambda n: np.random.default_rng(0).permutation(n))

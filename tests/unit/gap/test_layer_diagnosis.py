@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from layer_cases import cause, held, layer_found, layer_joints, log_set, made_up, number, toy
 
-from hqpipe.gap.diagnosis_files import FILE, TABLE, TRACES, write_diagnosis
+from hqpipe.gap.answer.diagnosis_files import FILE, TABLE, TRACES, write_diagnosis
+from hqpipe.gap.answer.layer_experiment import _BETWEEN, next_experiment
+from hqpipe.gap.answer.schema import read_diagnosis
+from hqpipe.gap.change.since import EarlierLogs
 from hqpipe.gap.layer_diagnosis import Since, familiar_errors, known_then, layer_diagnosis
-from hqpipe.gap.layer_experiment import _BETWEEN, next_experiment
-from hqpipe.gap.schema import read_diagnosis
-from hqpipe.gap.since import EarlierLogs
 from hqpipe.identify.identify import identify
 from hqpipe.machine import EFFECTS
 from hqpipe.report.diagnosis_page import write_page

@@ -9,11 +9,11 @@ import pytest
 from plant_logs import broken, values
 from planted_logs import logs_of, planted, size
 
+from hqpipe.gap.checks.left_out import of_joints
 from hqpipe.gap.diagnosis import diagnose
 from hqpipe.gap.fitted_joints import FittedJoints
 from hqpipe.gap.intake import take_in
 from hqpipe.gap.left_joints import plain_joints, whole_actuator
-from hqpipe.gap.left_out import of_joints
 from hqpipe.layers.actuator import Actuator
 from hqpipe.machine.layout import slot
 

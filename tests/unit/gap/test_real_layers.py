@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from plant_logs import real
 
+from hqpipe.gap.change.since import EarlierLogs
 from hqpipe.gap.diagnosis import diagnose
-from hqpipe.gap.since import EarlierLogs
 
 for module in ("servo", "joint_motion"):
     pytest.importorskip(f"hqpipe.layers.{module}")

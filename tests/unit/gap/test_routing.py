@@ -12,10 +12,10 @@ from planted_logs import logs_of
 
 import hqpipe.gap.diagnosis as diagnosis
 from hqpipe.errors import IdentificationError, UsageError
-from hqpipe.gap.diagnosis_files import Diagnosis
+from hqpipe.gap.answer.diagnosis_files import Diagnosis
+from hqpipe.gap.change.since import EarlierLogs
 from hqpipe.gap.layer_diagnosis import layer_diagnosis
 from hqpipe.gap.routing import Route, route, route_since
-from hqpipe.gap.since import EarlierLogs
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from torque_strokes import STOP, log_set, rest_log_set
 
-from hqpipe.gap.base_fit import BaseFit
+from hqpipe.gap.checks.base_fit import BaseFit
 from hqpipe.layers.actuator.record import window_starts
 from hqpipe.logs.end_stops import at_end_stop, judged_windows, mark_end_stops
 

@@ -8,7 +8,7 @@ import pytest
 from damage import ANY_FILE, JSON_FILE, TEXT_FILE, refuses_every, survives_fields, survives_flips, write_json
 from diagnosis_cases import explained, write_case
 
-from hqpipe.gap.schema import read_diagnosis
+from hqpipe.gap.answer.schema import read_diagnosis
 from hqpipe.report.diagnosis_read import read_files
 
 

@@ -1,0 +1,121 @@
+"""What may be said of a layer: whether there is a gap, and whether the causes explain it.
+
+No real machine is in the span of a library of effects, so that even the right causes leave an error above the noise of the
+sensors. A gap counts as explained where the error comes close to the noise, or where the causes close most of it and little is
+left that a flexible model could still predict.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hqpipe.gap.residuals.bootstrap import block_weights
+from hqpipe.gap.residuals.layer_errors import LayerErrors
+from hqpipe.identify.found import Fitted
+
+EXPLAINED = 0.25  # of the squared error above the noise may be left in an explained gap; assumption
+SIGNIFICANCE = 0.05  # over all joints together (Bonferroni)
+FLOOR_MARGIN = 1.05  # the floor itself is an estimate, good to a few per cent
+UNPREDICTED_MARGIN = 2.0  # assumption: the floor takes noise for white; coloured noise is off by less
+MIN_EXPLAINED = 0.05  # of the squared residual: less is no use to a simulator
+PREDICTABLE = 0.10  # of the squared gap that a flexible model may still predict in an explained one; assumption
+MOST = 0.25  # of the squared gap that may be left then: the causes halve the gap at least; assumption
+
+
+@dataclass(frozen=True, eq=False)
+class LayerEvidence:
+    """Mean squared errors of the joints, (J,) each, in the squared unit of each.
+
+    Attributes:
+        before, after: without effects and with the causes. flexible: with the generic shapes besides; never more than `after`.
+        noise: what sensor noise leaves; never more than `flexible`. floor: what is no gap: the noise, or what an earlier record
+            missed when it was made.
+        persistence: of holding the output. scale: of the joints.
+        gap, rest: (J,) True where the error before and after the causes is above the floor and matters.
+        predictable: (J,) True where the flexible model explains part of what is left for certain.
+    """
+
+    before: np.ndarray
+    after: np.ndarray
+    flexible: np.ndarray
+    noise: np.ndarray
+    floor: np.ndarray
+    persistence: np.ndarray
+    scale: np.ndarray
+    gap: np.ndarray
+    rest: np.ndarray
+    predictable: np.ndarray
+
+    @property
+    def left(self) -> float:
+        """Share of the squared gap above the floor that is left."""
+        return _ratio(self._above(self.after), self._above(self.before))
+
+    @property
+    def open(self) -> float:
+        """Share of the squared gap that the flexible model could still close."""
+        still = (np.maximum(self.after - self.flexible, 0.0) / self.scale**2)[self.gap].sum()
+        return _ratio(float(still), self._above(self.before))
+
+    @property
+    def blind(self) -> bool:
+        """Whether what is left is as large as the error of holding the output."""
+        after, held = ((error / self.scale**2)[self.gap].sum() for error in (self.after, self.persistence))
+        return bool(self.gap.any() and after >= held)
+
+    def verdict(self, causes: bool) -> str:
+        if not causes:
+            return "unknown" if self.gap.any() else "no_gap"
+        if self.blind:
+            return "partly_explained"
+        near_floor = not self.rest.any() or self.left <= EXPLAINED
+        return "explained" if near_floor or (self.open <= PREDICTABLE and self.left <= MOST) else "partly_explained"
+
+    def _above(self, error: np.ndarray) -> float:
+        return float((np.maximum(error - self.floor, 0.0) / self.scale**2)[self.gap].sum())
+
+
+def _ratio(part: float, whole: float) -> float:
+    return min(part / whole, 1.0) if whole > 0.0 else 0.0
+
+
+def weigh_layer(errors: LayerErrors, familiar: np.ndarray | float = 0.0) -> LayerEvidence:
+    """Compare the errors of a layer with its floor and with what could be predicted.
+
+    Args:
+        familiar: (J,) mean squared error of an earlier record on its own logs, which is no change.
+    """
+    joints = errors.joints
+    before, after, full = (
+        np.array([joint.mean_square(getattr(joint.found, name)) for joint in joints])
+        for name in ("base", "named", "full")
+    )
+    flexible = np.minimum(full, after)
+    noise = np.minimum([joint.noise for joint in joints], flexible)  # what a model predicts was no noise
+    floor = np.maximum(noise, np.minimum(familiar, before))
+    held = [np.mean((joint.samples.output - joint.samples.held) ** 2) for joint in joints]
+    weights = block_weights(len(errors.trial_of_block))
+    gap, _ = _above(errors, [joint.found.base for joint in joints], before, flexible, floor, weights)
+    rest, predictable = _above(errors, [joint.found.named for joint in joints], after, flexible, floor, weights)
+    return LayerEvidence(before, after, flexible, noise, floor, np.array(held), errors.scale, gap, rest, predictable)
+
+
+def _above(
+    errors: LayerErrors,
+    fitted: list[Fitted],
+    error: np.ndarray,
+    flexible: np.ndarray,
+    floor: np.ndarray,
+    weights: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """(J,) where an error is above the floor for certain and matters, and where it is predictable for certain."""
+    joints, level = errors.joints, 100.0 * SIGNIFICANCE / len(errors.joints)
+    squares = [joint.error(f) ** 2 for joint, f in zip(joints, fitted, strict=True)]
+    gains = [square - joint.error(joint.found.full) ** 2 for joint, square in zip(joints, squares, strict=True)]
+    count = np.maximum(weights @ errors.counts, 1e-300)
+    low, gain = (np.percentile((weights @ errors.sums(x)) / count, level, axis=0) for x in (squares, gains))
+    predictable = (gain > 0.0) & (error - flexible >= MIN_EXPLAINED * error)
+    clear = (low > FLOOR_MARGIN * floor) & (predictable | (error > UNPREDICTED_MARGIN * floor))
+    return clear & (error - floor > (errors.material * errors.scale) ** 2), predictable

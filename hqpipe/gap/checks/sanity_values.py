@@ -1,0 +1,262 @@
+"""Channels judged by their values: a velocity that is not the derivative of the position, dead and clipped sensors."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import TypeVar
+
+import numpy as np
+
+from hqpipe.gap.checks.defect import Defect, of_channel
+from hqpipe.gap.checks.sanity_order import count, white_noise
+from hqpipe.logs.differentiate import differentiate
+from hqpipe.logs.trajectory import LogSet, Trajectory
+
+T = TypeVar("T")
+
+SPANS_S = (0.02, 0.06, 0.2, 0.6)  # over which travel and integrated velocity are compared; the best one counts
+CLEAR_TRAVEL = 5.0  # × the noise of travel and of integrated velocity: below it they need not agree; assumption
+ALIKE = 0.9  # squared correlation from which the slope between the two is that of their units; assumption
+UNLIKE = 0.5  # squared correlation below which one is not the derivative of the other; assumption
+TOLERANCE = 0.1  # of the slope: low-pass filters and encoder errors stay below it; assumption
+BLOCKS = 16
+SIGMAS = 5.0
+UNITS = {  # slope of the integrated velocity on the travel → what it means
+    180.0 / np.pi: "degrees per second (× 0.0174533)",
+    np.pi / 180.0: "radians per second where the position is in degrees",
+    30.0 / np.pi: "revolutions per minute (× 0.10472)",
+    0.5 / np.pi: "revolutions per second (× 6.28319)",
+    1000.0: "mm/s where the position is in m (× 0.001)",
+    0.001: "m/s where the position is in mm",
+}
+UNIT_MATCH = 0.05
+FROZEN_ROWS = 20  # a shorter run of one value is rounding or a pause; assumption
+FROZEN_FACTOR = 10.0  # × the travel of the partner in the longest usual run of one value; assumption
+FROZEN_SHARE = 0.2  # of the partner's standard deviation, likewise
+FROZEN_COUNTS = 20.0  # of the position, that the joint travels meanwhile: stiction holds it within less; assumption
+STILL_SHARE = 0.02  # of the samples: less costs little
+CLIP_RUN, CLIP_RUNS = 5, 3  # samples on end at the extreme, and how often; assumption
+CLIP_LEVELS = 50  # a signal of fewer levels is a square wave or coarsely quantised
+CLIP_SHOWN = 3  # limits in a message
+CLIP_SHARE = 0.02  # of the samples: less costs little
+CLIP_PILE = 10.0  # × as many samples at the extreme as on a level of the decile below it; assumption
+_MEASURED = ("effort", "velocity", "pressure_a", "pressure_b")
+Places = dict[tuple[str, int], dict[str, T]]
+"""(channel, joint) → file → what was found there."""
+_LIMITED_DRIVE = ("current", "estimate")  # such an effort is clipped where the drive itself is
+
+
+def value_defects(log_set: LogSet, skip: set[tuple[str, str]]) -> list[Defect]:
+    """Wrong velocities, frozen channels, clipped channels.
+
+    Args:
+        log_set: trials of one machine.
+        skip: (channel, file) that other checks have found broken.
+    """
+    slopes: dict[int, dict[str, float | None]] = defaultdict(dict)
+    frozen: Places[np.ndarray] = defaultdict(dict)
+    clipped: Places[tuple[float, float]] = defaultdict(dict)
+    for trial in log_set.trials:
+        t, file = trial.trajectory, trial.file
+        broken = {channel for channel, where_ in skip if where_ == file}
+        if t.velocity_source == "measured" and not broken & {"position", "velocity"}:
+            for j, slope in velocity_slopes(t).items():
+                slopes[j][file] = slope
+        for name, values in t.channels().items():
+            if name in broken or (name == "velocity" and t.velocity_source != "measured"):
+                continue
+            for j, rows in _frozen(t, name).items():
+                frozen[name, j][file] = rows
+            if name in _MEASURED:
+                for j in range(len(t.joints)):
+                    if found := clip(values[:, j]):
+                        clipped[name, j][file] = found
+    return _velocity(log_set, slopes) + _constant(log_set, frozen) + _clipped(log_set, clipped)
+
+
+def velocity_slopes(t: Trajectory) -> dict[int, float | None]:
+    """Joint → slope of the integrated velocity on the travel where it is not ±1, or None if they are unlike.
+
+    Over spans from 20 ms to 0.6 s the displacement is compared with the integral of the velocity. Noise in both
+    biases either regression towards a smaller slope; the true one lies between the regression of each on the
+    other (Frisch, 1934), and only a slope outside is reported.
+    """
+    total = np.concatenate([np.zeros((1, len(t.joints))), np.cumsum(t.velocity, axis=0)]) * t.dt
+    noise = white_noise(t.position) + count(t.position), white_noise(t.velocity) * t.dt
+    best = np.full(len(t.joints), -1.0)
+    found: dict[int, float | None] = {}
+    for span_s in SPANS_S:
+        span = max(2, round(span_s / t.dt))
+        now = np.arange(0, t.samples - span, max(1, span // 2))
+        if len(now) < 2 * BLOCKS:
+            break
+        travel = t.position[now + span] - t.position[now]
+        summed = total[now + span] - total[now]
+        travel, summed = travel - travel.mean(axis=0), summed - summed.mean(axis=0)
+        clear = travel.std(axis=0) > CLEAR_TRAVEL * noise[0]
+        clear &= summed.std(axis=0) > CLEAR_TRAVEL * noise[1] * np.sqrt(span)
+        xx, xy, yy = _blocks(travel, travel), _blocks(travel, summed), _blocks(summed, summed)
+        power = np.maximum(xx.sum(axis=0) * yy.sum(axis=0), np.finfo(float).tiny)
+        likeness = xy.sum(axis=0) ** 2 / power
+        for j in np.flatnonzero(clear & (likeness > best)):
+            best[j] = likeness[j]
+            found[int(j)] = _odd_slope(xx[:, j], xy[:, j], yy[:, j], float(likeness[j]))
+    return {j: None if slope == 0.0 else slope for j, slope in found.items() if slope != 1.0}
+
+
+def _blocks(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    edges = np.linspace(0, len(a), BLOCKS, endpoint=False).astype(int)
+    return np.add.reduceat(a * b, edges, axis=0)
+
+
+def _odd_slope(xx: np.ndarray, xy: np.ndarray, yy: np.ndarray, likeness: float) -> float:
+    """The slope if it is clearly not ±1; 1 if it may be, 0 if the two signals are unlike."""
+    if likeness < UNLIKE:
+        return 0.0
+    lower, upper = xy.sum() / xx.sum(), yy.sum() / xy.sum()
+    each = np.array([(xy.sum() - xy) / (xx.sum() - xx), (yy.sum() - yy) / (xy.sum() - xy)])
+    error = np.sqrt((BLOCKS - 1) * np.mean((each - each.mean(axis=1, keepdims=True)) ** 2, axis=1))
+    low, high = sorted((abs(lower), abs(upper)))
+    margin = SIGMAS * float(error.max())
+    off = low - margin > 1.0 + TOLERANCE or high + margin < 1.0 - TOLERANCE
+    return float(np.sign(lower) * np.sqrt(abs(lower * upper))) if off and likeness > ALIKE else 1.0
+
+
+def _velocity(log_set: LogSet, slopes: dict[int, dict[str, float | None]]) -> list[Defect]:
+    groups: dict[tuple[str, tuple[str, ...]], list[tuple[int, float | None]]] = defaultdict(list)
+    for j, files in slopes.items():
+        known = [slope for slope in files.values() if slope is not None]
+        slope = float(np.median(known)) if known else None
+        groups[_meaning(slope), tuple(files)].append((j, slope))
+    defects = []
+    for (meaning, files), members in groups.items():
+        joints = tuple(log_set.joints[j] for j, _ in members)
+        slope = members[0][1]
+        what = "is unlike the derivative of its position"
+        if slope is not None:
+            what = f"is {slope:.4g} times the derivative of its position"
+        what += f"{meaning}; correct it, or leave the column out and have it differentiated"
+        defects.append(of_channel("velocity_mismatch", "velocity", joints, files, len(log_set.trials), what))
+    return defects
+
+
+def _meaning(slope: float | None) -> str:
+    if slope is None:
+        return ""
+    for factor, text in UNITS.items():
+        if abs(abs(slope) / factor - 1.0) < UNIT_MATCH:
+            return f": it looks like {text}"
+    return ""
+
+
+def _partners(t: Trajectory, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Channels none of which changes much while `name` stands still, and by how much they must at least, (J,).
+
+    A command may rest, so it has none. A speed of a few counts is none: what it adds up to says nothing.
+    """
+    unit = count(t.position)
+    unit = np.where(unit > 0, unit, unit.max())  # a dead encoder shows no count of its own
+    nothing, least = np.zeros(len(t.joints)), FROZEN_COUNTS * unit
+    command = [] if t.position_command is None else [(t.position_command, least)]
+    if name == "position":
+        clear = np.where(np.abs(t.velocity) > CLEAR_TRAVEL * count(t.velocity), t.velocity, 0.0)
+        speed = [(np.cumsum(clear, axis=0) * t.dt, least)] if t.velocity_source == "measured" else []
+        return speed + command
+    if name == "velocity":
+        return [(differentiate(t.position, t.dt), nothing), (t.position, least)]
+    error = [(t.position_command - t.position, least)] if command else [(t.position, least)]
+    return error if name in ("effort", "pressure_a", "pressure_b") else []
+
+
+def _frozen(t: Trajectory, name: str) -> dict[int, np.ndarray]:
+    """Joint → (K,) rows in which the channel stands still while its partners travel as they never do else."""
+    found: dict[int, np.ndarray] = {}
+    values, partners = getattr(t, name), _partners(t, name)
+    for j in range(len(t.joints) if partners else 0):
+        edges = np.flatnonzero(np.diff(values[:, j]) != 0)
+        start, stop = np.concatenate([[0], edges + 1]), np.concatenate([edges, [t.samples - 1]])
+        long = stop - start >= FROZEN_ROWS
+        if not long.any():
+            continue
+        held = values[start, j]
+        for limit in (values[:, j].min(), values[:, j].max()):
+            returns = (held == limit).sum() >= CLIP_RUNS  # to its limit: such a channel is clipped, not dead
+            if returns or (len(held) > 1 and name not in ("position", "velocity")):
+                long &= held != limit
+        for partner, least in partners:
+            long &= _travels(partner[:, j], start, long, least[j])
+        if long.any() and (stop - start + 1)[long].sum() > STILL_SHARE * t.samples:
+            still = [np.arange(a, b + 1) for a, b in zip(start[long], stop[long], strict=True)]
+            found[j] = np.concatenate(still)
+    return found
+
+
+def _travels(partner: np.ndarray, start: np.ndarray, long: np.ndarray, least: float) -> np.ndarray:
+    """(runs,) True where the partner travels within a run of one value as it does in no usual run."""
+    travel = np.maximum.reduceat(partner, start) - np.minimum.reduceat(partner, start)
+    usual = np.quantile(travel[~long], 0.99) if (~long).sum() > FROZEN_ROWS else 0.0
+    noise = white_noise(partner[:, None])[0]
+    return travel > max(FROZEN_FACTOR * usual, FROZEN_SHARE * partner.std(), 2.0 * CLEAR_TRAVEL * noise, least)
+
+
+def _constant(log_set: LogSet, frozen: Places[np.ndarray]) -> list[Defect]:
+    groups: dict[tuple[str, tuple[str, ...]], list[int]] = defaultdict(list)
+    for (name, j), files in frozen.items():
+        groups[name, tuple(files)].append(j)
+    samples = {trial.file: trial.trajectory.samples for trial in log_set.trials}
+    defects = []
+    for (name, files), members in groups.items():
+        rows = {(file, log_set.joints[j]): frozen[name, j][file] for j in members for file in files}
+        share = max(len(there) / samples[file] for (file, _), there in rows.items())
+        what = (
+            f"stands still for {share:.0%} of the rows while the joint's other channels move: the sensor or its line is "
+            "dead there; cut the trial, or drop the channel"
+        )
+        joints = [log_set.joints[j] for j in members]
+        defects.append(of_channel("constant", name, joints, files, len(log_set.trials), what, rows=rows))
+    return defects
+
+
+def clip(values: np.ndarray) -> tuple[float, float] | None:
+    """Limit at which a (T,) signal is cut off, and the share of samples there; None if it is not."""
+    for limit in (values.max(), values.min()):
+        stuck = values == limit
+        share = float(stuck.mean())
+        if limit == 0.0 or share < CLIP_SHARE:
+            continue
+        edges = np.flatnonzero(np.diff(np.concatenate(([0], stuck.astype(np.int8), [0]))))
+        runs = edges[1::2] - edges[::2]
+        levels, numbers = np.unique(values, return_counts=True)
+        near = np.abs(levels - limit) < 0.1 * np.ptp(values)
+        near &= levels != limit
+        usual = numbers[near].mean() if near.any() else 1.0
+        if (runs >= CLIP_RUN).sum() >= CLIP_RUNS and len(levels) >= CLIP_LEVELS and stuck.sum() > CLIP_PILE * usual:
+            return float(limit), share
+    return None
+
+
+def _clipped(log_set: LogSet, clipped: Places[tuple[float, float]]) -> list[Defect]:
+    groups: dict[tuple[str, tuple[str, ...]], list[int]] = defaultdict(list)
+    for (name, j), files in clipped.items():
+        groups[name, tuple(files)].append(j)
+    values = {trial.file: trial.trajectory for trial in log_set.trials}
+    defects = []
+    for (name, files), members in groups.items():
+        own = name == "effort" and log_set.effort_source in _LIMITED_DRIVE
+        limits = [max(clipped[name, j].values(), key=lambda item: item[1]) for j in members]
+        figures = ", ".join(f"{limit:.6g} ({share:.0%} of the rows)" for limit, share in limits[:CLIP_SHOWN])
+        what = f"cut off at {figures}" + (
+            ": the drive's own limit, or the sensor's; widen the range if it is the sensor's"
+            if own
+            else ": values beyond the sensor's range are lost; widen its range"
+        )
+        rows = {
+            (file, log_set.joints[j]): np.flatnonzero(getattr(values[file], name)[:, j] == clipped[name, j][file][0])
+            for j in members
+            for file in files
+        }
+        joints = [log_set.joints[j] for j in members]
+        defects.append(
+            of_channel("saturated", name, joints, files, len(log_set.trials), what, fatal=not own, rows=rows)
+        )
+    return defects

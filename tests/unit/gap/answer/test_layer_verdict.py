@@ -1,0 +1,53 @@
+"""What may be said of a layer: the verdict, from the errors alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from layer_cases import cause, layer_found, log_set, made_up, toy
+
+from hqpipe.gap.answer.layer_verdict import weigh_layer
+from hqpipe.gap.residuals.layer_errors import layer_errors
+
+
+@pytest.fixture(scope="module")
+def model():
+    made = toy("hip", 0)
+    made.noise = (0.1, 0.1)
+    return made
+
+
+def verdict(model, base, named, full, causes):
+    found = layer_found(made_up(model, base, named, full, [cause("a")] if causes else []))
+    return weigh_layer(layer_errors(found, log_set([model]))).verdict(causes)
+
+
+@pytest.mark.parametrize(
+    ("base", "named", "full", "causes", "expected"),
+    [
+        (0.1, 0.1, 0.1, False, "no_gap"),
+        (5.0, 5.0, 5.0, False, "unknown"),
+        (5.0, 5.0, 2.0, False, "unknown"),
+        (5.0, 0.1, 0.1, True, "explained"),
+        (5.0, 1.5, 1.45, True, "explained"),  # far above the noise, but nothing more can be predicted
+        (5.0, 3.4, 2.0, True, "partly_explained"),
+        (5.0, 4.5, 4.5, True, "partly_explained"),  # most of it stays, whatever it is
+    ],
+)
+def test_verdict(model, base, named, full, causes, expected):
+    assert verdict(model, base, named, full, causes) == expected
+
+
+def test_an_error_that_is_certain_but_small_beside_the_motion_is_no_gap(model):
+    model_of_little_noise = toy("hip", 0)
+    model_of_little_noise.noise = (1e-4, 1e-4)
+    spread = np.std(model_of_little_noise.fit.output)
+    assert verdict(model_of_little_noise, 0.003 * spread, 0.003 * spread, 0.003 * spread, False) == "no_gap"
+    assert verdict(model_of_little_noise, 0.03 * spread, 0.03 * spread, 0.03 * spread, False) == "unknown"
+
+
+def test_what_an_earlier_record_missed_is_no_change(model):
+    found = layer_found(made_up(model, 5.0, 5.0, 5.0))
+    errors = layer_errors(found, log_set([model]))
+    assert weigh_layer(errors, np.array([26.0])).verdict(False) == "no_gap"
+    assert weigh_layer(errors, np.array([4.0])).verdict(False) == "unknown"

@@ -1,0 +1,116 @@
+"""Gain, offset and skew of the effort against the chamber pressures."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plant_logs import broken, plant_logs, real, values, without_pressures
+
+from hqpipe.gap.checks.cross_check import cross_check, infer_kinds
+
+
+def significant(logs, **kwargs):
+    return [(c.effect, c.joint, c.value) for c in cross_check(logs, **kwargs) if c.significant]
+
+
+def sensor(joint, **changes):
+    return json.dumps({"joints": {joint: {"sensors": changes}}})
+
+
+@pytest.mark.parametrize("source", ["pressure", "load_cell"])
+def test_sound_sensors(source):
+    logs = plant_logs((0, 1), source)
+    found = cross_check(logs)
+    assert len(found) == 3 * len(logs.joints)
+    assert [c for c in found if c.significant] == []
+    assert all(c.low <= c.value <= c.high for c in found)
+
+
+@pytest.mark.parametrize("source", ["pressure", "load_cell"])
+def test_gain_of_one_sensor(source):
+    logs = plant_logs(source=source, changes=sensor("LFK", effort_scale=1.1))
+    ((effect, joint, value),) = significant(logs)
+    assert (effect, joint) == ("torque_scale", "LFK")
+    assert value == pytest.approx(1.1, abs=0.01)
+
+
+def test_gain_of_all_sensors_needs_the_nominal_one():
+    logs = plant_logs(changes='{"sensors": {"effort_scale": 1.1}}')
+    assert significant(logs) == []
+    t = plant_logs().trials[0].trajectory
+    gains = {
+        joint: np.polyfit(t.pressure_a[:, j] - t.pressure_b[:, j], t.effort[:, j], 1)[0]
+        for j, joint in enumerate(logs.joints)
+    }
+    found = significant(logs, nominal=gains)
+    assert {joint for _, joint, _ in found} == set(logs.joints)
+    assert [value for _, _, value in found] == pytest.approx([1.1] * 12, abs=1e-3)
+
+
+@pytest.mark.parametrize("source", ["pressure", "load_cell"])
+def test_offset_of_one_sensor(source):
+    logs = plant_logs(source=source, changes=sensor("RFP", effort_bias=15.0))
+    ((effect, joint, value),) = significant(logs)
+    assert (effect, joint) == ("torque_bias", "RFP")
+    assert value == pytest.approx(15.0, abs=1.0)
+
+
+def test_skew_of_one_sensor_to_a_fraction_of_a_sample():
+    logs = plant_logs(changes=sensor("LFK", effort_delay=0.0035))
+    ((effect, joint, value),) = significant(logs)
+    assert (effect, joint) == ("channel_skew", "LFK")
+    assert value == pytest.approx(0.0035, abs=1e-4)
+
+
+def test_skew_of_load_cells_is_found_to_a_millisecond():
+    logs = plant_logs(source="load_cell", changes='{"sensors": {"effort_delay": 0.006}}')
+    found = [value for effect, _, value in significant(logs) if effect == "channel_skew"]
+    assert len(found) >= 8
+    assert found == pytest.approx([0.006] * len(found), abs=1.5e-3)
+
+
+def test_a_joint_at_rest_tells_no_gain():
+    """Friction holds whatever the load asks for: pressures that the effort does not follow then must not pass for a scale."""
+    logs = plant_logs(source="load_cell")
+    j, resting = logs.joints.index("LFK"), []
+    for trial in logs.trials:
+        t = trial.trajectory
+        still = np.abs(t.velocity[:, j]) < 0.04 * t.velocity[:, j].std()
+        assert 0.01 < still.mean() < 0.3
+        pressure = t.pressure_a.copy()
+        pressure[still, j] *= 1.5
+        resting.append(replace(trial, trajectory=replace(t, pressure_a=pressure)))
+    moved = replace(logs, trials=tuple(resting))
+
+    def scale(log_set):
+        return next(c.value for c in cross_check(log_set) if (c.effect, c.joint) == ("torque_scale", "LFK"))
+
+    assert scale(moved) == pytest.approx(1.0, abs=0.005)
+    assert abs(scale(replace(moved, effort_source="pressure")) - 1.0) > 0.02, "where nothing rubs, all rows count"
+
+
+def test_pistons_of_two_sizes():
+    """With unequal pistons the sum of the pressures counts too, and the offset is still that of the sensor."""
+
+    def unequal(t):
+        return 0.06 * (1.2e-3 * t.pressure_a - 0.9e-3 * t.pressure_b) + 7.0
+
+    logs = plant_logs()
+    changed = broken(logs, lambda t: replace(t, effort=unequal(t)))
+    found = [c for c in cross_check(changed) if c.effect == "torque_bias"]
+    assert [c.value for c in found] == pytest.approx([7.0] * 12, rel=0.02)
+
+
+def test_kinds_by_name():
+    assert infer_kinds(("LFR", "LFK", "RFR", "RFK", "LHR", "LHK"))["RFK"] == "K"
+    assert set(infer_kinds(("hip", "knee", "ankle")).values()) == {"joint"}
+
+
+def test_nothing_without_pressures_or_when_they_say_nothing():
+    assert cross_check(broken(plant_logs(), without_pressures)) == []
+    assert cross_check(real("emps")) == []
+    noise = np.random.default_rng(0).standard_normal((3000, 12))
+    assert cross_check(broken(plant_logs(), values("effort", lambda v: noise))) == []
