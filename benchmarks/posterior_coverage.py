@@ -25,7 +25,7 @@ from hqpipe.identify.paper_model.results import FitResult
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.rl.config import ActuatorRandomisationConfig
 from hqpipe.robots import robot_folder
-from hqpipe.stages.paper_fits import joint_constants
+from hqpipe.stages.fits.paper_fits import joint_constants
 
 DRAWS = 4000
 HALF_RANGE = ActuatorRandomisationConfig().half_range

@@ -35,7 +35,7 @@ COMMANDS = {
     "gc": ("hqpipe.pipeline.query_commands:gc", "Remove results that no current or last run of a profile needs."),
     "init": ("hqpipe.pipeline.query_commands:init", "Make a new project."),
     "logs": ("hqpipe.stages.log_commands:logs", "Import, check, show and export logs."),
-    "blind": ("hqpipe.stages.blind:blind", "Check the diagnosis on data whose effect is withheld."),
+    "blind": ("hqpipe.stages.blind.commands:blind", "Check the diagnosis on data whose effect is withheld."),
     "doctor": ("hqpipe.pipeline.query_commands:doctor", "Check that this machine is ready."),
 }
 """Command name → (where it is, one line of help)."""

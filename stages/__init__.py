@@ -72,5 +72,5 @@ STAGES = StageTable(
               inputs=(EXPORTED, *SHOWN), alone=True),
     ],
     template=Path(__file__).with_name("pipeline_template.yaml"),
-    robot_check="hqpipe.stages.robot_check:check_robot",
+    robot_check="hqpipe.stages.inputs.robot_check:check_robot",
 )

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from hqpipe.pipeline.config import StageParams
-from hqpipe.stages.figures import draw_training
-from hqpipe.stages.training import METRICS, Training, headline, run_training
+from hqpipe.stages.inputs.training import METRICS, Training, headline, run_training
+from hqpipe.stages.telling.figures import draw_training
 
 
 class Params(StageParams):

@@ -6,10 +6,10 @@ from typing import Any
 
 from hqpipe.errors import HqpipeError
 from hqpipe.pipeline.config import StageParams
-from hqpipe.stages.bounds import StressSeconds, TrialSeconds
-from hqpipe.stages.logs import STRESS
-from hqpipe.stages.plant_overrides import Plant
-from hqpipe.stages.stress import stress_jobs, write_stress
+from hqpipe.stages.inputs.bounds import StressSeconds, TrialSeconds
+from hqpipe.stages.inputs.logs import STRESS
+from hqpipe.stages.inputs.plant_overrides import Plant
+from hqpipe.stages.walks.stress import stress_jobs, write_stress
 
 # The paper: 20 s at 0.4 m/s to fit; one trial at 0.4 m/s and four at 1.0 m/s to judge (section IV-A).
 _WALKS = (
@@ -38,8 +38,8 @@ class Params(StageParams):
 
 def run(context: Any) -> dict[str, Any]:
     from hqpipe.robots import load_robot
-    from hqpipe.stages.figures import draw_distribution, draw_walk
-    from hqpipe.stages.machine import run_jobs
+    from hqpipe.stages.telling.figures import draw_distribution, draw_walk
+    from hqpipe.stages.walks.machine import run_jobs
 
     policy = context.inputs["policy"]
     policy = policy / "position" if (policy / "position").is_dir() else policy
@@ -99,7 +99,7 @@ def _write(context: Any, jobs: list[Any], trials: list[Any], header: dict[str, A
 
 
 def _jobs(context: Any) -> list[Any]:
-    from hqpipe.stages.machine import Job
+    from hqpipe.stages.walks.machine import Job
 
     base = 1000 * context.seed  # every trial has noise, and every walk a start, of its own
     seconds = context.params.walk_seconds

@@ -9,15 +9,15 @@ from typing import Annotated, Any
 from pydantic import AfterValidator
 
 from hqpipe.pipeline.config import StageParams
-from hqpipe.stages.bounds import Trainings, TrialSeconds, Walks
-from hqpipe.stages.compare_plant import walk_all
-from hqpipe.stages.compare_results import by_controller, loop_closed, walks
-from hqpipe.stages.compare_tell import draw, headline, tables
-from hqpipe.stages.compare_train import Trained, keep, train_all
-from hqpipe.stages.controllers import DIAGNOSIS, TITLES, NetKind, checked_names, read_controllers
-from hqpipe.stages.plant_overrides import Plant
-from hqpipe.stages.scenarios import SCENARIOS, known_scenarios
-from hqpipe.stages.training import METRICS, Training, write_rows
+from hqpipe.stages.comparison.controllers import DIAGNOSIS, TITLES, NetKind, checked_names, read_controllers
+from hqpipe.stages.comparison.plant import walk_all
+from hqpipe.stages.comparison.results import by_controller, loop_closed, walks
+from hqpipe.stages.comparison.tell import draw, headline, tables
+from hqpipe.stages.comparison.train import Trained, keep, train_all
+from hqpipe.stages.inputs.bounds import Trainings, TrialSeconds, Walks
+from hqpipe.stages.inputs.plant_overrides import Plant
+from hqpipe.stages.inputs.training import METRICS, Training, write_rows
+from hqpipe.stages.walks.scenarios import SCENARIOS, known_scenarios
 
 FORMAT = "hqpipe-comparison/1"
 _REWARD = "rollout/reward_mean"
@@ -47,7 +47,7 @@ class Params(StageParams):
 
 
 def run(context: Any) -> dict[str, Any]:
-    from hqpipe.stages.terminal import show
+    from hqpipe.stages.telling.terminal import show
 
     p = context.params
     controllers, left_out = read_controllers(context, p.controllers, p.nets)

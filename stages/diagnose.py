@@ -8,7 +8,7 @@ from pydantic import AfterValidator
 
 from hqpipe.errors import near_match
 from hqpipe.pipeline.config import StageParams
-from hqpipe.stages.bounds import WindowChoice
+from hqpipe.stages.inputs.bounds import WindowChoice
 
 
 def _known_effects(names: list[str]) -> list[str]:
@@ -42,10 +42,10 @@ def run(context: Any) -> dict[str, Any]:
     from hqpipe.machine import EFFECTS
     from hqpipe.report.diagnosis_page import write_page
     from hqpipe.report.diagnosis_table import diagnosis_table
-    from hqpipe.stages.closed_loop import close_loop, closed_loop_lines
-    from hqpipe.stages.earlier import REFERENCE, is_logs, read_earlier
-    from hqpipe.stages.logs import read_logs, stated_travel
-    from hqpipe.stages.terminal import show
+    from hqpipe.stages.inputs.earlier import REFERENCE, is_logs, read_earlier
+    from hqpipe.stages.inputs.logs import read_logs, stated_travel
+    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.walks.closed_loop import close_loop, closed_loop_lines
 
     largest = LARGEST // 2 if is_logs(context) else LARGEST  # both are in memory
     log_set = read_logs(context, most=largest)

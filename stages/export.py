@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from hqpipe.pipeline.config import StageParams
-from hqpipe.stages.bounds import within
+from hqpipe.stages.inputs.bounds import within
 
 
 class Params(StageParams):

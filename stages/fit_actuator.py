@@ -10,12 +10,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from hqpipe.pipeline.config import StageParams
-from hqpipe.stages.bounds import Iterations, WindowChoice, each_once, within
-from hqpipe.stages.constants import write_constants
-from hqpipe.stages.judging import judge, write_data_curve
-from hqpipe.stages.logs import FIT, read_logs
-from hqpipe.stages.paper_fits import FREE_RUNNING, SCOPES, both_models, joint_constants, paper_fits
-from hqpipe.stages.rivals import (
+from hqpipe.stages.fits.constants import write_constants
+from hqpipe.stages.fits.judging import judge, write_data_curve
+from hqpipe.stages.fits.paper_fits import FREE_RUNNING, SCOPES, both_models, joint_constants, paper_fits
+from hqpipe.stages.fits.rivals import (
     EVERY,
     NAMES,
     TITLES,
@@ -27,6 +25,8 @@ from hqpipe.stages.rivals import (
     rival_fits,
     stepped,
 )
+from hqpipe.stages.inputs.bounds import Iterations, WindowChoice, each_once, within
+from hqpipe.stages.inputs.logs import FIT, read_logs
 
 DataSeconds = Annotated[float, within(0.1, 1e6, "s; from a few windows to eleven days")]
 MOST_LENGTHS = 100  # each costs a fit of every model
@@ -59,8 +59,8 @@ def run(context: Any) -> dict[str, Any]:
     from hqpipe.identify.rivals.timing import timed
     from hqpipe.identify.window_choice import window_for
     from hqpipe.report.tables import coefficient_table
-    from hqpipe.stages.figures import draw_fit
-    from hqpipe.stages.terminal import show
+    from hqpipe.stages.telling.figures import draw_fit
+    from hqpipe.stages.telling.terminal import show
 
     log_set = read_logs(context)
     constants = joint_constants(context.robot, log_set.joints)

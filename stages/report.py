@@ -11,8 +11,8 @@ from pydantic import Field, model_validator
 
 from hqpipe.errors import ConfigError, UsageError
 from hqpipe.pipeline.config import FieldError, StageParams
-from hqpipe.stages.bounds import Speed, TrialSeconds, within
-from hqpipe.stages.plant_overrides import Plant
+from hqpipe.stages.inputs.bounds import Speed, TrialSeconds, within
+from hqpipe.stages.inputs.plant_overrides import Plant
 
 RECORD = "manifest.json"
 MOST_FRAMES = 600  # half a minute at 20 a second: below 500 MB of pictures in memory
@@ -62,8 +62,8 @@ def run(context: Any) -> dict[str, Any]:
     from hqpipe.report.chain_page import write_report
     from hqpipe.report.chain_parts import Chain
     from hqpipe.stages import STAGES
-    from hqpipe.stages.filmed_walk import Order, film_walk
-    from hqpipe.stages.terminal import show
+    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.walks.filmed_walk import Order, film_walk
 
     p = context.params
     parts = _parts(context, STAGES)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from hqpipe.pipeline.config import StageParams
-from hqpipe.stages.figures import draw_training
-from hqpipe.stages.training import METRICS, Training, headline, run_training
+from hqpipe.stages.inputs.training import METRICS, Training, headline, run_training
+from hqpipe.stages.telling.figures import draw_training
 
 
 class Params(StageParams):
@@ -19,8 +19,8 @@ def run(context: Any) -> dict[str, Any]:
     from hqpipe.actuators.files import load_actuator
     from hqpipe.actuators.posterior_file import load_posterior
     from hqpipe.robots import load_robot
-    from hqpipe.stages.logs import model_for
-    from hqpipe.stages.terminal import show
+    from hqpipe.stages.inputs.logs import model_for
+    from hqpipe.stages.telling.terminal import show
 
     actuator = model_for(context, load_robot(context.robot).joints)
     folder = context.inputs["actuator"]

@@ -9,9 +9,9 @@ from typing import Annotated, Any
 from pydantic import AfterValidator
 
 from hqpipe.pipeline.config import StageParams
-from hqpipe.stages.bounds import Threshold, TrialSeconds, Walks, within
-from hqpipe.stages.plant_overrides import Plant
-from hqpipe.stages.scenarios import SCENARIOS, Scenario, known_scenarios, run_scenarios
+from hqpipe.stages.inputs.bounds import Threshold, TrialSeconds, Walks, within
+from hqpipe.stages.inputs.plant_overrides import Plant
+from hqpipe.stages.walks.scenarios import SCENARIOS, Scenario, known_scenarios, run_scenarios
 
 _SHOWN = "forward_10"  # in walk.png, or else the first scenario
 _WORDS = {
@@ -29,12 +29,12 @@ class Params(StageParams):
         torque_nrmse: largest free-running torque error on held-out trials, over the torque's standard deviation.
         parity_rad: largest difference between ONNX Runtime and torch, rad.
         latency_us: largest median time of one call, µs; the policy has 10 ms.
-        scenarios: names of the trials on the plant, see `hqpipe.stages.scenarios`.
+        scenarios: names of the trials on the plant, see `hqpipe.stages.walks.scenarios`.
         walk_seeds: how many walks of each. walk_seconds: longest walk, s; shortens the scenarios.
         walk_falls: how many walks of a scenario may fall.
         walk_speed_error: largest error of a walk's mean speed, m/s. walk_drift: largest distance from its course, m.
         walk_yaw_error: largest error of the mean rate of a turn, rad/s. All three of the walks that do not fall;
-            `hqpipe.stages.scenarios` says where more is granted, or less.
+            `hqpipe.stages.walks.scenarios` says where more is granted, or less.
         plant: as in collect. strict: as in fit-actuator.
     """
 
@@ -58,8 +58,8 @@ Check = tuple[str, float | None, float]  # what, value, limit; a value of None i
 def run(context: Any) -> dict[str, Any]:
     from hqpipe.report.tables import scenario_table
     from hqpipe.rl.onnx_session import latency
-    from hqpipe.stages.figures import draw_walk
-    from hqpipe.stages.terminal import show
+    from hqpipe.stages.telling.figures import draw_walk
+    from hqpipe.stages.telling.terminal import show
 
     p = context.params
     torque = _torque_error(context)
@@ -133,8 +133,8 @@ def failure(what: str, value: float | None, limit: float) -> str:
 def _torque_error(context: Any) -> dict[str, float]:
     """Free-running error of the actuator model on held-out trials, beside persistence."""
     from hqpipe.identify.rivals.compare import PERSISTENCE, compare_models
-    from hqpipe.stages.logs import foreign_fit, model_for, read_logs
-    from hqpipe.stages.terminal import show
+    from hqpipe.stages.inputs.logs import foreign_fit, model_for, read_logs
+    from hqpipe.stages.telling.terminal import show
 
     log_set = read_logs(context)
     show(*(f"warning: {text}" for text in foreign_fit(context, log_set)))

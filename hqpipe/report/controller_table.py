@@ -88,7 +88,7 @@ def loop_lines(loop: Mapping[str, Any]) -> list[str]:
     """The gap as it was measured, and what policies trained with a model do better than the one without, in lines.
 
     Args:
-        loop: see `hqpipe.stages.compare_results.loop_closed`.
+        loop: see `hqpipe.stages.comparison.results.loop_closed`.
     """
     lines = []
     if gap := loop["gap"]:

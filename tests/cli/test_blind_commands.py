@@ -12,7 +12,10 @@ from hqpipe.cli import run_cli
 from hqpipe.errors import UsageError
 from hqpipe.machine import EFFECTS
 from hqpipe.plant.cases import Case, cases
-from hqpipe.stages import STAGES, blind_machine, blind_make, blind_score
+from hqpipe.stages import STAGES
+from hqpipe.stages.blind import machine as blind_machine
+from hqpipe.stages.blind import make as blind_make
+from hqpipe.stages.blind import score as blind_score
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from hqpipe.benchmark.score.truth import ANSWERS, FORMAT
 from hqpipe.errors import UsageError
 from hqpipe.machine import EFFECTS
-from hqpipe.stages import blind_score
+from hqpipe.stages.blind import score as blind_score
 
 LIBRARY = ("coulomb_friction", "torque_limit", "voltage_sag")
 

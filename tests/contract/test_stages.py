@@ -11,8 +11,8 @@ from hqpipe.actuators import files, posterior_file, weights_file
 from hqpipe.gap import diagnosis
 from hqpipe.pipeline.config import Configuration, StageParams
 from hqpipe.stages import ACTUATOR, DIAGNOSED, FITTED, MODEL, MODELS, STAGES
-from hqpipe.stages.controllers import ACTUATOR_FOLDERS
-from hqpipe.stages.logs import FIT
+from hqpipe.stages.comparison.controllers import ACTUATOR_FOLDERS
+from hqpipe.stages.inputs.logs import FIT
 
 ROOT = Path(__file__).parents[2]
 

@@ -19,7 +19,7 @@ from hqpipe.logs.trajectory import LogSet, Trial
 from hqpipe.plant import Plant, PlantConfig
 from hqpipe.plant.excitation import excitation
 from hqpipe.robots import load_robot
-from hqpipe.stages.constants import joint_designs
+from hqpipe.stages.fits.constants import joint_designs
 
 SECONDS, RADIUS = 6.0, 0.06
 JOINTS = ("LFR", "LFP")

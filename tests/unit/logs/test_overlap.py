@@ -223,7 +223,7 @@ def test_real_trick_is_refused(tmp_path):
 def test_stress_trials_that_repeat_a_fit_trial(folder):
     from types import SimpleNamespace
 
-    from hqpipe.stages.logs import read_stress
+    from hqpipe.stages.inputs.logs import read_stress
 
     put(folder / "stress", "drop.parquet", make_columns(seed=7))
     context = SimpleNamespace(inputs={"logs": folder}, params=SimpleNamespace(strict=False))

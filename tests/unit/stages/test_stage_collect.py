@@ -12,7 +12,7 @@ from hqpipe.logs.log_set import read_log_set
 from hqpipe.logs.writer import LogSetWriter
 from hqpipe.plant import Grip, Push
 from hqpipe.stages.collect import Params, _jobs, _stress_jobs
-from hqpipe.stages.stress import stress_jobs, write_stress
+from hqpipe.stages.walks.stress import stress_jobs, write_stress
 
 
 def context(**params) -> SimpleNamespace:
@@ -33,7 +33,7 @@ def test_a_walk_starts_as_its_seed_says(monkeypatch, tmp_path):
     """Posture, heading, clock and order of the plant's walk; without `repeat` the nominal ones."""
     from hqpipe.plant.repeat import repeat
     from hqpipe.robots import load_robot, robot_folder
-    from hqpipe.stages import machine
+    from hqpipe.stages.walks import machine
 
     folder = robot_folder("hydraulic_quadruped")
     robot = load_robot(folder)

@@ -16,10 +16,11 @@ from hqpipe.actuators.mlp import MLP
 from hqpipe.errors import DivergedError, UsageError
 from hqpipe.rl import train as training
 from hqpipe.robots import load_robot, robot_folder
-from hqpipe.stages import STAGES, compare, scenarios
+from hqpipe.stages import STAGES, compare
 from hqpipe.stages.compare import Params, run
-from hqpipe.stages.compare_results import MEASURES, loop_closed, pooled
-from hqpipe.stages.controllers import TITLES, read_controllers
+from hqpipe.stages.comparison.controllers import TITLES, read_controllers
+from hqpipe.stages.comparison.results import MEASURES, loop_closed, pooled
+from hqpipe.stages.walks import scenarios
 
 TRAINING = {
     "total_steps": 80,

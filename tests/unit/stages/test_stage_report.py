@@ -13,8 +13,9 @@ from pydantic import ValidationError
 
 from hqpipe.errors import UsageError
 from hqpipe.robots import load_robot, robot_folder
-from hqpipe.stages import STAGES, machine
+from hqpipe.stages import STAGES
 from hqpipe.stages.report import Params, _other_plants, _parts, _strangers, run
+from hqpipe.stages.walks import machine
 
 FOLDER = robot_folder("hydraulic_quadruped")
 SMALL = {"seconds": 3.0, "shown_seconds": 0.5, "frame_rate": 10, "width": 240, "height": 120}

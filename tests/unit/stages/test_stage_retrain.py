@@ -15,8 +15,8 @@ from hqpipe.actuators.posterior import Group, Posterior
 from hqpipe.actuators.posterior_file import FILE, save_posterior
 from hqpipe.errors import ConfigError
 from hqpipe.robots import load_robot, robot_folder
+from hqpipe.stages.inputs.training import RANDOMISATION
 from hqpipe.stages.retrain import Params, actuators_told, run
-from hqpipe.stages.training import RANDOMISATION
 
 FIELDS = ("k1", "k2", "k3", "k4")
 K = np.array([1.0e5, 0.06, 3.8e3, 20.0])

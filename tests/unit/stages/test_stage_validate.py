@@ -9,8 +9,8 @@ import pytest
 from pydantic import ValidationError
 
 from hqpipe.stages import validate
-from hqpipe.stages.scenarios import SCENARIOS
 from hqpipe.stages.validate import Params, failure, missed, walk_checks, walk_limits
+from hqpipe.stages.walks.scenarios import SCENARIOS
 
 
 def row(name: str, falls: int = 0, **worst) -> dict:
@@ -62,7 +62,7 @@ def test_an_unknown_scenario_is_refused_with_a_near_match():
 def run(monkeypatch, tmp_path):
     """`validate.run` on rows that are given instead of walked; returns the metrics, validation.json and what was asked."""
     from hqpipe.rl import onnx_session
-    from hqpipe.stages import figures
+    from hqpipe.stages.telling import figures
 
     def go(rows: list[dict], **params):
         asked = {}

@@ -31,8 +31,8 @@ from hqpipe.benchmark.cases.joint_cases import EXCLUSIVE, KINDS, cases, write
 from hqpipe.errors import UsageError
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.logs.writer import LogSetWriter
-from hqpipe.stages.blind_joints import joint_answer, make_joint_case
-from hqpipe.stages.blind_make import make, truth_sets
+from hqpipe.stages.blind.joints import joint_answer, make_joint_case
+from hqpipe.stages.blind.make import make, truth_sets
 
 MODULES = {
     "servo": (electric, electric_effects, electric_record.record),
@@ -363,7 +363,7 @@ def test_made_cases_are_kept_and_other_machines_are_refused(tmp_path, monkeypatc
     small = [short(case, 2.0) for case in cases(3, 5, "joints", ("none",))]
     monkeypatch.setattr(module, "cases", lambda *_: small)
     monkeypatch.setattr(
-        "hqpipe.stages.blind_make.in_processes", lambda task, calls, *_: [task(*c) for c in calls.values()]
+        "hqpipe.stages.blind.make.in_processes", lambda task, calls, *_: [task(*c) for c in calls.values()]
     )
     assert make(3, 5, tmp_path, 1, lambda *_: None, ("none",), "joints") == 3
     assert make(3, 5, tmp_path, 1, lambda *_: None, ("none",), "joints") == 0

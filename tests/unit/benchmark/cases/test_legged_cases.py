@@ -22,8 +22,8 @@ from hqpipe.benchmark.score.truth import read_answers
 from hqpipe.errors import UsageError
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.logs.writer import LogSetWriter
-from hqpipe.stages import blind_make
-from hqpipe.stages.blind_legged import legged_answer, make_legged_case
+from hqpipe.stages.blind import make as blind_make
+from hqpipe.stages.blind.legged import legged_answer, make_legged_case
 
 ALL = {**RECIPES, **OUTSIDE}
 

@@ -9,7 +9,7 @@ import pytest
 
 from hqpipe.gap import diagnosed
 from hqpipe.identify.rivals import fit_chambers
-from hqpipe.stages import rivals
+from hqpipe.stages.fits import rivals
 
 SETTINGS = rivals.Settings(effort_limit={"hip": 300.0}, window_s=0.04, iterations=(1, 1), seed=0, workers=1)
 

@@ -15,7 +15,7 @@ def make_joint_case(case: Any, out: Path) -> None:
     """Simulate one case, its machines without effects and its reference; nothing half-made is left under its name."""
     from hqpipe.benchmark.cases.joint_cases import write
     from hqpipe.logs.writer import LogSetWriter
-    from hqpipe.stages.blind_make import HALF_MADE, TRUTH, put_in_place, truth_sets
+    from hqpipe.stages.blind.make import HALF_MADE, TRUTH, put_in_place, truth_sets
 
     half = out / HALF_MADE / case.name
     write(case, half / "logs", LogSetWriter)
@@ -30,7 +30,7 @@ def make_joint_case(case: Any, out: Path) -> None:
 def joint_answer(case: Any) -> dict[str, Any]:
     """What is wrong in a case, JSON-able."""
     from hqpipe.benchmark.cases.joint_cases import describe
-    from hqpipe.stages.blind_make import truth_folders
+    from hqpipe.stages.blind.make import truth_folders
 
     found = {
         "case": case.name,

@@ -39,8 +39,8 @@ def film_walk(context: Any, order: Order) -> Any:
     """
     from hqpipe.report.chain_parts import Walk
     from hqpipe.robots import load_robot
-    from hqpipe.stages.figures import draw_walk, walk_trajectory
-    from hqpipe.stages.machine import Job, run_jobs
+    from hqpipe.stages.telling.figures import draw_walk, walk_trajectory
+    from hqpipe.stages.walks.machine import Job, run_jobs
 
     robot = load_robot(context.robot)
     job = Job("walk", order.seconds, order.seed, vx=order.vx, vy=order.vy, wz=order.wz, stop_at_fall=False)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from hqpipe.errors import UsageError, near_match
-from hqpipe.stages.machine import Job, Progress, run_each, run_job
+from hqpipe.stages.walks.machine import Job, Progress, run_each, run_job
 
 COURSE_M = 30.0  # length of the straight courses
 SETTLING_S = 2.0  # of `hqpipe.rl.walk_measures`, on top of that

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hqpipe.stages.compare_plant import POLICY
-from hqpipe.stages.controllers import DIAGNOSED, FITTED, STIFF
+from hqpipe.stages.comparison.controllers import DIAGNOSED, FITTED, STIFF
+from hqpipe.stages.comparison.plant import POLICY
 
 # Measures of `hqpipe.rl.walk_columns.walk_measures` that controllers are compared by.
 MEASURES = (

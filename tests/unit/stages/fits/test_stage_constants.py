@@ -12,7 +12,7 @@ from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.identify.paper_model.problem import COEFFICIENTS
 from hqpipe.identify.paper_model.results import Coefficient, JointFit
 from hqpipe.robots import robot_folder
-from hqpipe.stages.constants import CONSTANTS, write_constants
+from hqpipe.stages.fits.constants import CONSTANTS, write_constants
 
 
 def written(folder, k: tuple[float, ...]) -> set[str]:

@@ -12,8 +12,8 @@ import pytest
 from hqpipe.errors import UsageError
 from hqpipe.plant import PlantConfig
 from hqpipe.robots import RobotSpec, load_robot, robot_folder
-from hqpipe.stages import machine
-from hqpipe.stages.scenarios import (
+from hqpipe.stages.walks import machine
+from hqpipe.stages.walks.scenarios import (
     COURSE_M,
     SCENARIOS,
     SETTLING_S,

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from hqpipe.stages.compare_train import Trained
+from hqpipe.stages.comparison.train import Trained
 from hqpipe.system import durable
 
 POLICY, ZERO = "policy", "zero_action"
@@ -64,7 +64,7 @@ def _without_beliefs(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def _walked(context: Any, trained: Trained, actor: str, progress: Progress) -> list[dict[str, Any]]:
     """Results of `run_scenarios`, kept in scratch so that a killed stage does not walk again."""
-    from hqpipe.stages.scenarios import run_scenarios
+    from hqpipe.stages.walks.scenarios import run_scenarios
 
     kept, p = trained.scratch / f"walked_{actor}", context.params
     if wrong := durable.damage(kept):

@@ -28,7 +28,7 @@ def read_earlier(context: Any, most: int) -> Any:
     from hqpipe.actuators.files import FILE
     from hqpipe.errors import LogError
     from hqpipe.gap.change.since import EarlierLogs, earlier_actuator
-    from hqpipe.stages.logs import read_logs, shown_path
+    from hqpipe.stages.inputs.logs import read_logs, shown_path
 
     folder = context.inputs.get(REFERENCE)
     if folder is None:

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hqpipe.stages.compare_plant import POLICY
-from hqpipe.stages.training import METRICS
+from hqpipe.stages.comparison.plant import POLICY
+from hqpipe.stages.inputs.training import METRICS
 
 Report = Mapping[str, Any]
 
@@ -97,7 +97,7 @@ def _taken(trainings: Sequence[Report], speeds: Mapping[str, Mapping[str, float]
 
 def _cells(report: Report) -> Iterator[dict[str, Any]]:
     """A mapping per controller, actor and scenario, all seeds of the trainings together."""
-    from hqpipe.stages.compare_results import pooled, walks
+    from hqpipe.stages.comparison.results import pooled, walks
 
     groups: dict[tuple[str, str, str], list[dict[str, Any]]] = {}
     for row in walks(report["trials"]):

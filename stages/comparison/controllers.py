@@ -96,7 +96,7 @@ def _controller(context: Any, robot: Any, name: str, nets: NetKind) -> Controlle
     from hqpipe.actuators.files import load_actuator
     from hqpipe.actuators.posterior_file import load_posterior
     from hqpipe.rl.worlds import unmodelled_actuator
-    from hqpipe.stages.logs import model_at
+    from hqpipe.stages.inputs.logs import model_at
 
     if name in (TORQUE, STIFF):
         mode = "torque" if name == TORQUE else "position"
@@ -118,7 +118,7 @@ def _loop_stiffness(folder: Path, joints: Sequence[str]) -> Any:
     before the training began, and that would say little of training inside the net.
     """
     from hqpipe.rl.policy_spec import position_stiffness
-    from hqpipe.stages.logs import model_at
+    from hqpipe.stages.inputs.logs import model_at
 
     return position_stiffness(model_at(folder, tuple(joints)))
 

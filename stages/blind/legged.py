@@ -10,7 +10,7 @@ def make_legged_case(case: Any, out: Path) -> None:
     """Simulate one case and its machines without effects; nothing half-made is left under its name."""
     from hqpipe.benchmark.cases.legged_cases import write
     from hqpipe.logs.writer import LogSetWriter
-    from hqpipe.stages.blind_make import HALF_MADE, TRUTH, put_in_place, truth_sets
+    from hqpipe.stages.blind.make import HALF_MADE, TRUTH, put_in_place, truth_sets
 
     half = out / HALF_MADE / case.name
     write(case, half / "logs", LogSetWriter)
@@ -22,7 +22,7 @@ def make_legged_case(case: Any, out: Path) -> None:
 def legged_answer(case: Any) -> dict[str, Any]:
     """What is wrong in a case, JSON-able; the machines without effects keep what is ordinary."""
     from hqpipe.benchmark.cases.legged_cases import describe
-    from hqpipe.stages.blind_make import truth_folders
+    from hqpipe.stages.blind.make import truth_folders
 
     return {
         "case": case.name,

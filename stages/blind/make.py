@@ -63,11 +63,11 @@ def _plan(count: int, seed: int, kinds: Sequence[str], machine: str) -> tuple[Se
         return cases(count, seed, kinds), make_case
     if machine == LEGGED:
         from hqpipe.benchmark.cases.legged_cases import cases as legged_cases
-        from hqpipe.stages.blind_legged import make_legged_case
+        from hqpipe.stages.blind.legged import make_legged_case
 
         return legged_cases(count, seed, kinds), make_legged_case
     from hqpipe.benchmark.cases.joint_cases import cases as joint_cases
-    from hqpipe.stages.blind_joints import make_joint_case
+    from hqpipe.stages.blind.joints import make_joint_case
 
     return joint_cases(count, seed, machine, kinds), make_joint_case
 
@@ -75,7 +75,7 @@ def _plan(count: int, seed: int, kinds: Sequence[str], machine: str) -> tuple[Se
 def make_case(case: Any, out: Path) -> None:
     """Simulate one case and its machines without effects; nothing half-made is left under its name."""
     from hqpipe.robots import load_robot
-    from hqpipe.stages.blind_machine import simulate
+    from hqpipe.stages.blind.machine import simulate
 
     robot, half = load_robot(ROBOT).folder, out / HALF_MADE / case.name
     gait = simulate(case, robot, half / "logs")
@@ -150,8 +150,8 @@ def answer(case: Any) -> dict[str, Any]:
 def _write_answers(
     out: Path, count: int, seed: int, kinds: Sequence[str], planned: Sequence[Any], machine: str
 ) -> None:
-    from hqpipe.stages.blind_joints import joint_answer
-    from hqpipe.stages.blind_legged import legged_answer
+    from hqpipe.stages.blind.joints import joint_answer
+    from hqpipe.stages.blind.legged import legged_answer
 
     asked: dict[str, Any] = {"kinds": sorted(set(kinds))} if kinds else {}
     if machine != QUADRUPED:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hqpipe.stages.controllers import Controller
-from hqpipe.stages.training import METRICS, write_rows, write_training
+from hqpipe.stages.comparison.controllers import Controller
+from hqpipe.stages.inputs.training import METRICS, write_rows, write_training
 from hqpipe.system import durable
 
 REPORT = "report.json"  # in scratch only: it holds the speed of the training

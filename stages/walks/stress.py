@@ -10,8 +10,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from hqpipe.stages.logs import STRESS
-from hqpipe.stages.machine import Job
+from hqpipe.stages.inputs.logs import STRESS
+from hqpipe.stages.walks.machine import Job
 
 DROP = 0.25  # m above the ground; the feet meet it at 2.2 m/s
 PUSHES = (

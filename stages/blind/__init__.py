@@ -1,0 +1,1 @@
+"""Withheld-effect cases: how they are written, diagnosed and scored, and the commands for both."""

@@ -1,0 +1,1 @@
+"""What stages show: figures beside their results, and words at the terminal."""
