@@ -1,7 +1,7 @@
 """The effects that servos and arms can have, at sizes that scale with the machine.
 
 A torque is given as a share of the typical torque of the joint's motion, so that 0.15 of it is what a gear of average quality
-loses; see docs/theory/benchmark.md for what each size adds to the log.
+loses; see docs/theory/joint-cases.md for what each size adds to the log.
 """
 
 from __future__ import annotations
