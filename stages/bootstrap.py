@@ -6,7 +6,7 @@ from typing import Any
 
 from hqpipe.pipeline.config import StageParams
 from hqpipe.stages.inputs.training import METRICS, Training, headline, run_training
-from hqpipe.stages.telling.figures import draw_training
+from hqpipe.stages.output.figures import draw_training
 
 
 class Params(StageParams):

@@ -38,7 +38,7 @@ class Params(StageParams):
 
 def run(context: Any) -> dict[str, Any]:
     from hqpipe.robots import load_robot
-    from hqpipe.stages.telling.figures import draw_distribution, draw_walk
+    from hqpipe.stages.output.figures import draw_distribution, draw_walk
     from hqpipe.stages.walks.machine import run_jobs
 
     policy = context.inputs["policy"]

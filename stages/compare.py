@@ -12,7 +12,7 @@ from hqpipe.pipeline.config import StageParams
 from hqpipe.stages.comparison.controllers import DIAGNOSIS, TITLES, NetKind, checked_names, read_controllers
 from hqpipe.stages.comparison.plant import walk_all
 from hqpipe.stages.comparison.results import by_controller, loop_closed, walks
-from hqpipe.stages.comparison.tell import draw, headline, tables
+from hqpipe.stages.comparison.summary import draw, headline, tables
 from hqpipe.stages.comparison.train import Trained, keep, train_all
 from hqpipe.stages.inputs.bounds import Trainings, TrialSeconds, Walks
 from hqpipe.stages.inputs.plant_overrides import Plant
@@ -47,7 +47,7 @@ class Params(StageParams):
 
 
 def run(context: Any) -> dict[str, Any]:
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.terminal import show
 
     p = context.params
     controllers, left_out = read_controllers(context, p.controllers, p.nets)

@@ -44,7 +44,7 @@ def run(context: Any) -> dict[str, Any]:
     from hqpipe.report.diagnosis_table import diagnosis_table
     from hqpipe.stages.inputs.earlier import REFERENCE, is_logs, read_earlier
     from hqpipe.stages.inputs.logs import read_logs, stated_travel
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.terminal import show
     from hqpipe.stages.walks.closed_loop import close_loop, closed_loop_lines
 
     largest = LARGEST // 2 if is_logs(context) else LARGEST  # both are in memory

@@ -59,8 +59,8 @@ def run(context: Any) -> dict[str, Any]:
     from hqpipe.identify.rivals.timing import timed
     from hqpipe.identify.window_choice import window_for
     from hqpipe.report.tables import coefficient_table
-    from hqpipe.stages.telling.figures import draw_fit
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.figures import draw_fit
+    from hqpipe.stages.output.terminal import show
 
     log_set = read_logs(context)
     constants = joint_constants(context.robot, log_set.joints)

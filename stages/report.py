@@ -62,7 +62,7 @@ def run(context: Any) -> dict[str, Any]:
     from hqpipe.report.chain_page import write_report
     from hqpipe.report.chain_parts import Chain
     from hqpipe.stages import STAGES
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.terminal import show
     from hqpipe.stages.walks.filmed_walk import Order, film_walk
 
     p = context.params

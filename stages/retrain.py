@@ -6,7 +6,7 @@ from typing import Any
 
 from hqpipe.pipeline.config import StageParams
 from hqpipe.stages.inputs.training import METRICS, Training, headline, run_training
-from hqpipe.stages.telling.figures import draw_training
+from hqpipe.stages.output.figures import draw_training
 
 
 class Params(StageParams):
@@ -20,7 +20,7 @@ def run(context: Any) -> dict[str, Any]:
     from hqpipe.actuators.posterior_file import load_posterior
     from hqpipe.robots import load_robot
     from hqpipe.stages.inputs.logs import model_for
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.terminal import show
 
     actuator = model_for(context, load_robot(context.robot).joints)
     folder = context.inputs["actuator"]

@@ -58,8 +58,8 @@ Check = tuple[str, float | None, float]  # what, value, limit; a value of None i
 def run(context: Any) -> dict[str, Any]:
     from hqpipe.report.tables import scenario_table
     from hqpipe.rl.onnx_session import latency
-    from hqpipe.stages.telling.figures import draw_walk
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.figures import draw_walk
+    from hqpipe.stages.output.terminal import show
 
     p = context.params
     torque = _torque_error(context)
@@ -134,7 +134,7 @@ def _torque_error(context: Any) -> dict[str, float]:
     """Free-running error of the actuator model on held-out trials, beside persistence."""
     from hqpipe.identify.rivals.compare import PERSISTENCE, compare_models
     from hqpipe.stages.inputs.logs import foreign_fit, model_for, read_logs
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.terminal import show
 
     log_set = read_logs(context)
     show(*(f"warning: {text}" for text in foreign_fit(context, log_set)))

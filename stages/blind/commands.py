@@ -55,7 +55,7 @@ def make(count: int, seed: int, kinds: tuple[str, ...], machine: str, out: Path,
     Complete cases are kept, so that the same command goes on where it was interrupted.
     """
     from hqpipe.stages.blind.make import make as make_cases
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.terminal import show
 
     with stage_progress("blind make") as progress, stdout_to_stderr():
         made = make_cases(count, seed, out, workers, progress, kinds, machine)
@@ -77,7 +77,7 @@ def score(folder: Path, without: tuple[str, ...], workers: int, as_json: bool) -
     from hqpipe.report.blind_groups import group_tables
     from hqpipe.report.blind_table import score_tables
     from hqpipe.stages.blind.score import missed_aims, score_folder
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.terminal import show
 
     with stage_progress("blind score") as progress, stdout_to_stderr():
         result = score_folder(folder, without, workers, progress)

@@ -24,7 +24,7 @@ def write_constants(context: Any, log_set: Any, fit: Any, chamber_fits: Sequence
     from hqpipe.report.constants_figures import SHOWN, constants_chart
     from hqpipe.report.tables import constants_table
     from hqpipe.stages.inputs.training import write_rows
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.terminal import show
 
     reports = {chambers.joint: chambers for chambers in chamber_fits}
     designs, rows = joint_designs(context.robot, log_set), []

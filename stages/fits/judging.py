@@ -31,8 +31,8 @@ def judge(
     from hqpipe.report.tables import comparison_table
     from hqpipe.stages.fits.rivals import stepped
     from hqpipe.stages.inputs.training import write_rows
-    from hqpipe.stages.telling.figures import draw_comparison
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.figures import draw_comparison
+    from hqpipe.stages.output.terminal import show
 
     rows = compare_models(log_set, models, window_s=window_s, stress=read_stress(context, log_set))
     longest = max((trial.trajectory for trial in log_set.heldout), key=lambda t: t.samples)
@@ -70,8 +70,8 @@ def write_data_curve(context: Any, log_set: Any, fits: Mapping[str, Callable[[An
     """
     from hqpipe.identify.rivals.data_curve import data_curve
     from hqpipe.identify.rivals.score_files import finite
-    from hqpipe.stages.telling.figures import draw_data_curve
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.figures import draw_data_curve
+    from hqpipe.stages.output.terminal import show
 
     p = context.params
     curve = data_curve(log_set, fits, p.data_seconds, window_s=window_s, workers=context.workers)

@@ -20,7 +20,7 @@ def read_logs(context: Any, most: int | None = None, name: str = "logs") -> Any:
     not depend on where the project lies.
     """
     from hqpipe.logs.log_set import read_log_set
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.terminal import show
 
     told = "" if name == "logs" else f"{name}: "
     log_set = read_log_set(context.inputs[name], strict=context.params.strict, most=most)
@@ -77,7 +77,7 @@ def read_stress(context: Any, log_set: Any) -> Any:
     """
     from hqpipe.logs.log_set import read_log_set
     from hqpipe.logs.overlap import check_apart, fingerprint
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.terminal import show
 
     folder = context.inputs["logs"] / STRESS
     if not folder.is_dir():

@@ -48,7 +48,7 @@ def import_logs(
     from hqpipe.logs.imports.import_set import check_free
     from hqpipe.logs.imports.import_set import import_logs as run
     from hqpipe.logs.imports.sources import find_sources
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.terminal import show
 
     check_free(out)
     with stage_progress("logs import") as progress, stdout_to_stderr():

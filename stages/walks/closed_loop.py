@@ -13,7 +13,7 @@ def close_loop(context: Any, log_set: Any, diagnosis: Any) -> Any:
     """Write closed_loop.json and return the `ClosedLoop`; None, with the reason told, where it cannot be done."""
     from hqpipe.rl.closed_loop import closed_loop, policy_walker
     from hqpipe.robots import load_robot
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.terminal import show
 
     if "policy" not in context.inputs or diagnosis.augmented is None:
         return None

@@ -39,7 +39,7 @@ def film_walk(context: Any, order: Order) -> Any:
     """
     from hqpipe.report.chain_parts import Walk
     from hqpipe.robots import load_robot
-    from hqpipe.stages.telling.figures import draw_walk, walk_trajectory
+    from hqpipe.stages.output.figures import draw_walk, walk_trajectory
     from hqpipe.stages.walks.machine import Job, run_jobs
 
     robot = load_robot(context.robot)

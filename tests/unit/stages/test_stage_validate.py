@@ -62,7 +62,7 @@ def test_an_unknown_scenario_is_refused_with_a_near_match():
 def run(monkeypatch, tmp_path):
     """`validate.run` on rows that are given instead of walked; returns the metrics, validation.json and what was asked."""
     from hqpipe.rl import onnx_session
-    from hqpipe.stages.telling import figures
+    from hqpipe.stages.output import figures
 
     def go(rows: list[dict], **params):
         asked = {}

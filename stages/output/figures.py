@@ -95,7 +95,7 @@ def draw_fit(folder: Path, log_set: Any, model: Any, window_s: float) -> None:
     free-running; fit_joints.png: the worst window of every joint."""
     from hqpipe.identify.free_run import free_run, predict, window_samples
     from hqpipe.report.fit_figures import PredictedTrial, actuator_fit, worst_windows
-    from hqpipe.stages.telling.terminal import show
+    from hqpipe.stages.output.terminal import show
 
     trial = max((trial.trajectory for trial in log_set.heldout), key=lambda t: t.samples)
     if trial.samples <= window_samples(trial.dt, window_s):
