@@ -102,7 +102,7 @@ def test_a_full_disk_is_done_without(tmp_path):
         "layers.servo",
         "layers.valve",
         "layers.joint_motion",
-        "benchmark.drives",
+        "benchmark.cases.electric.drives",
     ],
 )
 def test_every_way_to_compiled_code_leads_through_the_check(module):
