@@ -31,6 +31,7 @@ def test_numbers_go_into_a_row_and_come_back(model, by_opening):
     own = len(model.base) + len(model.places)
     for k, p in enumerate(parameters[:own]):
         size = p.spread if np.isfinite(p.spread) else 0.1 * p.neutral
+        size = max(size, 20.0 * p.least)  # an orifice that bends nothing has no areas
         values[k] = np.clip(p.neutral + rng.uniform(0.1, 0.5) * size, p.low, p.high)
     values[names_of(model).index(("supply_droop", "by_opening"))] = by_opening
     values[BASE_NAMES.index(LOGGED_SPEED)] = values[BASE_NAMES.index(SPEED_LATE)] = 0.0
