@@ -101,8 +101,8 @@ def _causes(search: Search, known: Known, base: Known) -> list[str]:
 
 
 def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
-    """The set without what closes too little of the error or does too little beside the gap, each of the others exchanged where
-    that is as good.
+    """The set without what closes too little of the error or does too little beside the gap; what is left is then exchanged
+    where another set of as few is more probable.
 
     What counts is the error on groups of fit samples, each predicted from the others. An effect that most joints of the machine
     have need only not make it worse.
@@ -110,6 +110,21 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
     Args:
         known: a set that the logs ask for. base: the context alone.
     """
+    seen = {known.names}
+    while True:
+        known = _without_small(search, known, base)
+        better = search.improved(known)
+        if better.names == known.names or better.names in seen:
+            break
+        seen.add(better.names)
+        known = better
+    persistence = float(np.sum((search.model.fit.held - search.model.fit.output) ** 2))
+    # What predicts no better than holding the output, and leaves most of the gap, explains nothing.
+    return known if search.left_out(known) < max(persistence, 0.5 * search.left_out(base)) else base
+
+
+def _without_small(search: Search, known: Known, base: Known) -> Known:
+    """The set without what is too small, the least first; arguments as of `_worth_keeping`."""
     least = LEAST_SHARE * max(search.left_out(base) - floor_of(search), 0.0)
     while rest := sorted(known.names - base.names):
         known, smaller = search.taken_apart(known, rest)
@@ -121,9 +136,7 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
         if closes[name] >= least_gain * square and large[name]:
             break
         known = search.without(known, name)
-    persistence = float(np.sum((search.model.fit.held - search.model.fit.output) ** 2))
-    # What predicts no better than holding the output, and leaves most of the gap, explains nothing.
-    return known if search.left_out(known) < max(persistence, 0.5 * search.left_out(base)) else base
+    return known
 
 
 def _is_large(search: Search, known: Known, name: str, least: float, closes: float) -> bool:
