@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from hqpipe.identify.change import KnownJoint, changes_between, changes_since
 from hqpipe.identify.found import JointFound, LayerFound
-from hqpipe.identify.joint_moves import settled_together
+from hqpipe.identify.joint_moves import others_of, settled_together
 from hqpipe.identify.joint_pool import JointPool
 from hqpipe.identify.joint_search import JointSearch
 from hqpipe.identify.minor_causes import without_minor_causes
@@ -84,7 +84,7 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
 
 def _others(present: Sequence[Names]) -> list[tuple[list[Names]]]:
     """For each joint the effects of all others, as the one argument of a step of its search."""
-    return [([*present[:j], *present[j + 1 :]],) for j in range(len(present))]
+    return [(others_of(present, j),) for j in range(len(present))]
 
 
 def _shared(answers: Sequence[JointFound]) -> frozenset[str]:

@@ -62,6 +62,23 @@ def answer(search: Search, best: Known) -> JointFound:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Belief:
+    """In an effect of a set.
+
+    Attributes:
+        probability: that it is there, beside the sets without it or with another in its place. there: that it or one of these
+            others is. alike: names of those that are as likely, or as good. rival: the most probable set with another one; None
+            without any. most: its probability.
+    """
+
+    probability: float
+    there: float
+    alike: tuple[str, ...]
+    rival: Known | None
+    most: float
+
+
 def _with_beliefs(search: Search, best: Known, base: Known) -> tuple[Known, dict[str, _Belief]]:
     """What is worth keeping of a set, with each cause the most probable in its place, and how far each of them is believed."""
     core, exchanged = _worth_keeping(search, best, base), {best.names}
@@ -84,7 +101,7 @@ def _context(search: Search, best: Known) -> Known:
     and the held-out trials bear it out."""
 
     def is_ordinary(known: Known, name: str) -> bool:
-        return 0.0 < _size(search, known, name) < search.effects[name].parameters[0].least
+        return 0.0 < search.size(known, name) < search.effects[name].parameters[0].least
 
     ordinary = {name for name in best.names if is_ordinary(best, name)}
     context = _only(search, best, frozenset(n for n in best.names if search.effects[n].context) | ordinary)
@@ -151,19 +168,13 @@ def _is_large(search: Search, known: Known, name: str, least: float, closes: flo
     if not _is_admitted(search, known, name) or search.screening.does(known, name) < least:
         return False
     usual = search.fitter.spread[search.screening.places(name)[0]] if search.effects[name].named else np.inf
-    return closes >= least or not np.isfinite(usual) or _size(search, known, name) >= LEAST_SIZE * usual
+    return closes >= least or not np.isfinite(usual) or search.size(known, name) >= LEAST_SIZE * usual
 
 
 def _is_admitted(search: Search, known: Known, name: str) -> bool:
     """Whether an effect is larger than every sound machine may have it, and not at its bound."""
     least = search.effects[name].parameters[0].least
-    return _size(search, known, name) >= least and search.within_bounds(known, name)
-
-
-def _size(search: Search, known: Known, name: str) -> float:
-    """Of an effect's first number, from neutral."""
-    first = int(search.screening.places(name)[0])
-    return abs(float(known.solution.values[first] - search.fitter.neutral[first]))
+    return search.size(known, name) >= least and search.within_bounds(known, name)
 
 
 def floor_of(search: Search) -> float:
@@ -230,23 +241,6 @@ def fitted(search: Search, known: Known) -> Fitted:
     heldout = search.model.error(known.solution.values, True)
     order = tuple(name for name in search.effects if name in known.names)
     return Fitted(order, known.solution.values, known.solution.error, heldout)
-
-
-@dataclass(frozen=True, eq=False)
-class _Belief:
-    """In an effect of a set.
-
-    Attributes:
-        probability: that it is there, beside the sets without it or with another in its place. there: that it or one of these
-            others is. alike: names of those that are as likely, or as good. rival: the most probable set with another one; None
-            without any. most: its probability.
-    """
-
-    probability: float
-    there: float
-    alike: tuple[str, ...]
-    rival: Known | None
-    most: float
 
 
 def _believed(search: Search, best: Known, name: str) -> _Belief:

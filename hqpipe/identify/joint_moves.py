@@ -73,6 +73,11 @@ def _prior_change(models: Sequence[JointModel], name: str, count: int, change: n
     )
 
 
+def others_of(present: Sequence[Names], j: int) -> list[Names]:
+    """The effects of all joints but one."""
+    return [*present[:j], *present[j + 1 :]]
+
+
 def settled_together(
     models: Sequence[JointModel],
     present: Sequence[Names],
@@ -91,7 +96,7 @@ def settled_together(
         if not joints:
             break
         after = [step.of(names) if j in joints else names for j, names in enumerate(present)]
-        asked = {j: (step, after[:j] + after[j + 1 :]) for j in joints}
+        asked = {j: (step, others_of(after, j)) for j in joints}
         for j, (names, steps) in moved(asked).items():
             present[j], worths[j] = names, steps
     return present

@@ -93,9 +93,13 @@ class Search:
         if not self.effects[name].named or self.effects[name].in_both:
             return True
         first, fitter = int(self.screening.places(name)[0]), self.fitter
-        size = abs(float(known.solution.values[first] - fitter.neutral[first]))
         end = fitter.high[first] if known.solution.values[first] > fitter.neutral[first] else fitter.low[first]
-        return size <= AT_BOUND * abs(float(end - fitter.neutral[first]))
+        return self.size(known, name) <= AT_BOUND * abs(float(end - fitter.neutral[first]))
+
+    def size(self, known: Known, name: str) -> float:
+        """Of an effect's first number, from neutral."""
+        first = int(self.screening.places(name)[0])
+        return abs(float(known.solution.values[first] - self.fitter.neutral[first]))
 
     def _begun_with(self) -> Known:
         """The set that a model offers to begin with, without what is not needed of it; else the base."""

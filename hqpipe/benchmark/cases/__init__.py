@@ -1,1 +1,1 @@
-"""Withheld cases of servos, arms and cylinders: simulated machines that share no code with what is judged on their logs."""
+"""Withheld cases: simulated servos, arms, cylinders and legged robots, which share no code with what is judged on their logs."""

@@ -23,13 +23,13 @@ from hqpipe.gap.residuals.beyond_fit import BeyondFit
 from hqpipe.gap.residuals.joint_scale import pooled
 from hqpipe.gap.residuals.layer_errors import RAN_AWAY, LayerErrors
 from hqpipe.gap.residuals.locate import Place, telling
+from hqpipe.identify.joint_answer import BELIEVED
 from hqpipe.identify.model import LayerJoints
 from hqpipe.layers.actuator.changes import MULTIPLIES
 from hqpipe.logs.trajectory import LogSet
 
 MIN_SHARE = 0.01  # signals that explain less of the gap are not listed
 UNLIKE = 3.0  # held-out over fitted RMSE beyond which the trials are unlike each other; assumption
-_BELIEVED = 0.5  # probability from which an effect is more likely there than not
 UNSIGNED_SURE = 0.99  # assumption: a torque of one sign in both directions of motion may still be that of a large load
 
 
@@ -178,7 +178,7 @@ def considered(errors: LayerErrors, layer: str, withdrawn: Mapping[str, str]) ->
             reason = "the fit trials ask for it, but it does not show in the held-out ones"
         elif any(effect in joint.found.minor for joint in errors.joints):
             reason = "it closes less than half of what is left unexplained, of which it may be a part"
-        elif max(joint.found.probabilities.get(effect, 0.0) for joint in errors.joints) > _BELIEVED:
+        elif max(joint.found.probabilities.get(effect, 0.0) for joint in errors.joints) > BELIEVED:
             reason = "it is there, but closes too little of the gap, is too small, or stands at its bound"
         elif best > 0.0:
             reason = "helps, but the logs are as probable without it"
