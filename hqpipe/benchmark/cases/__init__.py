@@ -1,1 +1,1 @@
-"""Withheld cases: simulated servos, arms, cylinders and legged robots, which share no code with what is judged on their logs."""
+"""Withheld cases: simulated servos, arms, cylinders and legged robots that share no code with what is judged on their logs."""
