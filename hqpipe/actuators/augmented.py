@@ -33,7 +33,7 @@ def _name(owner: str, name: str) -> str:
 
 
 def _field(owner: str, name: str) -> ParameterField:
-    """Range and unit; a parameter that is kept as its inverse has the inverse unit."""
+    """Range and unit; a parameter that is kept as its inverse or its square has the unit of that."""
     if owner == "base":
         return ParameterField(HYDRAULIC.parameters[name], lower=0.0)
     if owner == "setting":
@@ -42,7 +42,8 @@ def _field(owner: str, name: str) -> ParameterField:
     effect = EFFECTS[owner]
     parameter = next(p for p in effect.parameters if p.name == name)
     unit = "rad" if parameter.unit == "command" else parameter.unit
-    unit = f"1/({unit}){'²' if parameter.squared else ''}" if parameter.inverse else unit
+    if parameter.inverse or parameter.squared:
+        unit = f"{'1/' if parameter.inverse else ''}({unit}){'²' if parameter.squared else ''}"
     return ParameterField(unit, lower=-_ANY if parameter.search.lower < 0.0 else 0.0, shared=effect.machine)
 
 

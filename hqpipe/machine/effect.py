@@ -64,7 +64,8 @@ class Parameter:
         search: how a fit looks for it.
         inverse: the chain holds one over the value, so that "absent" is 0 instead of infinity; bounds and
             starts are those of the inverse, in multiples of one over the scale.
-        squared: of an inverse, that the chain holds its square, as what it does has no slope at "absent" otherwise.
+        squared: whether the chain holds the square, as what it does has no slope at "absent" otherwise; bounds and starts are
+            those of the square.
         neutral: value in the rows of joints without the effect; that of the first parameter is 0.
     """
 
@@ -76,11 +77,11 @@ class Parameter:
     neutral: float = 0.0
 
     def told(self, fitted: float) -> float:
-        """The number that the fit works on as it is reported; infinite where an inverse is 0."""
+        """The number that the chain holds as it is reported; infinite where an inverse is 0."""
+        held = float(np.sqrt(max(fitted, 0.0))) if self.squared else fitted
         if not self.inverse:
-            return fitted
-        inverse = float(np.sqrt(max(fitted, 0.0))) if self.squared else fitted
-        return 1.0 / inverse if inverse else np.inf
+            return held
+        return 1.0 / held if held else np.inf
 
 
 @dataclass(frozen=True)

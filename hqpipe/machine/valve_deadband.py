@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from hqpipe.machine.effect import COMMAND, NONE, Block, Effect, Parameter, Search
@@ -18,8 +19,8 @@ def beyond(excess: float, corner: float, bend: float) -> float:
 
 @njit(cache=True, nogil=True, inline="always")
 def deadband(opening: float, half_width: float, rounding: float) -> float:
-    """What is left of an opening beyond ± half_width; `rounding` is the half width of the corner as a share of that."""
-    corner = rounding * half_width
+    """What is left of an opening beyond ± half_width; `rounding` is the corner's half width as a share of that, squared."""
+    corner = np.sqrt(rounding) * half_width
     bend = 0.25 / max(corner, SHARP)
     return beyond(opening - half_width, corner, bend) - beyond(-opening - half_width, corner, bend)
 
@@ -29,7 +30,7 @@ EFFECT = Effect(
     layer="actuator",
     parameters=(
         Parameter("half_width", "command", Search(COMMAND, 0.0, 3.0, (0.05, 0.3, 0.8))),
-        Parameter("rounding", "1", Search(NONE, 0.0, 1.5, (0.1,), counts=False)),
+        Parameter("rounding", "1", Search(NONE, 0.0, 2.25, (0.1,), counts=False), squared=True),
     ),
     meaning="commands smaller than the valve's overlap do nothing",
     source="Merritt, Hydraulic Control Systems, 1967: overlapped valve centre",

@@ -107,7 +107,7 @@ class ActuatorJoint:
             groups = zip(shares, self._last, (SPEEDS, ("demand",), OPENINGS), strict=True)
             moved = [name for now, before, names in groups if now != before for name in names]
             if moved:
-                object.__setattr__(self, "_driven", record.driven_by(*shares))
+                object.__setattr__(self, "_driven", record.driven_by(*shares, self._driven, moved))
                 object.__setattr__(self, "_last", shares)
             errors = self._run.errors(row, self._driven, moved)
         found = record.picked(errors)

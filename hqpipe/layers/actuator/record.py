@@ -62,15 +62,29 @@ class Record:
     def _whole(self) -> bool:
         return bool(self.judged.all())
 
-    def driven_by(self, logged: float, opening: float, moving: Sequence[float] = ()) -> Signals:
+    def driven_by(
+        self,
+        logged: float,
+        opening: float,
+        moving: Sequence[float] = (),
+        last: Signals | None = None,
+        moved: Sequence[str] = (),
+    ) -> Signals:
         """The signals with a share of the logged speed, of the flow that the openings tell, and of the motion of command and
-        position between rows."""
-        s = self.signals
-        channels = {"velocity": s.velocity + logged * (self.logged - s.velocity) if logged else s.velocity}
-        channels["demand"] = self.by_speed + opening * (self.by_opening - self.by_speed) if opening else s.demand
+        position between rows.
+
+        Args:
+            last: signals that were driven by other shares; None if there are none. moved: names of those that differ from them.
+        """
+        s, channels = self.signals, {}
+        if last is None or "velocity" in moved:
+            channels["velocity"] = s.velocity + logged * (self.logged - s.velocity) if logged else s.velocity
+        if last is None or "demand" in moved:
+            channels["demand"] = self.by_speed + opening * (self.by_opening - self.by_speed) if opening else s.demand
         for name, line, share in zip(("command", "position"), self.moving, moving, strict=False):
-            channels[name] = getattr(s, name) + share * (line - getattr(s, name))
-        return s._replace(**channels)
+            if last is None or name in moved:
+                channels[name] = getattr(s, name) + share * (line - getattr(s, name))
+        return (last or s)._replace(**channels)
 
     def samples(self) -> Samples:
         """The samples that the joint is judged on."""

@@ -32,8 +32,8 @@ def row(effects: dict[str, dict[str, float]], middle: float = 0.0, **base: float
             if parameter.name in values:
                 value = values[parameter.name]
                 inverse = parameter.inverse and effect not in DIRECT
-                power = (-2.0 if parameter.squared else -1.0) if inverse else 1.0
-                p[slot(effect, parameter.name)] = value**power
+                square = parameter.squared and (inverse or not parameter.inverse)
+                p[slot(effect, parameter.name)] = value ** ((2.0 if square else 1.0) * (-1.0 if inverse else 1.0))
     p[slot("setting", "middle")] = middle
     p[slot("setting", "clear")] = 150.0
     return p

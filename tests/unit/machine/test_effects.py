@@ -117,14 +117,14 @@ def test_deadband_is_a_rounded_dead_zone():
         assert deadband(x, 0.0, 0.0) == pytest.approx(x)
         sharp = np.sign(x) * max(abs(x) - 0.01, 0.0)
         assert deadband(x, 0.01, 0.0) == pytest.approx(sharp, abs=1e-15)
-        assert deadband(-x, 0.01, 0.4) == -deadband(x, 0.01, 0.4)
-        soft = deadband(x, 0.01, 0.4)
+        assert deadband(-x, 0.01, 0.16) == -deadband(x, 0.01, 0.16)
+        soft = deadband(x, 0.01, 0.16)
         assert abs(sharp) - 1e-15 <= abs(soft) <= abs(sharp) + 0.001 + 1e-15
         if abs(abs(x) - 0.01) >= 0.004:
             assert soft == pytest.approx(sharp, abs=1e-15)
-    assert deadband(0.01, 0.01, 0.4) == pytest.approx(0.001)
+    assert deadband(0.01, 0.01, 0.16) == pytest.approx(0.001)
     grid = np.linspace(0.004, 0.016, 2001)
-    values = np.array([deadband(x, 0.01, 0.4) for x in grid])
+    values = np.array([deadband(x, 0.01, 0.16) for x in grid])
     slope = np.diff(values) / np.diff(grid)
     assert 0.0 <= slope.min() and slope.max() <= 1.0 + 1e-9, "monotonic"
     assert np.abs(np.diff(slope)).max() < 0.002, "no corner"
