@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
+from scipy.stats import chi2
 
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.evidence import independence, log_bayes_factor, occam
@@ -20,6 +21,7 @@ from hqpipe.identify.left_out import left_out_square
 from hqpipe.identify.model import Effect, JointModel, positions
 from hqpipe.identify.sampling import covariance
 from hqpipe.identify.screening import Known, Names, Screening
+from hqpipe.identify.uncertainty import LEVEL
 
 LEAST_GAIN = 0.05
 """Share by which the squared error must grow without an effect for it to be a cause: 2.5 % of the error. An effect with less is
@@ -96,6 +98,19 @@ class Search:
         end = fitter.high[first] if known.solution.values[first] > fitter.neutral[first] else fitter.low[first]
         return self.size(known, name) <= AT_BOUND * abs(float(end - fitter.neutral[first]))
 
+    def differs_from_none(self, known: Known, name: str) -> bool:
+        """Whether the numbers of an effect are further from neutral, together, than its logs leave open (Wald 1943).
+
+        What an effect does need not vanish with its numbers: an integrator that hardly integrates holds what it began with.
+        """
+        if not self.effects[name].named or self.effects[name].in_both or not np.isfinite(known.solution.square):
+            return True
+        places = self.screening.places(name)
+        own = np.searchsorted(known.solution.free, places)
+        away = known.solution.values[places] - self.fitter.neutral[places]
+        square = away @ np.linalg.pinv(known.covariance.robust[np.ix_(own, own)], hermitian=True) @ away
+        return bool(square > chi2.ppf(LEVEL, len(places)))
+
     def size(self, known: Known, name: str) -> float:
         """Of an effect's first number, from neutral."""
         first = int(self.screening.places(name)[0])
@@ -119,21 +134,27 @@ class Search:
         return best
 
     def improved(self, best: Known) -> Known:
-        """Drop what is not needed, and exchange single effects while that helps; what ends at its bound is refused, and the set
-        is completed without it, for what it closes may be the part of another effect, which it kept out."""
+        """Drop what is not needed, and exchange single effects while that helps.
+
+        What ends at its bound or has no size is refused, and the set is completed without it, for what it closes may be the part
+        of another effect, which it kept out.
+        """
         while True:
             seen = {best.names}
             while (better := self._better(best)) is not None and better.names not in seen:
                 seen.add(better.names)
                 best = better
             best = self.known[best.names]
-            odd = [name for name in sorted(best.names) if not self.within_bounds(best, name)]
+            odd = [name for name in sorted(best.names) if not self._has_a_size(best, name)]
             if not odd:
                 return best
             self.refused.update(odd)
             for name in odd:
                 best = self.without(best, name)
             best = self.grown(best)
+
+    def _has_a_size(self, known: Known, name: str) -> bool:
+        return self.within_bounds(known, name) and self.differs_from_none(known, name)
 
     def taken_apart(self, known: Known, names: Sequence[str]) -> tuple[Known, dict[str, Known]]:
         """A set, fitted again where a part of it turned out better, and the set without each of some of its effects."""
