@@ -14,7 +14,7 @@ from hqpipe.identify.model import all_parameters
 from hqpipe.identify.search import Known, Search
 
 _CHANCE = 1e-4  # probability of such a scatter by chance; assumption: some ten numbers a joint are looked at
-_NOTABLE = 0.2  # of the number itself, between trials; assumption: less changes no answer
+NOTABLE = 0.2  # of a number itself, between trials or records; assumption: a smaller difference changes no answer
 _LEAST_TRIALS = 3
 
 
@@ -47,7 +47,7 @@ def drifts(search: Search, best: Known) -> tuple[str, ...]:
             continue
         scatter = float(weight @ (moved - weight @ moved / weight.sum()) ** 2)
         spread = float(np.sqrt(max(np.average((moved - np.average(moved, weights=weight)) ** 2, weights=weight), 0.0)))
-        if chi2.sf(scatter, len(moved) - 1) < _CHANCE and spread > _NOTABLE * value:
+        if chi2.sf(scatter, len(moved) - 1) < _CHANCE and spread > NOTABLE * value:
             low, high = (solution.values[index] + pick(moved) for pick in (np.min, np.max))
             parameter = parameters[index]
             found.append(

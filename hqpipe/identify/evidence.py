@@ -6,7 +6,7 @@ For a set of effects and a smaller one, the logarithm of the Bayes factor by Lap
 
 with ΔRSS what the parameters take off the squared error, σ² the variance of the errors left, V the robust covariance of the
 parameters and p a Cauchy prior as wide as their spread (half of it where a bound lies at neutral). c turns the likelihood of
-independent samples into that of correlated ones: the ratio of naive to robust information in the direction of the parameters
+independent samples into that of correlated ones: the ratio of robust to naive information in the direction of the parameters
 (Chandler and Bate 2007). A parameter that is no better known than beforehand changes nothing: V is never wider than the prior.
 """
 

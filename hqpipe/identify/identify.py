@@ -10,7 +10,7 @@ from hqpipe.identify.change import KnownJoint, changes_between, changes_since
 from hqpipe.identify.found import JointFound, LayerFound
 from hqpipe.identify.joint_moves import others_of, settled_together
 from hqpipe.identify.joint_pool import JointPool
-from hqpipe.identify.joint_search import JointSearch
+from hqpipe.identify.joint_search import MOST_JOINTS, JointSearch
 from hqpipe.identify.minor_causes import without_minor_causes
 from hqpipe.identify.model import JointModel, LayerJoints
 from hqpipe.identify.passing import with_passing
@@ -19,7 +19,6 @@ from hqpipe.identify.screening import Names
 from hqpipe.identify.shared_names import with_shared_names
 
 Progress = Callable[[float, float, str], None]
-_MOST_JOINTS = 0.5  # share of the joints that have a cause, from which it is one of the machine
 
 
 def identify(
@@ -90,7 +89,7 @@ def _others(present: Sequence[Names]) -> list[tuple[list[Names]]]:
 def _shared(answers: Sequence[JointFound]) -> frozenset[str]:
     """Causes that most joints of the machine have."""
     count = Counter(cause.effect for joint in answers for cause in joint.causes)
-    return frozenset(name for name, joints in count.items() if joints > _MOST_JOINTS * len(answers) and joints > 1)
+    return frozenset(name for name, joints in count.items() if joints > MOST_JOINTS * len(answers) and joints > 1)
 
 
 def _half(progress: Progress | None, start: float) -> Progress | None:

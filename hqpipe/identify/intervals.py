@@ -7,7 +7,8 @@
 - The law: how far the number moves if one more effect or generic shape is let in, weighed with its probability (Bayesian
   model averaging, Hoeting et al. 1999). What closes too little to be a cause is still a way in which the law is wrong.
 
-Each source has its own Student factor; the half widths add up in squares, as those of independent errors do.
+The first two have a Student factor each, the third that of a normal distribution. The half widths add up in squares, as those
+of independent errors do.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import numpy as np
 from hqpipe.identify.drifts import drifts
 from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
 from hqpipe.identify.intervals import half_widths
-from hqpipe.identify.search import LEAST_GAIN, Known, Names, Search
+from hqpipe.identify.search import HALVED, LEAST_GAIN, Known, Names, Search
 
 LEAST_SHARE = 0.01
 """Square of what a cause does to the prediction, over the squared gap from the base's error to the noise: a tenth of the gap.
@@ -137,7 +137,7 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
         known = better
     persistence = float(np.sum((search.model.fit.held - search.model.fit.output) ** 2))
     # What predicts no better than holding the output, and leaves most of the gap, explains nothing.
-    return known if search.left_out(known) < max(persistence, 0.5 * search.left_out(base)) else base
+    return known if search.left_out(known) < max(persistence, HALVED * search.left_out(base)) else base
 
 
 def _without_small(search: Search, known: Known, base: Known) -> Known:

@@ -13,6 +13,8 @@ from hqpipe.identify.model import JointModel
 from hqpipe.identify.search import Known, Names, Search
 from hqpipe.identify.visible import least_visible
 
+MOST_JOINTS = 0.5  # share of joints from which on what more of them say is what the machine has: their majority
+
 Odds = Callable[[JointModel, Mapping[str, int], int], dict[str, float]]
 """ln of the prior odds of each effect of a model, from effect → how many other joints have it, and how many these are."""
 
@@ -63,7 +65,7 @@ class JointSearch:
                     if search.preference(option, known) > 0.0:
                         known = option
                         break
-        usual = frozenset(name for name in count if count[name] > 0.5 * len(others))
+        usual = frozenset(name for name in count if count[name] > MOST_JOINTS * len(others))
         if usual - known.names and known.names - usual:
             # The search may have gone astray in this joint alone: what most others have is tried as a whole.
             whole = search.grown_along(sorted(usual))

@@ -15,9 +15,9 @@ import numpy as np
 
 _CELLS = 6  # of position, and of speed; assumption: a wrong law is off in one way over a sixth of the range
 STATES = _CELLS**2
-MATERIAL = 0.005  # of the output's RMS: a change of the error by less is no use to a simulator; assumption
+MATERIAL = 0.005  # of the output's spread: a change of the error by less is no use to a simulator; assumption
 FORCE_SENSOR = 0.01
-"""Class of a force sensor over the RMS of what it measures, half of its full scale at most: pressure transmitters and load
+"""Class of a force sensor over the spread of what it measures, half of its full scale at most: pressure transmitters and load
 cells of 0.5 % of full scale, as data sheets of industrial ones say. A smaller error may be the sensor's own. The cost: an
 unknown effect that small counts as no gap."""
 
@@ -29,8 +29,8 @@ class Parameter:
     Attributes:
         name: as in diagnosis.json, e.g. "friction_nm". unit: of the joint, SI.
         neutral: value at which it does nothing; of a base parameter, where the fit starts.
-        spread: size that a data sheet of such a machine would give, as a deviation from `neutral`: the standard deviation of
-            the prior. Infinite for a base parameter about which nothing is known.
+        spread: size that a data sheet of such a machine would give, as a deviation from `neutral`: the width of the Cauchy
+            prior. Infinite for a base parameter about which nothing is known.
         low, high: bounds.
         starts: values from which a fit is tried when it is first freed; none for one step of the size `spread`.
         least: deviation from `neutral` that every sound machine may have.
@@ -190,7 +190,7 @@ class LayerJoints:
     Attributes:
         layer: its name. metric: what the error is, as in diagnosis.json. window_s: s, length of a free run, or of the filter.
         window_reason: why. models: the joints that can be judged. left: joint → why it cannot be. warnings: what to know.
-        material: share of the output's RMS, below which a gap does not matter.
+        material: share of the output's spread, below which a gap does not matter.
     """
 
     layer: str

@@ -15,7 +15,7 @@ import numpy as np
 from hqpipe.identify.found import JointFound
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel, all_parameters, positions
-from hqpipe.identify.search import LEAST_GAIN
+from hqpipe.identify.search import HALVED, LEAST_GAIN
 from hqpipe.identify.stretches import LEAST_OUTSIDE, Shown, Stretches, inside, near_ends, stretches_of
 
 UNEXPLAINED = LEAST_OUTSIDE
@@ -23,9 +23,6 @@ UNEXPLAINED = LEAST_OUTSIDE
 for a lasting one of s of its size, leaves 1 − s of its squares, and s is at most 1 − LEAST_OUTSIDE."""
 QUIET = 0.15
 """Excess outside over excess inside, above the noise, at which the base is nearly right outside; assumption."""
-LEFT = 0.5
-"""Of what lasting effects leave, in a joint and over the machine, that passing ones may leave. They have the ends of the
-stretch as numbers of their own; assumption: a stretch of chance does not halve what is left."""
 ROUNDS = 3  # of cutting and fitting the rest again; assumption: a stretch that still moves then has no clear ends
 
 Searched = Callable[[Sequence[JointModel]], tuple[JointFound, ...]]
@@ -84,6 +81,9 @@ class PassingJoint:
 def with_passing(found: Sequence[JointFound], window_s: float, searched: Searched) -> tuple[JointFound, ...]:
     """The answers, with those of passing effects in place of lasting ones where these are far better.
 
+    Passing effects have the ends of the stretches as numbers of their own. So they have to leave at most half of what lasting
+    ones leave, in a joint and over the machine.
+
     Args:
         found: of each joint, with lasting effects. window_s: see `LayerJoints`. searched: the search over joint models.
     """
@@ -102,11 +102,11 @@ def with_passing(found: Sequence[JointFound], window_s: float, searched: Searche
     better = {
         joint.model.joint: passing
         for joint, passing in zip(quiet, again, strict=True)
-        if passing.causes and passing.unexplained <= LEFT * joint.unexplained
+        if passing.causes and passing.unexplained <= HALVED * joint.unexplained
     }
     chosen = tuple(better.get(joint.model.joint, joint) for joint in found)
     left, lasting = (sum(joint.unexplained for joint in answers) for answers in (chosen, found))
-    return chosen if better and left <= LEFT * lasting else found
+    return chosen if better and left <= HALVED * lasting else found
 
 
 def _cut(asking: Sequence[JointFound], window_s: float) -> tuple[Stretches, Stretches] | None:

@@ -15,7 +15,7 @@ from scipy.special import betaln
 from hqpipe.identify.model import Effect, JointModel
 
 _EXPECTED = 1.0  # effects of a joint beforehand; assumption: logs are diagnosed because something is wrong
-_COMMON = 0.5  # of the joints have a common effect; by its definition
+_COMMON = 0.5  # of the joints have a common effect, by its definition; no other effect is expected in more
 _WEIGHT = 3.0  # joints that the expectation counts as, beside the other joints of the machine; assumption
 
 
@@ -45,4 +45,4 @@ def log_prior(model: JointModel, effect: Effect, having: np.ndarray, joints: int
 
 def _before(model: JointModel, effect: Effect) -> float:
     """Share of joints that are expected to have an effect."""
-    return _COMMON if effect.common else min(_EXPECTED / max(len(model.effects), 1), 0.5)
+    return _COMMON if effect.common else min(_EXPECTED / max(len(model.effects), 1), _COMMON)

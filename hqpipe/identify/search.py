@@ -27,6 +27,9 @@ LEAST_GAIN = 0.05
 """Share by which the squared error must grow without an effect for it to be a cause: 2.5 % of the error. An effect with less is
 of no use to a simulator. No joint asks for one by itself either: where no model is exact, ever smaller effects are
 significant without end. The cost: a real one that small is not named."""
+HALVED = 0.5
+"""Of a squared error, that another answer may leave at most where nothing else speaks for it; assumption: chance does not
+halve an error. The cost: a right answer that explains less is not given."""
 _REFITTED = 4  # of the screened candidates; assumption: the best one is among them, though a slope is no fit
 _REPLACED = 2  # of the screened candidates, that are tried in the place of another effect; assumption
 _POLISHED = 2  # starts of an effect from which it is fitted; assumption: one of them is near the best minimum

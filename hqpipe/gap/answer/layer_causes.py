@@ -15,11 +15,11 @@ from hqpipe.gap.answer.shapley import Shrink, shapley
 from hqpipe.gap.checks.signs import NAME as UNSIGNED
 from hqpipe.gap.residuals.layer_errors import LayerErrors
 from hqpipe.identify.found import JointCause, Number
+from hqpipe.identify.joint_search import MOST_JOINTS
 from hqpipe.identify.model import JointModel, LayerJoints
 from hqpipe.machine import EFFECTS
 
 SENSING = "sensing"
-MOST = 0.5  # share of a cause's joints that must not tell a rival from it; assumption
 ALIKE = 1.5  # between numbers told as one; assumption: what differs by more nobody would call the same
 _NEAR = 1e-3  # of the way to the value, from an end of an interval that is infinite in the form that is reported
 
@@ -152,10 +152,10 @@ def _cause(effect: str, layer: str, members: dict[str, JointCause], machine: Seq
     numbers = [
         _pooled([n for cause in members.values() for n in cause.numbers if (n.name, n.unit) == key])
         for key, count in shown.items()
-        if count >= MOST * len(members)
+        if count >= MOST_JOINTS * len(members)
     ]
     counted = Counter(name for cause in members.values() for name in dict.fromkeys(cause.confused_with))
-    rivals = tuple(name for name, count in counted.most_common() if count > MOST * len(members))
+    rivals = tuple(name for name, count in counted.most_common() if count > MOST_JOINTS * len(members))
     scope = scope_of(tuple(members), machine)
     return LayerCause(effect, layer_of(effect, layer), scope, members, tuple(numbers), rivals)
 

@@ -14,12 +14,12 @@ import numpy as np
 from hqpipe.gap.residuals.bootstrap import block_weights
 from hqpipe.gap.residuals.layer_errors import LayerErrors
 from hqpipe.identify.found import Fitted
+from hqpipe.identify.search import LEAST_GAIN
 
 EXPLAINED = 0.25  # of the squared error above the noise may be left in an explained gap; assumption
 SIGNIFICANCE = 0.05  # over all joints together (Bonferroni)
 FLOOR_MARGIN = 1.05  # the floor itself is an estimate, good to a few per cent
 UNPREDICTED_MARGIN = 2.0  # assumption: the floor takes noise for white; coloured noise is off by less
-MIN_EXPLAINED = 0.05  # of the squared residual: less is no use to a simulator
 PREDICTABLE = 0.10  # of the squared gap that a flexible model may still predict in an explained one; assumption
 MOST = 0.25  # of the squared gap that may be left then: the causes halve the gap at least; assumption
 
@@ -116,6 +116,6 @@ def _above(
     gains = [square - joint.error(joint.found.full) ** 2 for joint, square in zip(joints, squares, strict=True)]
     count = np.maximum(weights @ errors.counts, 1e-300)
     low, gain = (np.percentile((weights @ errors.sums(x)) / count, level, axis=0) for x in (squares, gains))
-    predictable = (gain > 0.0) & (error - flexible >= MIN_EXPLAINED * error)
+    predictable = (gain > 0.0) & (error - flexible >= LEAST_GAIN * error)
     clear = (low > FLOOR_MARGIN * floor) & (predictable | (error > UNPREDICTED_MARGIN * floor))
     return clear & (error - floor > (errors.material * errors.scale) ** 2), predictable

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 from hqpipe.gap.answer.layer_causes import reporting
 from hqpipe.identify.change import Changed
+from hqpipe.identify.drifts import NOTABLE
 from hqpipe.identify.found import JointFound, Number
 from hqpipe.identify.model import Effect
 
-NOTABLE = 0.2  # of a number: a smaller change of it changes no answer; as for numbers that differ between trials
 UNUSUAL = 3.0  # spreads of the prior beyond which no machine is; as three standard deviations
 
 

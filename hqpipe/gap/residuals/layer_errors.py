@@ -86,7 +86,7 @@ class LayerErrors:
     Attributes:
         joints: in the order of the layer. files: of the judged trials, in the order of the logs.
         whole: file → (s from the start of the recording to the first sample, length of the recording).
-        block_s: length of a block. material: share of the output's RMS, below which a gap does not matter.
+        block_s: length of a block. material: share of the output's spread, below which a gap does not matter.
     """
 
     joints: tuple[JudgedJoint, ...]
