@@ -139,8 +139,8 @@ class Search:
     def improved(self, best: Known) -> Known:
         """Drop what is not needed, and exchange single effects while that helps.
 
-        What ends at its bound or has no size is refused, and the set is completed without it, for what it closes may be the part
-        of another effect, which it kept out.
+        What ends at its bound or has no size is refused, and the set is completed without it, for what it closes may be the
+        part of another effect, which it kept out.
         """
         while True:
             seen = {best.names}
