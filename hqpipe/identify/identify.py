@@ -66,7 +66,7 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
             present, worths = zip(*pool.each("weighed_again", _others(present)), strict=True)
             present = settled_together(models, present, worths, lambda asked: pool.some("moved", asked))
             pool.each("told", _others(present))
-        answers = pool.each("answered")
+        answers = with_shared_names(pool.each("answered"), lambda steps: pool.some("renamed", steps))
         shared = _shared(answers)
         again = pool.each(
             "with_shared", [(shared, frozenset(cause.effect for cause in joint.causes)) for joint in answers]

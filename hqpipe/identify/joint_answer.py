@@ -253,7 +253,7 @@ def _believed(search: Search, best: Known, name: str) -> _Belief:
         # errors differ by less than a cause has to close, what the law leaves out may do it.
         as_good = search.telling(option, best) > np.log(CONFUSED)
         as_good = as_good or search.left_out(option) <= (1.0 + LEAST_GAIN) * search.left_out(best)
-        if len(search.screening.places(other)) == len(search.screening.places(name)) and as_good:
+        if search.effects[other].sizes == search.effects[name].sizes and as_good:
             twins.add(other)
     weights = {other: float(np.exp(min(value, 700.0))) for other, value in against.items()}
     total = 1.0 + sum(weights.values())

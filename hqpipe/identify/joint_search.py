@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from hqpipe.identify.found import JointFound
+from hqpipe.identify.found import JointCause, JointFound
 from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.joint_moves import Step, Worths
 from hqpipe.identify.least_squares import Fitter
@@ -29,6 +29,7 @@ class JointSearch:
         self._model, self._odds = model, odds
         self._search: Search | None = None
         self._known: Known | None = None
+        self._renamed: list[Step] = []
 
     def load_compiled_code(self) -> None:
         """Predict once, so that copies of this process have the compiled code."""
@@ -43,7 +44,7 @@ class JointSearch:
 
     def answered(self) -> JointFound:
         """The answer."""
-        return replace(answer(self._search, self._known), model=None)
+        return self._answer_of(self._known)
 
     def weighed_again(self, others: Sequence[Names]) -> tuple[Names, Worths]:
         """The effects that the joint asks for beside what the others have, and what it says of steps from there.
@@ -115,11 +116,12 @@ class JointSearch:
         search.barred.add(effect)
         for name in sorted(known.names & search.barred):
             known = search.without(known, name)
-        return replace(answer(search, search.improved(known)), model=None)
+        return self._answer_of(search.improved(known))
 
     def renamed(self, step: Step) -> JointFound:
-        """The answer with another effect in the place of one, which is refused from now on."""
+        """The answer with another effect in the place of one, which is refused from now on but told as one that is like it."""
         search, known = self._search, self._known
+        self._renamed.append(step)
         if step.leaves in known.names:
             known = search.without(known, step.leaves)
             if step.joins in search.addable(known.names):
@@ -131,3 +133,14 @@ class JointSearch:
     def visible(self, kept: Names, base: Names) -> dict[str, float]:
         """See `hqpipe.identify.visible.least_visible`; kept, base: effects of the sets of an answer."""
         return least_visible(self._search, self._search.known[kept], self._search.known[base])
+
+    def _answer_of(self, known: Known) -> JointFound:
+        found = answer(self._search, known)
+        causes = tuple(self._with_earlier_names(cause) for cause in found.causes)
+        return replace(found, causes=causes, model=None)
+
+    def _with_earlier_names(self, cause: JointCause) -> JointCause:
+        """A cause with the names among those like it that it had before the other joints were asked."""
+        earlier = (step.leaves for step in self._renamed if step.joins == cause.effect)
+        names = (*cause.confused_with, *earlier)
+        return replace(cause, confused_with=tuple(dict.fromkeys(names)))

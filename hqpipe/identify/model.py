@@ -34,6 +34,7 @@ class Parameter:
         low, high: bounds.
         starts: values from which a fit is tried when it is first freed; none for one step of the size `spread`.
         least: deviation from `neutral` that every sound machine may have.
+        shape: whether it only shapes what the other numbers of its effect do, which can also do without it.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Parameter:
     high: float = np.inf
     starts: tuple[float, ...] = ()
     least: float = 0.0
+    shape: bool = False
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,11 @@ class Effect:
     excludes: frozenset[str] = frozenset()
     common: bool = False
     settled: int = 0
+
+    @property
+    def sizes(self) -> int:
+        """How many of its numbers say how large it is, and do not only shape what it does."""
+        return sum(not parameter.shape for parameter in self.parameters)
 
 
 @dataclass(frozen=True)

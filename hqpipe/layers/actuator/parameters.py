@@ -82,7 +82,7 @@ def _parameter(p: scales.Parameter, size: Sizes) -> Parameter:
     neutral = p.neutral if search.counts or not p.neutral else (starts[0] if len(starts) == 1 else p.neutral)
     low, high = search.lower * unit, search.upper * unit
     neutral, least = float(np.clip(neutral, low, high)), search.least / size.most_effort
-    return Parameter(p.name, p.unit, neutral, usual, low, high, starts, least)
+    return Parameter(p.name, p.unit, neutral, usual, low, high, starts, least, shape=not search.counts)
 
 
 def reported_unit(unit: str, units: Sequence[str]) -> str:
