@@ -101,18 +101,19 @@ class Search:
         end = fitter.high[first] if known.solution.values[first] > fitter.neutral[first] else fitter.low[first]
         return self.size(known, name) <= AT_BOUND * abs(float(end - fitter.neutral[first]))
 
-    def differs_from_none(self, known: Known, name: str) -> bool:
-        """Whether the numbers of an effect are further from neutral, together, than its logs leave open (Wald 1943).
+    def certainty(self, known: Known, name: str) -> float:
+        """How far the numbers of an effect are from neutral, together, over how far they can be told from it (Wald 1943); above
+        1 where the logs say that it is there.
 
         What an effect does need not vanish with its numbers: an integrator that hardly integrates holds what it began with.
         """
         if not self.effects[name].named or self.effects[name].in_both or not np.isfinite(known.solution.square):
-            return True
+            return np.inf
         places = self.screening.places(name)
         own = np.searchsorted(known.solution.free, places)
         away = known.solution.values[places] - self.fitter.neutral[places]
         square = away @ np.linalg.pinv(known.covariance.robust[np.ix_(own, own)], hermitian=True) @ away
-        return bool(square > chi2.ppf(LEVEL, len(places)))
+        return float(np.sqrt(max(square, 0.0) / chi2.ppf(LEVEL, len(places))))
 
     def size(self, known: Known, name: str) -> float:
         """Of an effect's first number, from neutral."""
@@ -139,25 +140,29 @@ class Search:
     def improved(self, best: Known) -> Known:
         """Drop what is not needed, and exchange single effects while that helps.
 
-        What ends at its bound or has no size is refused, and the set is completed without it, for what it closes may be the
-        part of another effect, which it kept out.
+        What ends at its bound is refused, and the set is completed without it, for what it closes may be the part of another
+        effect, which it kept out. So is what cannot be told from none, but only if that is so twice: of two that are alike, one
+        makes the other uncertain.
         """
+        uncertain: set[str] = set()
         while True:
             seen = {best.names}
             while (better := self._better(best)) is not None and better.names not in seen:
                 seen.add(better.names)
                 best = better
             best = self.known[best.names]
-            odd = [name for name in sorted(best.names) if not self._has_a_size(best, name)]
-            if not odd:
+            odd = [name for name in sorted(best.names) if not self.within_bounds(best, name)]
+            least = min(best.names, key=lambda name: (self.certainty(best, name), name), default=None)
+            if not odd and (least is None or self.certainty(best, least) > 1.0):
                 return best
-            self.refused.update(odd)
-            for name in odd:
+            leaving = set(odd) or {least}
+            self.refused |= leaving
+            for name in sorted(leaving):
                 best = self.without(best, name)
             best = self.grown(best)
-
-    def _has_a_size(self, known: Known, name: str) -> bool:
-        return self.within_bounds(known, name) and self.differs_from_none(known, name)
+            if not odd:
+                self.refused -= leaving - uncertain
+                uncertain |= leaving
 
     def taken_apart(self, known: Known, names: Sequence[str]) -> tuple[Known, dict[str, Known]]:
         """A set, fitted again where a part of it turned out better, and the set without each of some of its effects."""
