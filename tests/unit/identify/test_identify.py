@@ -12,6 +12,7 @@ from identify.toy_joint import ToyJoint
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.found import JointFound
 from hqpipe.identify.identify import identify
+from hqpipe.identify.joint_moves import Step
 from hqpipe.identify.joint_search import JointSearch
 from hqpipe.identify.model import Effect, LayerJoints, Parameter
 from hqpipe.identify.prior import prior_odds
@@ -141,6 +142,66 @@ def test_of_names_that_nothing_tells_apart_one_is_given_and_the_others_are_told(
     (cause,) = joint.causes
     assert {cause.effect, *cause.confused_with} == {"spring", "belt", "cable"}
     assert cause.probability == pytest.approx(1.0 / 3.0, abs=0.05)
+
+
+def test_an_effect_whose_number_cannot_be_told_from_none_gives_way_to_what_it_stood_for():
+    """A hook that holds an offset of each trial, whatever its own number: what it does has nothing to do with that."""
+    model = ToyJoint(truth={"spring": 1.0}, seed=3)
+    whole = model.error
+    model.effects += (Effect("hook", (Parameter("size", "1", 0.0, 0.5, 0.0, 2.0),)),)
+
+    def error(values, heldout=False):
+        found = whole(values[:-1], heldout)
+        q = (model.heldout if heldout else model.fit).position
+        holds = values[-1] > 0.0 and values[len(model.base) + 2] == 0.0
+        return found + q * holds + 1e-3 * values[-1]
+
+    model.error = error
+    search = Search(model, prior_odds(model, {}, 0))
+    hook = search.grown_by(search.base, "hook")
+    assert search.gain(hook, search.base) > 10.0 and search.certainty(hook, "hook") < 1.0
+    better = search.improved(hook)
+    assert better.names == {"spring"} and search.certainty(better, "spring") > 1.0
+
+
+def test_of_two_effects_that_make_each_other_uncertain_one_stays():
+    model = ToyJoint(truth={"spring": 1.0}, seed=3)
+    spring, whole = len(model.base) + 2, model.error
+    model.effects += (Effect("belt", (Parameter("nm_per_rad", "N·m/rad", 0.0, 0.5),)),)
+
+    def error(values, heldout=False):
+        alike = values[:-1].copy()
+        alike[spring] += values[-1]
+        return whole(alike, heldout)
+
+    model.error = error
+    search = Search(model, prior_odds(model, {}, 0))
+    both = search.grown_by(search.grown_by(search.base, "spring"), "belt")
+    assert len(search.improved(both).names) == 1 and not search.refused
+
+
+def test_a_number_that_only_shapes_an_effect_makes_it_no_less_like_another():
+    friction = ToyJoint.effects[0]
+    shaped = replace(friction, parameters=(*friction.parameters, Parameter("speed", "rad/s", 0.1, 0.1, shape=True)))
+    assert friction.sizes == shaped.sizes == 1
+
+
+def test_a_joint_that_takes_the_name_of_the_others_still_tells_its_own():
+    model = ToyJoint(truth={"spring": 1.0}, seed=3)
+    spring, whole = len(model.base) + 2, model.error
+    model.effects += (Effect("belt", (Parameter("nm_per_rad", "N·m/rad", 0.0, 0.5),)),)
+
+    def error(values, heldout=False):
+        alike = values[:-1].copy()
+        alike[spring] += values[-1]
+        return whole(alike, heldout)
+
+    model.error = error
+    joint = JointSearch(model, prior_odds)
+    (before,) = joint.first()
+    (other,) = {"spring", "belt"} - {before}
+    (cause,) = joint.renamed(Step(before, other)).causes
+    assert cause.effect == other and cause.confused_with == (before,)
 
 
 def test_a_cause_that_is_small_beside_what_is_left_unexplained_needs_other_joints():

@@ -19,6 +19,7 @@ class Answered:
     closes: dict
     unexplained: float
     model: object = field(default=None)
+    causes: tuple = ()
 
 
 def test_an_effect_that_went_does_not_come_back_when_the_next_one_goes(monkeypatch):
