@@ -1,8 +1,7 @@
 """What may be said of a layer: whether there is a gap, and whether the causes explain it.
 
 No real machine is in the span of a library of effects, so that even the right causes leave an error above the noise of the
-sensors. A gap counts as explained where the error comes close to the noise, or where the causes close most of it and little is
-left that a flexible model could still predict.
+sensors. A gap counts as explained where the causes close most of it.
 """
 
 from __future__ import annotations
@@ -16,12 +15,10 @@ from hqpipe.gap.residuals.layer_errors import LayerErrors
 from hqpipe.identify.found import Fitted
 from hqpipe.identify.search import LEAST_GAIN
 
-EXPLAINED = 0.25  # of the squared error above the noise may be left in an explained gap; assumption
+EXPLAINED = 0.25  # of the squared gap that may be left in an explained one: the causes halve the gap at least; assumption
 SIGNIFICANCE = 0.05  # over all joints together (Bonferroni)
 FLOOR_MARGIN = 1.05  # the floor itself is an estimate, good to a few per cent
 UNPREDICTED_MARGIN = 2.0  # assumption: the floor takes noise for white; coloured noise is off by less
-PREDICTABLE = 0.10  # of the squared gap that a flexible model may still predict in an explained one; assumption
-MOST = 0.25  # of the squared gap that may be left then: the causes halve the gap at least; assumption
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +51,6 @@ class LayerEvidence:
         return _ratio(self._above(self.after), self._above(self.before))
 
     @property
-    def open(self) -> float:
-        """Share of the squared gap that the flexible model could still close."""
-        still = (np.maximum(self.after - self.flexible, 0.0) / self.scale**2)[self.gap].sum()
-        return _ratio(float(still), self._above(self.before))
-
-    @property
     def blind(self) -> bool:
         """Whether what is left is as large as the error of holding the output."""
         after, held = ((error / self.scale**2)[self.gap].sum() for error in (self.after, self.persistence))
@@ -70,8 +61,7 @@ class LayerEvidence:
             return "unknown" if self.gap.any() else "no_gap"
         if self.blind:
             return "partly_explained"
-        near_floor = not self.rest.any() or self.left <= EXPLAINED
-        return "explained" if near_floor or (self.open <= PREDICTABLE and self.left <= MOST) else "partly_explained"
+        return "explained" if not self.rest.any() or self.left <= EXPLAINED else "partly_explained"
 
     def _above(self, error: np.ndarray) -> float:
         return float((np.maximum(error - self.floor, 0.0) / self.scale**2)[self.gap].sum())
