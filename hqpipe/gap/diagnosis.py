@@ -16,11 +16,11 @@ from hqpipe.gap.change.since import EarlierLogs, EarlierModel
 from hqpipe.gap.change.since_intake import only_known
 from hqpipe.gap.intake import Intake, take_in
 from hqpipe.gap.layer_diagnosis import apply_layer, diagnose_layer
-from hqpipe.gap.layer_intake import position_checks
+from hqpipe.gap.layer_intake import layer_intake
 from hqpipe.gap.position_layer import diagnose_position
-from hqpipe.gap.routing import ACTUATOR, JOINT_MOTION, TORQUE, Route, has_law, route, route_since
+from hqpipe.gap.routing import ACTUATOR, Route, route, route_since
 from hqpipe.identify.identify import Progress
-from hqpipe.logs.end_stops import Travel, mark_end_stops
+from hqpipe.logs.end_stops import Travel
 from hqpipe.logs.trajectory import LogSet
 
 __all__ = ["FILE", "LARGEST", "TABLE", "TRACES", "Diagnosis", "Row", "diagnose", "errors_left", "write_diagnosis"]
@@ -147,19 +147,13 @@ def _layer_alone(
     name: str, log_set: LogSet, asked: _Question, progress: Progress | None, earlier: EarlierLogs | None
 ) -> Diagnosis:
     """The answer of a layer, its logs looked through as far as their channels allow."""
-    if name == JOINT_MOTION and has_law(log_set):
-        intake = take_in(log_set, None, asked.without)
-        if intake.reasons:
-            return Diagnosis(
-                not_identifiable(intake.log_set, list(intake.warnings), intake.advice, earlier, intake.left_out)
-            )
-        return _of_layer(name, intake, asked, progress, earlier)
-    logs, left_out, told = position_checks(log_set)
-    if name == TORQUE:
-        logs, stops = mark_end_stops(logs, asked.travel)
-        told = [*told, *stops]
-    rest = {"left_out": left_out, "warnings": told}
-    return diagnose_layer(name, logs, asked.window_s, asked.without, asked.workers, progress, earlier, **rest)
+    intake = layer_intake(name, log_set, asked.without, asked.travel)
+    if intake.reasons:
+        return Diagnosis(
+            not_identifiable(intake.log_set, list(intake.warnings), intake.advice, earlier, intake.left_out)
+        )
+    rest = {"left_out": list(intake.left_out), "warnings": list(intake.warnings)}
+    return diagnose_layer(name, intake.log_set, asked.window_s, asked.without, asked.workers, progress, earlier, **rest)
 
 
 def errs_as_persistence(found: Diagnosis) -> bool:

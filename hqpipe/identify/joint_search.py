@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from hqpipe.identify.found import JointCause, JointFound
+from hqpipe.identify.isolability import Isolability, isolability
 from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.joint_moves import Step, Worths
 from hqpipe.identify.least_squares import Fitter
@@ -129,6 +130,10 @@ class JointSearch:
         search.refused.add(step.leaves)
         self._known = search.improved(known)
         return self.answered()
+
+    def isolability(self, material: float) -> dict[str, Isolability]:
+        """See `hqpipe.identify.isolability.isolability`: beforehand, from the base alone."""
+        return isolability(Search(self._model, self._odds(self._model, {}, 0)), material)
 
     def visible(self, kept: Names, base: Names) -> dict[str, float]:
         """See `hqpipe.identify.visible.least_visible`; kept, base: effects of the sets of an answer."""

@@ -60,7 +60,7 @@ class Screening:
         """Square of what an effect of a set does to the prediction at its size, all else as it is."""
         values = known.solution.values.copy()
         values[self.places(name)] = self._fitter.neutral[self.places(name)]
-        return self._moved(known, values)
+        return self.moved(known, values)
 
     def reach(self, known: Known, name: str) -> tuple[float, float, float] | None:
         """A size of an effect's first number, from neutral, the square of what that does to the prediction, and of the part of
@@ -69,7 +69,7 @@ class Screening:
         for moved, _, square in self._secants(known, name):
             size = abs(float(moved[first] - self._fitter.neutral[first]))
             if size > 0.0 and square > _SAME * known.solution.square:
-                return size, self._moved(known, moved), square
+                return size, self.moved(known, moved), square
         return None
 
     def screened(self, known: Known, names: Sequence[str]) -> list[tuple[float, str]]:
@@ -92,7 +92,7 @@ class Screening:
         for moved, change, size in self._secants(known, name):
             first = self.places(name)[0]
             combination = moved[self.places(name)]
-            low, high = self._shares(name, combination)
+            low, high = self.shares(name, combination)
             share = float(np.clip(-float(change @ error) / size, low, high))
             gain = -2.0 * share * float(change @ error) - share**2 * size
             if gain > 0.0:
@@ -102,26 +102,33 @@ class Screening:
 
     def _secants(self, known: Known, name: str) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
         """Values at each start of an effect, what they change in the error that the free parameters cannot, and its square."""
-        for combination in self._combinations(name):
+        for combination in self.combinations(name):
             moved = known.solution.values.copy()
             moved[self.places(name)] = combination
-            change = self._fitter.error(moved) - known.solution.error
+            change = self.beyond(known, moved)
             if not np.isfinite(change).all():
                 continue
-            span = self._span(known)
-            change -= span @ (span.T @ change)
             size = float(change @ change)
             if size > 0.0:
                 yield moved, change, size
 
-    def _moved(self, known: Known, values: np.ndarray) -> float:
+    def beyond(self, known: Known, values: np.ndarray) -> np.ndarray:
+        """(N,) what other values change in the error of a set that its free parameters cannot; not finite where the prediction
+        overflows."""
+        change = self._fitter.error(values) - known.solution.error
+        if np.isfinite(change).all():
+            span = self._span(known)
+            change -= span @ (span.T @ change)
+        return change
+
+    def moved(self, known: Known, values: np.ndarray) -> float:
         """Square of what other values change in the prediction of a set."""
         change = self._fitter.error(values) - known.solution.error
         with np.errstate(over="ignore", invalid="ignore"):
             square = float(change @ change)
         return square if np.isfinite(square) else np.inf
 
-    def _shares(self, name: str, combination: np.ndarray) -> tuple[float, float]:
+    def shares(self, name: str, combination: np.ndarray) -> tuple[float, float]:
         """How far along the secant the first parameter may go."""
         first = self.places(name)[0]
         length = combination[0] - self._fitter.neutral[first]
@@ -131,7 +138,7 @@ class Screening:
         ends = sorted((bound - self._fitter.neutral[first]) / length for bound in bounds)
         return max(ends[0], -_FARTHEST), min(ends[1], _FARTHEST)
 
-    def _combinations(self, name: str) -> list[np.ndarray]:
+    def combinations(self, name: str) -> list[np.ndarray]:
         """Starting values of an effect: those of its first parameter, or one spread, with those of the others, or neutral."""
         options = []
         for k, parameter in enumerate(self._effects[name].parameters):

@@ -9,6 +9,8 @@ from hqpipe.identify.joint_answer import LEAST_SHARE, floor_of
 from hqpipe.identify.minor_causes import LEAST_OF_UNKNOWN
 from hqpipe.identify.search import LEAST_GAIN, Known, Search
 
+UNUSUAL = 3.0  # spreads of the prior beyond which no machine is; as three standard deviations
+
 
 def least_visible(search: Search, known: Known, base: Known) -> dict[str, float]:
     """Named effect that a set lacks → how far its first number has to be from neutral to be named beside the set.
@@ -22,17 +24,29 @@ def least_visible(search: Search, known: Known, base: Known) -> dict[str, float]
     """
     left, unexplained = search.left_out(known), max(search.left_out(known) - floor_of(search), 0.0)
     gap = max(search.left_out(base) - floor_of(search), 0.0)
-    rules = max(LEAST_GAIN * left, LEAST_OF_UNKNOWN * unexplained)
     time = correlation_time(known.solution.error, search.model.fit)
-    independent = max(len(known.solution.error) / time, 1.0)
     found = {}
     for name in search.addable(known.names):
         effect, reached = search.effects[name], search.screening.reach(known, name)
         if not effect.named or reached is None:
             continue
         size, done, square = reached
-        charge = 0.5 * len(effect.parameters) * float(np.log(independent)) - search.odds[name]
-        needed = max(rules, 2.0 * max(charge, 0.0) * known.covariance.noise * time)
+        needed = least_square(search, name, left, unexplained, known.covariance.noise, time)
         least = max(needed / square, LEAST_SHARE * gap / done)
         found[name] = float(max(size * np.sqrt(least), effect.parameters[0].least))
     return found
+
+
+def least_square(
+    search: Search, name: str, left: float, unexplained: float, variance: float, time: float = 1.0
+) -> float:
+    """Square of what an effect has to change in the prediction, beyond what the free numbers can do, to be named.
+
+    Args:
+        left: squared error beside the effect. unexplained: as much of it as is above the noise of the sensors.
+        variance: of the errors. time: samples over which they are alike.
+    """
+    independent = max(len(search.model.fit.trial) / time, 1.0)
+    charge = 0.5 * len(search.effects[name].parameters) * float(np.log(independent)) - search.odds[name]
+    rules = max(LEAST_GAIN * left, LEAST_OF_UNKNOWN * unexplained)
+    return max(rules, 2.0 * max(charge, 0.0) * variance * time)

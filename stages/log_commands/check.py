@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
 import click
 
-from hqpipe.errors import LogError
+from hqpipe.errors import IdentificationError, LogError
 from hqpipe.pipeline.answer import answer
 from hqpipe.pipeline.options import Folder, json_option, traceback_option, with_options
 
@@ -15,9 +16,14 @@ from hqpipe.pipeline.options import Folder, json_option, traceback_option, with_
 @with_options(json_option(), traceback_option())
 @click.command()
 @click.argument("folder", metavar="DIR", type=Folder())
+@click.option(
+    "--effects",
+    is_flag=True,
+    help="Fit the base model: which effects the logs could show, and which they cannot tell apart.",
+)
 @click.option("--strict", is_flag=True, help="Exit 1 when anything is found.")
-def check(folder: Path, strict: bool, as_json: bool) -> None:
-    """Say what the log set DIR is good for, and what is wrong with it, without fitting a model.
+def check(folder: Path, effects: bool, strict: bool, as_json: bool) -> None:
+    """Say what the log set DIR is good for, and what is wrong with it; without --effects no model is fitted.
 
     One verdict per trial, channel and joint, how each joint was moved, and what can be diagnosed. Exit 1 when no command can
     use the set as it is.
@@ -32,6 +38,8 @@ def check(folder: Path, strict: bool, as_json: bool) -> None:
         answer(**result.to_json())
     else:
         print_survey(result)
+    if effects:
+        _tell_effects(reading.log_set, as_json)
     if reading.refused is not None:
         raise reading.refused
     if strict and result.defects:
@@ -40,6 +48,24 @@ def check(folder: Path, strict: bool, as_json: bool) -> None:
             file=folder,
             fix="correct the logs, or leave --strict out",
         )
+
+
+def _tell_effects(log_set: Any, as_json: bool) -> None:
+    """Say which effects the logs could show, or why nothing can be said; log_set: None where it is refused."""
+    from hqpipe.stages.log_commands.effect_tables import effects_json, print_effects
+
+    found, reason = [], "the log set is refused"
+    if log_set is not None:
+        from hqpipe.gap.effects_shown import effects_shown
+
+        try:
+            found, reason = effects_shown(log_set, len(os.sched_getaffinity(0))), None
+        except IdentificationError as error:
+            reason = error.message + (f"; {error.fix}" if error.fix else "")
+    if as_json:
+        answer(**effects_json(found, reason))
+    else:
+        print_effects(found, reason)
 
 
 def _diagnosis_warnings(log_set: Any) -> list[str]:

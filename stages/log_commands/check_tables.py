@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any
 
 from rich.console import Console
@@ -27,16 +27,16 @@ def print_survey(result: Survey) -> None:
     files = list(dict.fromkeys(trial.file for trial in result.trials))
     console.print(Text(_headline(result), style="bold"), soft_wrap=True)
     console.print()
-    _table(console, ("trials", "split", "each", "rate", "clock", "missing", "verdict"), _trial_rows(result.trials))
-    _table(
+    print_table(console, ("trials", "split", "each", "rate", "clock", "missing", "verdict"), _trial_rows(result.trials))
+    print_table(
         console,
         ("channel", "joints", "trials", "range", "step", "noise", "unit", "verdict"),
         _channel_rows(result.channels, files),
     )
     if result.other_columns:
         console.print(Text(f"also recorded: {', '.join(_by_first_word(result.other_columns))}"), "", sep="\n")
-    _table(console, _MOTION, _motion_rows(result))
-    _table(console, ("layer of the diagnosis", "", "why"), (_layer_row(layer) for layer in result.layers))
+    print_table(console, _MOTION, _motion_rows(result))
+    print_table(console, ("layer of the diagnosis", "", "why"), (_layer_row(layer) for layer in result.layers))
     for trial in result.trials:
         if trial.error:
             console.print(Text(f"refused: {trial.error}", style="red"), soft_wrap=True)
@@ -67,13 +67,13 @@ def _trial_rows(trials: Iterable[TrialVerdict]) -> Iterable[tuple[str, ...]]:
         missing = f"{t.missing:.2%}" if t.missing else "none"
         return t.split or "?", f"{t.seconds:.1f} s", f"{t.rate_hz:.4g} Hz", _clock(t), missing, t.verdict
 
-    rows = _groups(trials, row)
+    rows = groups(trials, row)
     if len(rows) <= _ROWS:
-        return [(_few([t.file for t in members]), *cells) for cells, members in rows]
-    kinds = _groups(trials, lambda t: (t.split or "?", t.clock, bool(t.missing), t.verdict))
+        return [(few([t.file for t in members]), *cells) for cells, members in rows]
+    kinds = groups(trials, lambda t: (t.split or "?", t.clock, bool(t.missing), t.verdict))
     return [
         (
-            _few([t.file for t in members]),
+            few([t.file for t in members]),
             split,
             f"{_span([t.seconds for t in members])} s",
             f"{_span([t.rate_hz for t in members])} Hz",
@@ -100,7 +100,7 @@ def _channel_rows(channels: Sequence[ChannelVerdict], files: Sequence[str]) -> I
     joints = list(dict.fromkeys(c.joint for c in channels))
     order = list(dict.fromkeys(c.channel for c in channels))
     ordered = sorted(channels, key=lambda c: order.index(c.channel))
-    for (channel, flags), members in _groups(ordered, lambda c: (c.channel, c.flags)):
+    for (channel, flags), members in groups(ordered, lambda c: (c.channel, c.flags)):
         own = list(dict.fromkeys(c.joint for c in members))
         where = list(dict.fromkeys(c.file for c in members))
         verdict = ", ".join(flags) or "ok"
@@ -110,7 +110,7 @@ def _channel_rows(channels: Sequence[ChannelVerdict], files: Sequence[str]) -> I
         verdict += f" at ±{_span(limits)}" if limits else ""
         yield (
             channel,
-            "all" if len(own) == len(joints) > 1 else _few(own, 2),
+            "all" if len(own) == len(joints) > 1 else few(own, 2),
             _where(where, files),
             f"{min(c.low for c in members):.4g} … {max(c.high for c in members):.4g}",
             _span([c.resolution for c in members]),
@@ -157,7 +157,7 @@ def _layer_row(layer: Layer) -> tuple[str, ...]:
     return name, word, why
 
 
-def _groups(items: Iterable[Any], key: Callable[[Any], Any]) -> list[tuple[Any, list[Any]]]:
+def groups(items: Iterable[Any], key: Callable[[Any], Any]) -> list[tuple[Any, list[Any]]]:
     """Items of the same key together, in the order of the first of each."""
     found: dict[Any, list[Any]] = {}
     for item in items:
@@ -177,12 +177,13 @@ def _span(values: Iterable[float | None]) -> str:
 def _by_first_word(names: Sequence[str], most: int = 3) -> list[str]:
     """Column names, those with the same first word as one where they are many."""
     found = []
-    for word, members in _groups(names, lambda name: name.partition("/")[0]):
+    for word, members in groups(names, lambda name: name.partition("/")[0]):
         found += members if len(members) <= most else [f"{word}/… ({len(members)} columns)"]
     return found
 
 
-def _few(names: Sequence[str], most: int = _SHOWN) -> str:
+def few(names: Sequence[str], most: int = _SHOWN) -> str:
+    """The first names, then how many more."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
 
@@ -198,14 +199,16 @@ def _plural(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
-def _table(console: Console, columns: Sequence[str], rows: Iterable[tuple[str, ...]]) -> None:
-    """Print a table without borders; cells are plain text."""
+def print_table(
+    console: Console, columns: Sequence[str], rows: Iterable[tuple[str, ...]], whole: Collection[str] = _WHOLE
+) -> None:
+    """Print a table without borders; cells are plain text. whole: columns that are not broken."""
     rows = list(rows)
     if not rows:
         return
     table = Table(box=None, pad_edge=False, header_style="bold")
     for column in columns:
-        table.add_column(column, overflow="fold", no_wrap=column in _WHOLE)
+        table.add_column(column, overflow="fold", no_wrap=column in whole)
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))
     console.print(table, "", sep="\n")

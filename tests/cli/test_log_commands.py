@@ -94,6 +94,35 @@ class TestCheck:
         assert [t["file"] for t in plain["trials"] if t["error"]] == ["c.parquet"]
         assert plain["error"]["file"].endswith("c.parquet")
 
+    def test_effects(self, logs, capfd):
+        code, out, err = run(capfd, "check", logs, "--effects")
+        assert (code, err) == (0, "")
+        tables = [
+            line for line in out.splitlines() if str(logs) not in line and not line.startswith(("note:", "not sought:"))
+        ]
+        assert "effect, layer actuator" in out and max(map(len, tables)) <= 120
+        code, out, _ = run(capfd, "check", logs, "--effects", "--json")
+        plain = json.loads(out)
+        assert code == 0 and plain["effects_reason"] is None and plain["verdict"] == "usable"
+        rows = {(row["joint"], row["effect"]): row for row in plain["effects"] if row["layer"] == "actuator"}
+        delay = rows["hip", "command_delay"]
+        assert delay["shows"] and delay["unit"] == "s" and 0.0 < delay["from"] < 3.0 * delay["usual"]
+        alike = {tuple(pair["effects"]): pair for pair in plain["pairs"]}
+        assert "chamber pressures" in alike["position_bias", "torque_bias"]["experiment"]
+        assert "position_bias" in rows["hip", "torque_bias"]["alike"]
+        assert any(row["effect"] == "torque_scale" and row["why"] for row in plain["not_sought"])
+
+    def test_effects_of_logs_that_cannot_be_diagnosed(self, logs, capfd):
+        (logs / "c.parquet").write_bytes(b"")
+        code, out, _ = run(capfd, "check", logs, "--effects")
+        assert code == 1 and "effects: nothing can be said: the log set is refused" in out
+        for i, path in enumerate(logs.iterdir()):
+            columns = {name: each for name, each in trial(float(i)).items() if name.endswith(("time", "position"))}
+            pq.write_table(pa.table(columns), path)
+        code, out, _ = run(capfd, "check", logs, "--effects", "--json")
+        plain = json.loads(out)
+        assert plain["effects"] == [] == plain["pairs"] and "no layer can be evaluated" in plain["effects_reason"]
+
     def test_no_such_folder(self, tmp_path, capfd):
         code, out, err = run(capfd, "check", tmp_path / "absent")
         assert (code, out) == (1, "") and "does not exist" in err

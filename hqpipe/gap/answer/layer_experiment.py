@@ -75,7 +75,9 @@ def next_experiment(
     for cause in causes:
         if cause["confused_with"]:
             rival, joints = cause["confused_with"][0], ", ".join(cause["joints"])
-            return f"to tell {cause['effect']} from {rival} in {joints}: {_telling({cause['effect'], rival}, layer)}"
+            return (
+                f"to tell {cause['effect']} from {rival} in {joints}: {telling_apart({cause['effect'], rival}, layer)}"
+            )
     if not unexplained:
         return None
     if beyond:
@@ -90,7 +92,8 @@ def next_experiment(
     return f"{head}; {_OPEN.get(layer, _OPEN['joint_motion'])}, {worst} alone with the others held"
 
 
-def _telling(pair: Collection[str], layer: str) -> str:
+def telling_apart(pair: Collection[str], layer: str) -> str:
+    """What to record so that two effects of a layer can be told apart."""
     for kinds, text in _BETWEEN:
         if all(kinds & _shows_as(name) for name in pair):
             return text

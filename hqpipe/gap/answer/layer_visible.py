@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from hqpipe.gap.answer.layer_causes import reporting
 from hqpipe.identify.change import Changed
 from hqpipe.identify.drifts import NOTABLE
 from hqpipe.identify.found import JointFound, Number
-from hqpipe.identify.model import Effect
-
-UNUSUAL = 3.0  # spreads of the prior beyond which no machine is; as three standard deviations
+from hqpipe.identify.model import Effect, JointModel
+from hqpipe.identify.visible import UNUSUAL
 
 
 def visible_from(joints: Sequence[JointFound], effect: str) -> str:
@@ -47,14 +47,20 @@ def _is_large(joint: JointFound, effect: str) -> bool:
 
 def _visible(joint: JointFound, effect: str) -> Number | None:
     """The smallest size of an effect that would be named, in the form of diagnosis.json."""
-    if effect not in joint.visible:
-        return None
-    known: dict[str, Effect] = {e.name: e for e in joint.model.effects}
+    return told_size(joint.model, effect, joint.visible[effect]) if effect in joint.visible else None
+
+
+def told_size(model: JointModel, effect: str, size: float, layer: Any = None) -> Number | None:
+    """A size of an effect in the form of diagnosis.json; None where it has none, or where the effect cannot be so large.
+
+    Args:
+        size: of its first number, from neutral. layer: that gave the model, which may say how numbers are reported.
+    """
+    known: dict[str, Effect] = {e.name: e for e in model.effects}
     first = known[effect].parameters[0]
-    size = joint.visible[effect]
     value = first.neutral + (size if first.neutral + size <= first.high else -size)
     if value < first.low:
         return None  # not even the largest would be
     plain = Number(first.name, first.unit, value, (value, value))
-    told = reporting(joint.model)(effect, plain)
+    told = reporting(model, layer)(effect, plain)
     return told if told != plain or first.neutral == 0.0 else None

@@ -17,6 +17,7 @@ from hqpipe.logs.trajectory import LogSet
 from hqpipe.machine import EFFECTS
 
 SCALE, BIAS, NULL_SHIFT = "torque_scale", "torque_bias", "position_bias"
+LOG_PRESSURES = "log the chamber pressures beside the torque"  # what tells these from each other
 CERTAIN = 0.98  # probability of a name that a second sensor confirms; assumption
 ACCURACY_CLASS = 0.0025  # of common pressure transducers, with which the torque is compared
 SAME = 0.1  # relative difference within which joints share one value
