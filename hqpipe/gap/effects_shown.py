@@ -123,7 +123,7 @@ def _require(sound: bool, log_set: LogSet, reasons: Sequence[str], advice: str |
 
 def _layer_effects(log_set: LogSet, layer: Any, joints: LayerJoints, workers: int) -> LayerEffects:
     with JointPool([JointSearch(model, prior_odds) for model in joints.models], workers) as pool:
-        found = pool.each("isolability", [(joints.material,)] * len(joints.models))
+        found = pool.each("isolability")
     compared = log_set.trials[0].trajectory.pressure_a is not None
     effects = [
         _shown(model, layer, name, each, compared)

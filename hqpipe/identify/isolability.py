@@ -43,26 +43,24 @@ class Isolability:
     alike: tuple[str, ...] = ()
 
 
-def isolability(search: Search, material: float = 0.0) -> dict[str, Isolability]:
+def isolability(search: Search) -> dict[str, Isolability]:
     """Named effect → what the inputs of the joint say of it beforehand; nothing where the base overflows.
 
     Args:
-        search: of which the base alone is used. material: share of the output's standard deviation below which an error is no
-            gap.
+        search: of which the base alone is used.
     """
     base, model = search.base, search.model
     if not np.isfinite(base.solution.square):
         return {}
     floor, left = floor_of(search), search.left_out(base)
-    matters = len(model.fit.output) * (material * float(np.std(model.fit.output))) ** 2
     rounding = max(ROUNDING * base.solution.square, np.finfo(float).tiny)
     time, above = correlation_time(base.solution.error, model.fit), max(left - floor, 0.0)
     names = [name for name in search.addable(base.names) if search.effects[name].named]
     ways = {name: ways_of(search, name) for name in names}
     found, usual = {}, {}
     for name in names:
-        alone = max(least_square(search, name, floor, 0.0, model.noise[0] ** 2), matters, rounding)
-        beside = max(least_square(search, name, left, above, base.covariance.noise, time), matters, rounding)
+        alone = max(least_square(search, name, floor, 0.0, model.noise[0] ** 2), rounding)
+        beside = max(least_square(search, name, left, above, base.covariance.noise, time), rounding)
         spread = search.effects[name].parameters[0].spread
         least = _largest(search, name, [least_size(way, spread, alone, 0.0) for way in ways[name]])
         most = _largest(search, name, [least_size(way, spread, beside, LEAST_SHARE * above) for way in ways[name]])

@@ -149,8 +149,8 @@ def _without_small(search: Search, known: Known, base: Known) -> Known:
         closes = {name: search.left_out(smaller[name]) - square for name in rest}
         large = {name: _is_large(search, known, name, least, closes[name]) for name in rest}
         name = min(rest, key=lambda name: (large[name], name in search.shared and closes[name] >= 0.0, closes[name]))
-        least_gain = 0.0 if name in search.shared else LEAST_GAIN
-        if closes[name] >= least_gain * square and large[name]:
+        needed = 0.0 if name in search.shared else search.needed(square)
+        if closes[name] >= needed and large[name]:
             break
         known = search.without(known, name)
     return known

@@ -131,9 +131,9 @@ class JointSearch:
         self._known = search.improved(known)
         return self.answered()
 
-    def isolability(self, material: float) -> dict[str, Isolability]:
+    def isolability(self) -> dict[str, Isolability]:
         """See `hqpipe.identify.isolability.isolability`: beforehand, from the base alone."""
-        return isolability(Search(self._model, self._odds(self._model, {}, 0)), material)
+        return isolability(Search(self._model, self._odds(self._model, {}, 0)))
 
     def visible(self, kept: Names, base: Names) -> dict[str, float]:
         """See `hqpipe.identify.visible.least_visible`; kept, base: effects of the sets of an answer."""

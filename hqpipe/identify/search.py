@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -18,15 +19,16 @@ from hqpipe.identify.evidence import independence, log_bayes_factor, occam
 from hqpipe.identify.joint_moves import Step, Worths
 from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.left_out import left_out_square
-from hqpipe.identify.model import Effect, JointModel, positions
+from hqpipe.identify.model import MATERIAL, Effect, JointModel, positions
 from hqpipe.identify.sampling import covariance
 from hqpipe.identify.screening import Known, Names, Screening
 from hqpipe.identify.uncertainty import LEVEL
 
 LEAST_GAIN = 0.05
-"""Share by which the squared error must grow without an effect for it to be a cause: 2.5 % of the error. An effect with less is
-of no use to a simulator. No joint asks for one by itself either: where no model is exact, ever smaller effects are
-significant without end. The cost: a real one that small is not named."""
+"""Share by which the squared error must grow without an effect for it to be a cause: 2.5 % of the error. An effect with less,
+or one that closes less than `MATERIAL` of the output's spread, is of no use to a simulator. No joint asks for one by itself
+either: where no model is exact, ever smaller effects are significant without end. The cost: a real one that small is not
+named."""
 HALVED = 0.5
 """Of a squared error, that another answer may leave at most where nothing else speaks for it; assumption: chance does not
 halve an error. The cost: a right answer that explains less is not given."""
@@ -249,6 +251,16 @@ class Search:
         """ln of how much more probable the logs are with a set than with a part of it, the prior of the effects left aside."""
         return self.gain(large, small) - sum(self.odds[name] for name in large.names - small.names)
 
+    @cached_property
+    def material(self) -> float:
+        """Squared error on the fit samples of which a simulator notices nothing."""
+        output = self.model.fit.output
+        return len(output) * (MATERIAL * float(np.std(output))) ** 2 if len(output) else 0.0
+
+    def needed(self, square: float) -> float:
+        """What a cause has to close of the squared error; `square`: what is left with it."""
+        return max(LEAST_GAIN * square, self.material)
+
     def left_out(self, known: Known) -> float:
         """Sum of the squared errors of groups of fit samples, each predicted from the others."""
         key = known.names, known.solution.square
@@ -293,7 +305,7 @@ class Search:
     def grown(self, best: Known) -> Known:
         """The set with the effects that the logs ask for beside it, the most probable first."""
         while len(best.names) < _MOST:
-            needed = LEAST_GAIN / (1.0 + LEAST_GAIN) * best.solution.square
+            needed = max(LEAST_GAIN / (1.0 + LEAST_GAIN) * best.solution.square, self.material)
             ranked = self.screening.screened(best, self.addable(best.names))[:_REFITTED]
             tried = ranked[:1] + [(gain, name) for gain, name in ranked[1:] if gain >= _PROMISED * needed]
             larger = [self.grown_by(best, name) for _, name in tried]

@@ -7,7 +7,7 @@ import numpy as np
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.joint_answer import LEAST_SHARE, floor_of
 from hqpipe.identify.minor_causes import LEAST_OF_UNKNOWN
-from hqpipe.identify.search import LEAST_GAIN, Known, Search
+from hqpipe.identify.search import Known, Search
 
 UNUSUAL = 3.0  # spreads of the prior beyond which no machine is; as three standard deviations
 
@@ -48,5 +48,5 @@ def least_square(
     """
     independent = max(len(search.model.fit.trial) / time, 1.0)
     charge = 0.5 * len(search.effects[name].parameters) * float(np.log(independent)) - search.odds[name]
-    rules = max(LEAST_GAIN * left, LEAST_OF_UNKNOWN * unexplained)
+    rules = max(search.needed(left), LEAST_OF_UNKNOWN * unexplained)
     return max(rules, 2.0 * max(charge, 0.0) * variance * time)
