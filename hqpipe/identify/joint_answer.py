@@ -30,6 +30,7 @@ def answer(search: Search, best: Known) -> JointFound:
     Args:
         best: the set that it reached.
     """
+    best = search.certain(best)
     base = _context(search, best)
     core, found = _with_beliefs(search, best, base)
     search.rank_beside(core)

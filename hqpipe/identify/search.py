@@ -140,13 +140,8 @@ class Search:
         return best
 
     def improved(self, best: Known) -> Known:
-        """Drop what is not needed, and exchange single effects while that helps.
-
-        What ends at its bound is refused, and the set is completed without it, for what it closes may be the part of another
-        effect, which it kept out. So is what cannot be told from none, but only if that is so twice: of two that are alike, one
-        makes the other uncertain.
-        """
-        uncertain: set[str] = set()
+        """Drop what is not needed, and exchange single effects while that helps; what ends at its bound is refused, and the set
+        is completed without it, for what it closes may be the part of another effect, which it kept out."""
         while True:
             seen = {best.names}
             while (better := self._better(best)) is not None and better.names not in seen:
@@ -154,17 +149,29 @@ class Search:
                 best = better
             best = self.known[best.names]
             odd = [name for name in sorted(best.names) if not self.within_bounds(best, name)]
-            least = min(best.names, key=lambda name: (self.certainty(best, name), name), default=None)
-            if not odd and (least is None or self.certainty(best, least) > 1.0):
+            if not odd:
                 return best
-            leaving = set(odd) or {least}
-            self.refused |= leaving
-            for name in sorted(leaving):
+            self.refused.update(odd)
+            for name in odd:
                 best = self.without(best, name)
             best = self.grown(best)
-            if not odd:
-                self.refused -= leaving - uncertain
-                uncertain |= leaving
+
+    def certain(self, best: Known) -> Known:
+        """The set without what cannot be told from none, completed and improved without it.
+
+        Of two effects that are alike each makes the other uncertain: one is refused for good only if it returns so.
+        """
+        uncertain: set[str] = set()
+        while best.names:
+            least = min(sorted(best.names), key=lambda name: self.certainty(best, name))
+            if self.certainty(best, least) > 1.0:
+                break
+            self.refused.add(least)
+            best = self.improved(self.grown(self.without(best, least)))
+            if least not in uncertain:
+                self.refused.discard(least)
+                uncertain.add(least)
+        return best
 
     def taken_apart(self, known: Known, names: Sequence[str]) -> tuple[Known, dict[str, Known]]:
         """A set, fitted again where a part of it turned out better, and the set without each of some of its effects."""
