@@ -31,6 +31,7 @@ import numpy as np
 
 from hqpipe.errors import UsageError
 from hqpipe.plant.case_machine import AREA_RATIO, BASE, PRESSURE
+from hqpipe.plant.parameters import SUBSTEP
 
 RADIUS = 0.06  # m, sprocket, robot.yaml
 KP = 2.5  # opening per rad, robot.yaml's position loop
@@ -41,7 +42,11 @@ STRIBECK_SPEED = 0.02  # m/s, robot.yaml
 SHORT_STROKE = 0.06  # m, ± 0.5 rad of joint travel: more than the cases use round the middle of the range
 OVERDAMPED = (1.5, 2.5)  # ζ: the slower pole is 7 to 23 times slower than the other
 FASTEST_HZ = 1000.0  # the spool's natural frequency, bound of the plant's schema
-OWN_LAG = 2.0 * BASE["valve"]["damping_ratio"] / (2.0 * np.pi * BASE["valve"]["bandwidth_hz"])  # s
+LEAD = SUBSTEP
+"""s by which the integrated spool is ahead of its differential equation: its semi-implicit step leads by half a substep, and
+the oil of a substep sees where it ends by another half. Measured with steps of a quarter: 0.04 ms."""
+SPOOL_LAG = 2.0 * BASE["valve"]["damping_ratio"] / (2.0 * np.pi * BASE["valve"]["bandwidth_hz"])  # s, 2ζ/ω
+OWN_LAG = SPOOL_LAG - LEAD  # s, of the sound machine
 OWN_COULOMB = 2.0 * RADIUS * BASE["cylinder"]["coulomb_friction"]  # N·m, the sound seals
 OWN_VISCOUS = 2.0 * RADIUS**2 * BASE["cylinder"]["viscous_friction"]  # N·m·s/rad, likewise
 RELIEF = 0.5e6  # Pa, robot.yaml: what the sound relief valve closes over
@@ -142,11 +147,11 @@ def command_delay(value: float, source: str, rng: np.random.Generator) -> tuple[
 
 
 def valve_lag(value: float, source: str, rng: np.random.Generator) -> tuple[Overrides, Values]:
-    """A slow spool of second order, overdamped so that one of its poles rules; 2ζ/ω counts as the time constant."""
+    """A slow spool of second order, overdamped so that one of its poles rules; 2ζ/ω less its lead counts as time constant."""
     damping = min(rng.uniform(*OVERDAMPED), np.pi * FASTEST_HZ * value)
     bandwidth = min(damping / (np.pi * value), FASTEST_HZ)
     fields = _set(valve__damping_ratio=damping, valve__bandwidth_hz=bandwidth)
-    return fields, {"time_constant_s": value}
+    return fields, {"time_constant_s": value - LEAD}
 
 
 def valve_deadband(value: float, source: str, rng: np.random.Generator) -> tuple[Overrides, Values]:
@@ -297,7 +302,9 @@ RECIPES: Mapping[str, Recipe] = {
     recipe.name: recipe
     for recipe in (
         Recipe("command_delay", command_delay, (3.0e-4, 1.8e-3, 6.0e-3), (9.0e-4, 5.0e-3, 12.0e-3)),
-        Recipe("valve_lag", valve_lag, (8.0e-4, 1.8e-3, 6.0e-3), (1.1e-3, 6.0e-3, 16.0e-3), sound=(OWN_LAG, OWN_LAG)),
+        Recipe(
+            "valve_lag", valve_lag, (8.0e-4, 1.8e-3, 6.0e-3), (1.1e-3, 6.0e-3, 16.0e-3), sound=(SPOOL_LAG, SPOOL_LAG)
+        ),
         Recipe("valve_deadband", valve_deadband, (8.0e-4, 3.2e-3, 9.0e-3), (6.0e-4, 2.6e-3, 11.0e-3)),
         # A limit acts on what exceeds it: half as far below the largest error is half the effect.
         Recipe(

@@ -299,9 +299,9 @@ def advance(joint, machine, state, ledger, supply, commands, neighbour, first, l
             modulus = oil_modulus(p, m, start)
             row = int(np.floor((time - p.valve_delay) / tick + 1.0e-6)) % rows
             command = commands[row, j] + p.valve_crosstalk * commands[row, neighbour[j]] + p.valve_neutral_offset
+            move_spool(p, s, command, h)
             drift = max(1.0 + p.valve_gain_drift * max(start, 0.0), 0.0)
             inflow, outflow = exchange_oil(p, m, s, e, line.pressure + ripple, modulus, thinning, drift, h)
-            move_spool(p, s, command, h)  # after the oil: a semi-implicit step leads by half of one
             speed = p.radius * (last[j] - first[j]) / (h * substeps)
             pitch = 0.5 * p.cylinder_stroke + p.radius * (first[j] - p.position_middle) + speed * h * n
             move_mechanics(p, s, e, pitch, speed, thinning, h)
