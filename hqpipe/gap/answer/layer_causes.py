@@ -166,7 +166,8 @@ def _pooled(numbers: list[Number]) -> Number:
     Joints of one kind have numbers that scatter around what they share. Each is drawn to that by as much as its own logs leave
     open (empirical Bayes, Morris 1983; scatter by moments, DerSimonian and Laird 1986): precise joints that differ give their
     plain mean, joints that agree within their intervals the mean weighted by precision.
-    They are no surer together than the surest one: what errs in all alike, as the clock or the law, does not average out.
+    They are no surer together than the middle one of those that know it: what errs in all alike, as the clock or the law, does
+    not average out, and the smallest of several intervals is too small by chance.
     """
     if len(numbers) == 1:
         return numbers[0]
@@ -184,7 +185,8 @@ def _pooled(numbers: list[Number]) -> Number:
     shared, drawn = float(weight @ values / weight.sum()), own * weight
     value = float(np.mean(drawn * shared + (1.0 - drawn) * values))
     variance = np.sum((1.0 - drawn) * own) / len(parts) ** 2 + np.mean(drawn) ** 2 / weight.sum()
-    half = Z95 * max(float(np.sqrt(variance)), float(deviations.min()))
+    finite = deviations[np.isfinite(deviations)]
+    half = Z95 * max(float(np.sqrt(variance)), float(np.median(finite)) if len(finite) else np.inf)
     then = [number.reference for number in numbers]
     mean = None if any(value is None for value in then) else float(np.mean(then))
     low, high = min(part.low for part in parts), max(part.high for part in parts)  # their bounds are its bounds

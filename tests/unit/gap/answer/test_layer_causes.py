@@ -54,7 +54,7 @@ def test_precise_joints_that_differ_give_their_mean(models):
     (one,) = merge_causes(errors, found.joints)
     low, high = one.numbers[0].ci95
     assert one.numbers[0].value == pytest.approx(0.55, rel=1e-3)
-    assert high - low == pytest.approx(2.0 * np.hypot(0.001, 0.004) / 2.0, rel=0.01)
+    assert high - low == pytest.approx(0.001 + 0.004, rel=0.01), "as sure as the middle one of the joints"
 
 
 @pytest.mark.parametrize("value", [0.0, np.nan, np.inf])
@@ -160,7 +160,7 @@ def test_a_lost_sign_is_told_of_the_joints_that_lost_it(models):
 
 
 def test_a_number_that_is_known_exactly_or_not_at_all_is_pooled_within_its_bounds(models):
-    for halves, low in (((0.0, 0.1), 0.5), ((0.3, 0.5), 0.0)):
+    for halves, low in (((0.0, 0.1), 0.45), ((0.3, 0.5), 0.0)):
         parts = [
             replace(n, ci95=(max(n.ci95[0], 0.0), n.ci95[1])) for n in (number("friction_nm", 0.5, h) for h in halves)
         ]
