@@ -66,13 +66,14 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
             present, worths = zip(*pool.each("weighed_again", _others(present)), strict=True)
             present = settled_together(models, present, worths, lambda asked: pool.some("moved", asked))
             pool.each("told", _others(present))
-        answers = with_shared_names(pool.each("answered"), lambda steps: pool.some("renamed", steps))
+        given_up: dict[int, set[str]] = {}
+        answers = with_shared_names(pool.each("answered"), lambda steps: pool.some("renamed", steps), given_up)
         shared = _shared(answers)
         again = pool.each(
             "with_shared", [(shared, frozenset(cause.effect for cause in joint.causes)) for joint in answers]
         )
         answers = [new or joint for new, joint in zip(again, answers, strict=True)]
-        answers = with_shared_names(answers, lambda steps: pool.some("renamed", steps))
+        answers = with_shared_names(answers, lambda steps: pool.some("renamed", steps), given_up)
         answers = without_minor_causes(answers, lambda least: pool.some("without", least))
         sets = [(frozenset(joint.kept.effects), frozenset(joint.base.effects)) for joint in answers]
         visible = pool.each("visible", sets)

@@ -30,9 +30,15 @@ def answer(search: Search, best: Known) -> JointFound:
     Args:
         best: the set that it reached.
     """
-    best = search.certain(best)
-    base = _context(search, best)
-    core, found = _with_beliefs(search, best, base)
+    while True:
+        best = search.certain(best)
+        base = _context(search, best)
+        core, found = _with_beliefs(search, best, base)
+        uncertain = {name for name in found if search.certainty(core, name) <= 1.0}
+        if not uncertain:
+            break
+        search.refused |= uncertain
+        best = search.improved(search.grown(_only(search, core, core.names - uncertain)))
     search.rank_beside(core)
     probabilities = _considered(search, {name: belief.probability for name, belief in found.items()})
     claimed, core = core, _confirmed(search, core, base)

@@ -146,6 +146,8 @@ class JointSearch:
 
     def _with_earlier_names(self, cause: JointCause) -> JointCause:
         """A cause with the names among those like it that it had before the other joints were asked."""
-        earlier = (step.leaves for step in self._renamed if step.joins == cause.effect)
-        names = (*cause.confused_with, *earlier)
-        return replace(cause, confused_with=tuple(dict.fromkeys(names)))
+        same = [cause.effect]
+        for step in reversed(self._renamed):
+            same += [step.leaves] if step.joins in same else []
+        names = dict.fromkeys((*cause.confused_with, *same[1:]))
+        return replace(cause, confused_with=tuple(name for name in names if name != cause.effect))

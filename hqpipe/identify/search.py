@@ -17,7 +17,7 @@ from scipy.stats import chi2
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.evidence import independence, log_bayes_factor, occam
 from hqpipe.identify.joint_moves import Step, Worths
-from hqpipe.identify.least_squares import Fitter, Solution
+from hqpipe.identify.least_squares import Fitter, Solution, lengths
 from hqpipe.identify.left_out import left_out_square
 from hqpipe.identify.model import MATERIAL, Effect, JointModel, positions
 from hqpipe.identify.sampling import covariance
@@ -56,7 +56,8 @@ class Search:
         odds: effect → ln of the prior odds that the joint has it.
         gains: effect → ln of how much more probable the logs are with it beside the set that is reached.
         known: every set that was fitted. barred: effects that no set may have from now on.
-        refused: effects that were found at a bound, so that other sets have to do without them.
+        refused: effects that were found at a bound or without a size, or gave their place to another name, so that other sets
+            have to do without them.
         shared: effects that are causes in most joints of the machine, as far as that is known.
     """
 
@@ -104,17 +105,20 @@ class Search:
         return self.size(known, name) <= AT_BOUND * abs(float(end - fitter.neutral[first]))
 
     def certainty(self, known: Known, name: str) -> float:
-        """How far the numbers of an effect are from neutral, together, over how far they can be told from it (Wald 1943); above
-        1 where the logs say that it is there.
+        """How far the numbers that say how large an effect is are from neutral, together, over how far they can be told from it
+        (Wald 1943); above 1 where the logs say that it is there.
 
         What an effect does need not vanish with its numbers: an integrator that hardly integrates holds what it began with.
         """
         if not self.effects[name].named or self.effects[name].in_both or not np.isfinite(known.solution.square):
             return np.inf
-        places = self.screening.places(name)
+        shaping = np.array([parameter.shape for parameter in self.effects[name].parameters])
+        places = self.screening.places(name)[~shaping]
         own = np.searchsorted(known.solution.free, places)
-        away = known.solution.values[places] - self.fitter.neutral[places]
-        square = away @ np.linalg.pinv(known.covariance.robust[np.ix_(own, own)], hermitian=True) @ away
+        covariance = known.covariance.robust[np.ix_(own, own)]
+        scale = lengths(covariance)
+        away = (known.solution.values - self.fitter.neutral)[places] / scale
+        square = away @ np.linalg.pinv(covariance / np.outer(scale, scale), hermitian=True) @ away
         return float(np.sqrt(max(square, 0.0) / chi2.ppf(LEVEL, len(places))))
 
     def size(self, known: Known, name: str) -> float:
@@ -157,21 +161,27 @@ class Search:
             best = self.grown(best)
 
     def certain(self, best: Known) -> Known:
-        """The set without what cannot be told from none, completed and improved without it.
+        """The set without effects whose numbers cannot be told from none, completed and improved without them.
 
-        Of two effects that are alike each makes the other uncertain: one is refused for good only if it returns so.
+        They are refused, but for those that can be told from none in the place of another effect of the set that is reached:
+        of two that are alike each makes the other uncertain.
         """
-        uncertain: set[str] = set()
+        left = set()
         while best.names:
             least = min(sorted(best.names), key=lambda name: self.certainty(best, name))
             if self.certainty(best, least) > 1.0:
                 break
+            left.add(least)
             self.refused.add(least)
             best = self.improved(self.grown(self.without(best, least)))
-            if least not in uncertain:
-                self.refused.discard(least)
-                uncertain.add(least)
+        self.refused -= {name for name in left if self._replaces(best, name)}
         return best
+
+    def _replaces(self, best: Known, name: str) -> bool:
+        """Whether an effect can be told from none in the place of one of a set."""
+        rest = [self.without(best, other) for other in sorted(best.names)]
+        free = [known for known in rest if not self.effects[name].excludes & known.names]
+        return any(self.certainty(self.grown_by(known, name), name) > 1.0 for known in free)
 
     def taken_apart(self, known: Known, names: Sequence[str]) -> tuple[Known, dict[str, Known]]:
         """A set, fitted again where a part of it turned out better, and the set without each of some of its effects."""
@@ -260,7 +270,7 @@ class Search:
 
     @cached_property
     def material(self) -> float:
-        """Squared error on the fit samples of which a simulator notices nothing."""
+        """Squared error, over all fit samples together, of which a simulator notices nothing."""
         output = self.model.fit.output
         return len(output) * (MATERIAL * float(np.std(output))) ** 2 if len(output) else 0.0
 

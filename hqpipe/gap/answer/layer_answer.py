@@ -179,7 +179,9 @@ def considered(errors: LayerErrors, layer: str, withdrawn: Mapping[str, str]) ->
         elif any(effect in joint.found.minor for joint in errors.joints):
             reason = "it closes less than half of what is left unexplained, of which it may be a part"
         elif max(joint.found.probabilities.get(effect, 0.0) for joint in errors.joints) > BELIEVED:
-            reason = "it is there, but closes too little of the gap, is too small, or stands at its bound"
+            reason = (
+                "it is there, but closes too little of the gap, is too small or too uncertain, or stands at its bound"
+            )
         elif best > 0.0:
             reason = "helps, but the logs are as probable without it"
         else:

@@ -65,7 +65,7 @@ def effects_of(
         parameters = [_parameter(p, size) for _, p in own]
         places += [(owner, p.name) for owner, p in own]
         if effect.reads("demand"):  # from the supply, as speeds or as openings tell it
-            parameters.append(Parameter(BY_OPENING, "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0)))
+            parameters.append(Parameter(BY_OPENING, "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0), shape=True))
             places.append((name, BY_OPENING))
         settled = trials * sum(isinstance(state.start, scales.Balanced) for state in effect.states)
         found.append(Effect(name, tuple(parameters), common=effect.common, settled=settled))

@@ -124,7 +124,9 @@ def _indirect(output: Output, columns: Columns, scale: Scale) -> list[Effect]:
     lowest, top = columns.speeds[0], columns.speeds[-1]
     slow = float(np.clip(STRIBECK_SPEED * scale.speed, lowest, top))
     static = Parameter("static_nm", output.unit_of("N·m"), 0.0, STRIBECK * scale.torque, 0.0)
-    speed = Parameter("velocity_rad_s", output.unit_of("rad/s"), slow, slow, lowest, top, _within(slow, lowest, top))
+    speed = Parameter(
+        "velocity_rad_s", output.unit_of("rad/s"), slow, slow, lowest, top, _within(slow, lowest, top), shape=True
+    )
     drift = Parameter("rate_per_s", "1/s", 0.0, DRIFT / scale.seconds)
     return [
         Effect("stribeck_friction", (static, speed)),

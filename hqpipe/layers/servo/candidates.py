@@ -149,7 +149,9 @@ def _friction(scale: Scale, size: Size) -> list[Effect]:
     rate = unit_of("rad/s", scale.kind)
     coulomb = Parameter("friction_nm", scale.torque, 0.0, dry, 0.0, size.torque)
     static = Parameter("static_nm", scale.torque, 0.0, dry, 0.0, size.torque, (0.5 * dry, dry))
-    turn = Parameter("velocity_rad_s", rate, speed, speed, 0.05 * speed, _FALL_SEEN * size.speed, (speed, 3.0 * speed))
+    turn = Parameter(
+        "velocity_rad_s", rate, speed, speed, 0.05 * speed, _FALL_SEEN * size.speed, (speed, 3.0 * speed), shape=True
+    )
     share = Parameter("coefficient", "1", 0.0, _EFFICIENCY, 0.0, 0.95)
     found = [
         Effect("coulomb_friction", (coulomb,), common=True),
@@ -186,7 +188,7 @@ def _drive(scale: Scale) -> list[Effect]:
     cut = Parameter("share_cut_off", "1", 0.0, _CUT, 0.0, 0.99, (0.2, 0.4, 0.6, 0.8, 0.95))
     limit = [cut]
     if not scale.duty:
-        limit.append(Parameter("back_emf_share", "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0)))
+        limit.append(Parameter("back_emf_share", "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0), shape=True))
     found = [Effect("torque_limit", tuple(limit))]
     if scale.may_sag:
         ohm = scale.winding_ohm

@@ -127,21 +127,21 @@ def _flow_side(size: Sizes) -> tuple[Effect, ...]:
     starts = (1.2 * size.most_effort, 2.0 * size.most_effort, 4.0 * size.most_effort)
     effort = Parameter("effort_max_nm", size.unit, never, 0.5 * never, 1.02 * size.most_effort, never, starts)
     # The side of the rod has 1/2 to 1/1.3 of the area of the other, so that the full supply pressure pushes less there.
-    areas = Parameter("area_ratio", "1", 1.0, 0.3, 0.4, 2.5)
+    areas = Parameter("area_ratio", "1", 1.0, 0.3, 0.4, 2.5, shape=True)
     droop = (Parameter("droop", "1", 0.0, 0.5, 0.0, 3.0, (1.0,)),)
     if not size.supply:
         # A pump that loses a tenth of its pressure at the usual speed; `recovery_s` from a pump's to an accumulator's.
         droop = (
             Parameter("droop", "1", 0.0, 0.1, 0.0, 3.0, (0.1, 0.4)),
-            Parameter("recovery_s", "s", 0.1, 0.2, 0.003, 5.0, (0.05, 0.3)),
+            Parameter("recovery_s", "s", 0.1, 0.2, 0.003, 5.0, (0.05, 0.3), shape=True),
         )
         # The side of the rod takes less oil for the same speed: piston areas are 1.3 to 2 times as large on one side.
-        droop = (*droop, Parameter("drawn_ratio", "1", 1.0, 0.3, 0.5, 2.0))
+        droop = (*droop, Parameter("drawn_ratio", "1", 1.0, 0.3, 0.5, 2.0, shape=True))
         if not size.alone:
             # What other joints draw at their usual speeds, over this one's: cylinders differ by a factor of two; assumption.
-            droop = (*droop, Parameter("others", "1", 1.0, 0.5, 0.0, 5.0))
+            droop = (*droop, Parameter("others", "1", 1.0, 0.5, 0.0, 5.0, shape=True))
     # Share of the pressure that the largest load takes, if the drive evens that out: two thirds at most (Merritt 1967, ch. 6).
-    droop = (*droop, Parameter("evened_out", "1", 0.0, 0.3, 0.0, 0.9))
+    droop = (*droop, Parameter("evened_out", "1", 0.0, 0.3, 0.0, 0.9, shape=True))
     return (
         # Piston areas of differential cylinders are 1.3 to 2 times as large on one side: a ratio of 0.13 to 0.33.
         Effect("direction_asymmetry", (Parameter("ratio", "1", 0.0, 0.15, -0.95, 0.95),)),

@@ -104,7 +104,7 @@ def _command_side(size: Sizes) -> tuple[Effect, ...]:
     )
     lag = Parameter("time_constant_s", "s", 0.0, 0.02, 0.0, MOST_LAG_S, (0.01, 0.05))
     # Lands lie behind the spool; the dead zone and limit of a driver or pilot before it, and hoses and load behind all.
-    behind = Parameter("behind_edges", "1", 0.0, 0.5, 0.0, 1.0, (0.0, 1.0))
+    behind = Parameter("behind_edges", "1", 0.0, 0.5, 0.0, 1.0, (0.0, 1.0), shape=True)
     limits = (size.full, 0.9 * command, 0.7 * command, 0.4 * command)
     return (
         Effect("valve_deadband", (deadband,)),
@@ -135,11 +135,11 @@ def _flow_side(size: Sizes) -> tuple[Effect, ...]:
     elif size.demand > 0.0:
         # A pump that loses a tenth of its pressure at the usual demand.
         droop = Parameter("droop", f"1/({size.speed_unit})", 0.0, 0.1 / size.demand, 0.0, 3.0 / size.demand)
-        recovery = Parameter("recovery_s", "s", 0.1, 0.2, 0.003, 5.0, (0.05, 0.5))
+        recovery = Parameter("recovery_s", "s", 0.1, 0.2, 0.003, 5.0, (0.05, 0.5), shape=True)
         # The side of the rod takes less oil for the same speed.
-        drawn = Parameter("drawn_ratio", "1", 1.0, 0.3, 1.0 / UNEQUAL, UNEQUAL)
+        drawn = Parameter("drawn_ratio", "1", 1.0, 0.3, 1.0 / UNEQUAL, UNEQUAL, shape=True)
         # What a joint draws at a speed of another unit is unknown, and it may have a pump of its own.
-        kinds = (Parameter("other_kinds", "1", 1.0, 0.5, 0.0, 3.0),) if size.kinds else ()
+        kinds = (Parameter("other_kinds", "1", 1.0, 0.5, 0.0, 3.0, shape=True),) if size.kinds else ()
         found.append(Effect("supply_droop", (droop, recovery, drawn, *kinds)))
     return tuple(found)
 
@@ -150,8 +150,8 @@ def _load_effects(size: Sizes) -> list[Effect]:
     never = LOADED * size.most_effort
     starts = (1.5 * size.most_effort, 4.0 * size.most_effort)
     limit = Parameter(name, size.effort_unit, never, 0.5 * never, 1.02 * size.most_effort, never, starts)
-    areas = Parameter("area_ratio", "1", 1.0, 0.3, 1.0 / UNEQUAL, UNEQUAL, (0.75, 1.3))
-    relief = Parameter("load_relief", "1", 0.0, PILOTED, 0.0, 1.5, (PILOTED,))
+    areas = Parameter("area_ratio", "1", 1.0, 0.3, 1.0 / UNEQUAL, UNEQUAL, (0.75, 1.3), shape=True)
+    relief = Parameter("load_relief", "1", 0.0, PILOTED, 0.0, 1.5, (PILOTED,), shape=True)
     return [Effect("orifice_flow", (limit, areas)), Effect("counterbalance", (relief,))]
 
 

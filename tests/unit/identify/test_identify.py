@@ -168,6 +168,11 @@ def test_an_effect_whose_number_cannot_be_told_from_none_gives_way_to_what_it_st
     assert search.gain(hook, search.base) > 10.0 and search.certainty(hook, "hook") < 1.0
     better = search.certain(hook)
     assert better.names == {"spring"} and search.certainty(better, "spring") > 1.0
+    model.effects = tuple(e for e in model.effects if e.named)  # nothing else takes its part
+    model.error = lambda values, heldout=False: error(
+        np.concatenate([values[: len(model.base) + 3], np.zeros(2), values[-1:]]), heldout
+    )
+    assert _names(_found(model)[0]) == ["spring"]
 
 
 def test_of_two_effects_that_make_each_other_uncertain_one_stays(monkeypatch):
@@ -175,8 +180,25 @@ def test_of_two_effects_that_make_each_other_uncertain_one_stays(monkeypatch):
     model = ToyJoint(truth={"spring": 1.0, "viscous_friction": 1.0}, seed=3)
     search = Search(model, prior_odds(model, {}, 0))
     both = search.grown_by(search.grown_by(search.base, "spring"), "viscous_friction")
-    (name,) = search.certain(both).names
-    assert name in both.names and both.names - {name} <= search.refused, "the other came back, and was refused for good"
+    assert len(search.certain(both).names) == 1 and not search.refused, "the other could take its place"
+
+
+def test_numbers_of_unlike_size_are_weighed_alike():
+    """A limit in 1/N beside a share: their variances differ by more than a matrix of both resolves."""
+    model = ToyJoint(truth={"spring": 1.0}, seed=3)
+    shares = Parameter("share", "1", 0.0, 0.5), Parameter("inverse_limit", "1/N", 0.0, 0.5e-9)
+    spring, whole = len(model.base) + 2, model.error
+    model.effects += (Effect("limited", shares),)
+
+    def error(values, heldout=False):
+        part = model.heldout if heldout else model.fit
+        alike = values[:-2].copy()
+        alike[spring] += values[-1] * 1e9
+        return whole(alike, heldout) + values[-2] * np.sin(20.0 * part.position)
+
+    model.error = error
+    search = Search(model, prior_odds(model, {}, 0))
+    assert search.certainty(search.grown_by(search.base, "limited"), "limited") > 10.0
 
 
 def test_a_number_that_only_shapes_an_effect_makes_it_no_less_like_another():
