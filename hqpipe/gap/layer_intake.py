@@ -20,7 +20,7 @@ class LayerIntake:
 
     Attributes:
         log_set: without what had to go. left_out: that. warnings: what to know. reasons: why nothing can be said of it; empty
-            where something can. advice: the mend then.
+            where something can. advice: what to do then.
     """
 
     log_set: LogSet
@@ -43,11 +43,11 @@ def layer_intake(name: str, log_set: LogSet, without: Sequence[str] = (), travel
         intake = take_in(log_set, None, without)
         logs = intake.log_set if intake.reasons else intake.signed.raw
         return LayerIntake(logs, intake.left_out, intake.warnings, intake.reasons, intake.advice)
-    logs, left_out, told = position_checks(log_set)
+    logs, left_out, warnings = position_checks(log_set)
     if name == TORQUE:
         logs, stops = mark_end_stops(logs, travel)
-        told = [*told, *stops]
-    return LayerIntake(logs, tuple(left_out), tuple(told))
+        warnings = [*warnings, *stops]
+    return LayerIntake(logs, tuple(left_out), tuple(warnings))
 
 
 def position_checks(log_set: LogSet) -> tuple[LogSet, list[LeftOut], list[str]]:
@@ -55,15 +55,15 @@ def position_checks(log_set: LogSet) -> tuple[LogSet, list[LeftOut], list[str]]:
 
     Nothing is refused here: where no fit or no held-out trial would be left, a defect is a warning.
     """
-    left, told = [], []
+    left, warnings = [], []
     for defect in order_defects(log_set):
         if (defect.kind, defect.channel) != ("rows_out_of_order", None):
             continue
         rest = without_trials(log_set, defect.trials)
         if rest is None:
-            told.append(defect.message)
+            warnings.append(defect.message)
         else:
             log_set = rest
             left.append(LeftOut(defect.trials, (), None, defect.kind, defect.reason, defect.fix))
     channels = channel_warnings([trial.trajectory for trial in log_set.trials])
-    return log_set, left, [*told, *log_set.warnings, *channels]
+    return log_set, left, [*warnings, *log_set.warnings, *channels]

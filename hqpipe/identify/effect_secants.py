@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hqpipe.identify.least_squares import Fitter
+from hqpipe.identify.screening import Screening
 from hqpipe.identify.search import AT_BOUND, Search
 from hqpipe.identify.visible import UNUSUAL
 
@@ -20,76 +22,104 @@ class Secant:
     """What an effect of some size does.
 
     Attributes:
-        values: (P,) all numbers. size: distance of its first number from neutral. done: square of what it changes in the
-            prediction. change: (N,) the part of it that the base cannot do. square: of that; infinite where it overflows.
+        values: (P,) all numbers. size: distance of its first number from neutral.
+        total_square: square of what it changes in the prediction.
+        change: (N,) the part of that change that the base cannot do. square: of that part; infinite where it overflows.
     """
 
     values: np.ndarray
     size: float
-    done: float
+    total_square: float
     change: np.ndarray
     square: float
 
 
-def ways_of(search: Search, name: str) -> list[list[Secant]]:
-    """Secants of an effect in each direction in which it is started, the smallest first; its other numbers at their first
-    start."""
-    screening, fitter, base = search.screening, search.fitter, search.base
-    first, spread = screening.places(name)[0], search.effects[name].parameters[0].spread
-    neutral, ways = float(fitter.neutral[first]), {}
-    for combination in screening.combinations(name):
-        ways.setdefault(float(np.sign(combination[0] - neutral)), combination)
-    found = []
-    for sign, combination in ways.items():
-        if not sign:
-            continue
-        room = AT_BOUND * abs(float((fitter.high if sign > 0.0 else fitter.low)[first]) - neutral)
-        secants = []
-        for size in np.unique(np.minimum(_SIZES * spread, room)):
-            values = base.solution.values.copy()
-            values[screening.places(name)] = combination
-            values[first] = neutral + sign * size
-            secants.append(secant_to(search, name, values))
-        found.append(secants)
-    return found
-
-
-def secant_to(search: Search, name: str, values: np.ndarray) -> Secant:
-    """What an effect does beside the base with these numbers (P,)."""
-    screening, first = search.screening, search.screening.places(name)[0]
-    change = screening.beyond(search.base, values)
-    with np.errstate(over="ignore", invalid="ignore"):
-        square = float(change @ change)
-    size = abs(float(values[first] - search.fitter.neutral[first]))
-    return Secant(values, size, screening.moved(search.base, values), change, square if np.isfinite(square) else np.inf)
-
-
-def least_size(way: Sequence[Secant], spread: float, needed: float, done: float) -> float | None:
-    """Size from which on an effect changes the prediction by enough; None where no size does.
+class EffectSecants:
+    """The secants of the effects of a joint beside its base; each takes one prediction.
 
     Args:
-        way: secants, the smallest first. spread: usual size; the search begins at the largest that a machine may have.
-        needed: square of the change beyond what the base can do. done: square of all that it changes.
+        search: of which the base alone is used.
     """
-    reach = [min(s.square / needed, s.done / done if done > 0.0 else _MOST, _MOST) for s in way]
-    last = max((k for k, s in enumerate(way) if s.size <= (1.0 + ROUNDING) * UNUSUAL * spread), default=0)
-    while last < len(way) and reach[last] < 1.0:
+
+    def __init__(self, search: Search) -> None:
+        self.search = search
+        self._screening = Screening(_LastErrorKept(search.model), search.effects)
+
+    def by_direction(self, name: str) -> list[list[Secant]]:
+        """Secants of an effect in each direction in which it is started, the smallest first; its other numbers at their first
+        start."""
+        screening, fitter = self._screening, self.search.fitter
+        first, spread = screening.places(name)[0], self.search.effects[name].parameters[0].spread
+        neutral, starts = float(fitter.neutral[first]), {}
+        for start in screening.combinations(name):
+            starts.setdefault(float(np.sign(start[0] - neutral)), start)
+        found = []
+        for sign, start in starts.items():
+            if not sign:
+                continue
+            room = AT_BOUND * abs(float((fitter.high if sign > 0.0 else fitter.low)[first]) - neutral)
+            sizes = np.unique(np.minimum(_SIZES * spread, room))
+            values = [self.values_with(name, np.array([neutral + sign * size, *start[1:]])) for size in sizes]
+            found.append([self.secant_to(name, each) for each in values])
+        return found
+
+    def values_with(self, name: str, numbers: np.ndarray) -> np.ndarray:
+        """(P,) the values of the base with the numbers of an effect."""
+        values = self.search.base.solution.values.copy()
+        values[self._screening.places(name)] = numbers
+        return values
+
+    def secant_to(self, name: str, values: np.ndarray) -> Secant:
+        """The secant of an effect from the base to these values (P,)."""
+        screening, base = self._screening, self.search.base
+        change, total = screening.beyond(base, values), screening.moved(base, values)
+        with np.errstate(over="ignore", invalid="ignore"):
+            square = float(change @ change)
+        first = screening.places(name)[0]
+        size = abs(float(values[first] - self.search.fitter.neutral[first]))
+        return Secant(values, size, total, change, square if np.isfinite(square) else np.inf)
+
+
+class _LastErrorKept(Fitter):
+    """A fitter that does not predict again for the values that it was asked for last."""
+
+    _last: tuple[np.ndarray, np.ndarray] | None = None
+
+    def error(self, values: np.ndarray) -> np.ndarray:
+        if self._last is None or not np.array_equal(self._last[0], values):
+            self._last = values.copy(), super().error(values)
+        return self._last[1].copy()
+
+
+def least_size(secants: Sequence[Secant], spread: float, needed: float, needed_in_total: float) -> float | None:
+    """Size from which on an effect changes the prediction by enough in one direction; None where no size does.
+
+    Args:
+        secants: the smallest first. spread: usual size; the search begins at the largest that a machine may have.
+        needed: square of the change beyond what the base can do. needed_in_total: square of the whole change.
+    """
+    reach = [
+        min(s.square / needed, s.total_square / needed_in_total if needed_in_total > 0.0 else _MOST, _MOST)
+        for s in secants
+    ]
+    last = max((k for k, s in enumerate(secants) if s.size <= (1.0 + ROUNDING) * UNUSUAL * spread), default=0)
+    while last < len(secants) and reach[last] < 1.0:
         last += 1
-    if last == len(way):
+    if last == len(secants):
         return None
     while last > 0 and reach[last - 1] >= 1.0:
         last -= 1
     if last == 0:
-        return way[0].size / float(np.sqrt(reach[0]))
+        return secants[0].size / float(np.sqrt(reach[0]))
     high, low = (float(np.log(max(ratio, 1.0 / _MOST))) for ratio in (reach[last], reach[last - 1]))
-    return way[last].size * float((way[last - 1].size / way[last].size) ** (high / (high - low)))
+    return secants[last].size * float((secants[last - 1].size / secants[last].size) ** (high / (high - low)))
 
 
-def at_size(way: Sequence[Secant], size: float) -> list[Secant]:
-    """The nearest secant of a size, as long as it is at that size; none where the prediction overflows at all sizes."""
-    finite = [secant for secant in way if np.isfinite(secant.square)]
+def secant_of_size(secants: Sequence[Secant], size: float) -> Secant | None:
+    """The secant nearest to a size, scaled to that size; None where the prediction overflows at all sizes."""
+    finite = [secant for secant in secants if np.isfinite(secant.square)]
     if not finite:
-        return []
+        return None
     s = min(finite, key=lambda secant: abs(np.log(secant.size / size)))
     share = size / s.size
-    return [replace(s, done=share**2 * s.done, change=share * s.change, square=share**2 * s.square)]
+    return replace(s, total_square=share**2 * s.total_square, change=share * s.change, square=share**2 * s.square)

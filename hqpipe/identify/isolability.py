@@ -14,7 +14,7 @@ import numpy as np
 
 from hqpipe.identify.alike import alike_effects
 from hqpipe.identify.correlation import correlation_time
-from hqpipe.identify.effect_secants import ROUNDING, at_size, least_size, ways_of
+from hqpipe.identify.effect_secants import ROUNDING, EffectSecants, Secant, least_size, secant_of_size
 from hqpipe.identify.joint_answer import LEAST_SHARE, floor_of
 from hqpipe.identify.search import Search
 from hqpipe.identify.visible import UNUSUAL, least_square
@@ -29,17 +29,17 @@ class Isolability:
     Attributes:
         shows: whether that would be named at a size that a machine may have, `UNUSUAL` spreads at most.
         least: how far from neutral its first number has to be to be named if nothing but the noise of the sensors were left
-            besides; None where no size is enough.
-        beside: the same beside all that the base leaves in these logs.
-        taken: share of what it does at its usual size, in squares, that the free numbers of the base do as well; None where it
-            does nothing by itself, as the asymmetry of a friction that is not there.
+            besides; None where no size is enough. Of an effect that shows in both directions, the larger of the two.
+        least_beside_base_error: the same beside all that the base leaves in these logs.
+        share_done_by_base: share of what it does at its usual size, in squares, that the free numbers of the base do as well;
+            None where it does nothing by itself, as the asymmetry of a friction that is not there.
         alike: effects that could be taken for it.
     """
 
     shows: bool
     least: float | None
-    beside: float | None
-    taken: float | None
+    least_beside_base_error: float | None
+    share_done_by_base: float | None
     alike: tuple[str, ...] = ()
 
 
@@ -56,25 +56,43 @@ def isolability(search: Search) -> dict[str, Isolability]:
     rounding = max(ROUNDING * base.solution.square, np.finfo(float).tiny)
     time, above = correlation_time(base.solution.error, model.fit), max(left - floor, 0.0)
     names = [name for name in search.addable(base.names) if search.effects[name].named]
-    ways = {name: ways_of(search, name) for name in names}
-    found, usual = {}, {}
+    secants = EffectSecants(search)
+    secants_by_direction = {name: secants.by_direction(name) for name in names}
+    found, shown = {}, {}
     for name in names:
-        alone = max(least_square(search, name, floor, 0.0, model.noise[0] ** 2), rounding)
-        beside = max(least_square(search, name, left, above, base.covariance.noise, time), rounding)
-        spread = search.effects[name].parameters[0].spread
-        least = _largest(search, name, [least_size(way, spread, alone, 0.0) for way in ways[name]])
-        most = _largest(search, name, [least_size(way, spread, beside, LEAST_SHARE * above) for way in ways[name]])
+        directions, spread = secants_by_direction[name], search.effects[name].parameters[0].spread
+        beside_noise = max(least_square(search, name, floor, 0.0, model.noise[0] ** 2), rounding)
+        beside_base = max(least_square(search, name, left, above, base.covariance.noise, time), rounding)
+        sizes = [least_size(each, spread, beside_noise, 0.0) for each in directions]
+        least = _largest(search, name, sizes)
+        most = _largest(
+            search, name, [least_size(each, spread, beside_base, LEAST_SHARE * above) for each in directions]
+        )
         shows = least is not None and least <= UNUSUAL * spread
-        usual[name] = [s for way in ways[name] for s in at_size(way, max(spread, _CLEAR * least) if shows else spread)]
-        taken = [float(np.clip(1.0 - s.square / s.done, 0.0, 1.0)) for s in usual[name] if s.done > rounding]
+        # Where an effect shows in one direction only, the other one says nothing of it.
+        able = [each for each, size in zip(directions, sizes, strict=True) if size is not None or not shows]
+        usual = _of_size(able, max(spread, _CLEAR * least) if shows else spread)
+        if shows and usual:
+            shown[name] = usual
         most = None if least is None or most is None else max(most, least)
-        found[name] = Isolability(shows, least, most, max(taken, default=None))
-    shown = {name: usual[name] for name in names if found[name].shows and usual[name]}
-    alike = alike_effects(search, shown, ways, floor)
+        found[name] = Isolability(shows, least, most, _share_done_by_base(usual, rounding))
+    alike = alike_effects(secants, shown, secants_by_direction, floor)
     return {name: replace(f, alike=alike.get(name, ())) for name, f in found.items()}
 
 
 def _largest(search: Search, name: str, sizes: Sequence[float | None]) -> float | None:
-    """Of the sizes in each direction; not less than every sound machine may have."""
+    """The largest size over the directions in which one is enough, and no smaller than what every sound machine may have; None
+    where no size is enough in any direction."""
     known = [size for size in sizes if size is not None]
     return max(*known, search.effects[name].parameters[0].least) if known else None
+
+
+def _of_size(directions: Sequence[Sequence[Secant]], size: float) -> list[Secant]:
+    """The secant of a size in each direction, but where the prediction overflows."""
+    return [found for each in directions if (found := secant_of_size(each, size)) is not None]
+
+
+def _share_done_by_base(secants: Sequence[Secant], rounding: float) -> float | None:
+    """The largest share of the change of a secant, in squares, that the base does; None where none changes anything."""
+    shares = [1.0 - s.square / s.total_square for s in secants if s.total_square > rounding]
+    return float(np.clip(max(shares), 0.0, 1.0)) if shares else None

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
 from hqpipe.errors import IdentificationError, LogError
 from hqpipe.pipeline.answer import answer
 from hqpipe.pipeline.options import Folder, json_option, traceback_option, with_options
+
+if TYPE_CHECKING:
+    from hqpipe.logs.trajectory import LogSet
 
 
 @with_options(json_option(), traceback_option())
@@ -23,7 +26,7 @@ from hqpipe.pipeline.options import Folder, json_option, traceback_option, with_
 )
 @click.option("--strict", is_flag=True, help="Exit 1 when anything is found.")
 def check(folder: Path, effects: bool, strict: bool, as_json: bool) -> None:
-    """Say what the log set DIR is good for, and what is wrong with it; without --effects no model is fitted.
+    """Say what the log set DIR is good for, and what is wrong with it; a model is fitted only with --effects.
 
     One verdict per trial, channel and joint, how each joint was moved, and what can be diagnosed. Exit 1 when no command can
     use the set as it is.
@@ -39,7 +42,7 @@ def check(folder: Path, effects: bool, strict: bool, as_json: bool) -> None:
     else:
         print_survey(result)
     if effects:
-        _tell_effects(reading.log_set, as_json)
+        _report_effects(reading.log_set, as_json)
     if reading.refused is not None:
         raise reading.refused
     if strict and result.defects:
@@ -50,8 +53,8 @@ def check(folder: Path, effects: bool, strict: bool, as_json: bool) -> None:
         )
 
 
-def _tell_effects(log_set: Any, as_json: bool) -> None:
-    """Say which effects the logs could show, or why nothing can be said; log_set: None where it is refused."""
+def _report_effects(log_set: LogSet | None, as_json: bool) -> None:
+    """Print or answer which effects the logs could show, or why nothing can be said; log_set: None where it is refused."""
     from hqpipe.stages.log_commands.effect_tables import effects_json, print_effects
 
     found, reason = [], "the log set is refused"
@@ -61,14 +64,14 @@ def _tell_effects(log_set: Any, as_json: bool) -> None:
         try:
             found, reason = effects_shown(log_set, len(os.sched_getaffinity(0))), None
         except IdentificationError as error:
-            reason = error.message + (f"; {error.fix}" if error.fix else "")
+            reason = str(error)
     if as_json:
         answer(**effects_json(found, reason))
     else:
         print_effects(found, reason)
 
 
-def _diagnosis_warnings(log_set: Any) -> list[str]:
+def _diagnosis_warnings(log_set: LogSet) -> list[str]:
     """What `hqpipe diagnose` checks in the channels beyond what reading them does."""
     from hqpipe.gap.checks.sanity import too_short
     from hqpipe.gap.checks.sanity_values import value_defects

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
@@ -12,7 +13,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from hqpipe.cli import run_cli
+from hqpipe.gap.checks.left_out import LeftOut
+from hqpipe.gap.effects_shown import EffectShown, LayerEffects
+from hqpipe.identify.found import Number
 from hqpipe.stages import STAGES
+from hqpipe.stages.log_commands.effect_tables import effects_json, print_effects
 
 TIME = np.arange(3000) * 1e-3
 
@@ -122,6 +127,42 @@ class TestCheck:
         code, out, _ = run(capfd, "check", logs, "--effects", "--json")
         plain = json.loads(out)
         assert plain["effects"] == [] == plain["pairs"] and "no layer can be evaluated" in plain["effects_reason"]
+
+    def test_effects_that_do_not_show_share_a_line_for_each_kind_of_reason(self, capfd):
+        def limit(joint, least, share):
+            size = None if least is None else Number("limit", "1", least, (least, least))
+            return EffectShown(joint, "torque_limit", False, size, None, None, True, share, (), "two supplies")
+
+        shown = (limit("a", None, 0.2), limit("b", 0.5, 0.2), limit("c", 0.4, 0.957), limit("d", None, None))
+        print_effects([LayerEffects("servo", ("a", "b", "c", "d"), shown)], None)
+        rows = [
+            " ".join(line.split()) for line in capfd.readouterr().out.splitlines() if line.startswith("torque_limit")
+        ]
+        assert rows[:4] == [
+            "torque_limit a no: at no size –",
+            "torque_limit b no: 0.5 down –",
+            "torque_limit c no: base does 95 % –",
+            "torque_limit d no: nothing by itself –",
+        ]
+
+    def test_what_layers_do_without_is_said(self, capfd):
+        trial = LeftOut(("c.parquet",), (), None, "too_short", "too short", "record longer trials")
+        joint = LeftOut((), ("hip",), None, "not_judged", "at rest", "")
+        layers = [LayerEffects("actuator", left_out=(trial, joint)), LayerEffects("servo", (), (), (), (trial,))]
+        layers[1] = replace(layers[1], reason="no joint can be judged")
+        print_effects(layers, None)
+        assert capfd.readouterr().out.splitlines() == [
+            "left out of layer actuator: hip: at rest",
+            "layer servo: nothing can be said: no joint can be judged",
+            "left out: c.parquet: too short; record longer trials",
+        ]
+        plain = effects_json(layers, None)
+        assert [(row["layer"], row["joint"], row["trials"]) for row in plain["effects_left_out"]] == [
+            ("actuator", None, ["c.parquet"]),
+            ("actuator", "hip", []),
+            ("servo", None, ["c.parquet"]),
+        ]
+        assert [row["reason"] for row in plain["effects_layers"]] == [None, "no joint can be judged"]
 
     def test_no_such_folder(self, tmp_path, capfd):
         code, out, err = run(capfd, "check", tmp_path / "absent")

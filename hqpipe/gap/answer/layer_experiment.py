@@ -103,6 +103,11 @@ def telling_apart(pair: Collection[str], layer: str) -> str:
     return f"excite these joints alone, slowly and then fast, and {_OPEN.get(layer, _OPEN['joint_motion'])}"
 
 
+def experiment_for(effect: str, layer: str) -> str:
+    """What to record so that an effect shows in a layer: what the library says, else what suits its kind of error."""
+    return EFFECTS[effect].experiment if effect in EFFECTS else telling_apart((effect,), layer)
+
+
 def _shows_as(name: str) -> set[str]:
     effect = EFFECTS.get(name)
     kinds = set(effect.shows_as if effect else _OTHERS.get(name, ()))

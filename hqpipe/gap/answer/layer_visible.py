@@ -9,7 +9,7 @@ from hqpipe.gap.answer.layer_causes import reporting
 from hqpipe.identify.change import Changed
 from hqpipe.identify.drifts import NOTABLE
 from hqpipe.identify.found import JointFound, Number
-from hqpipe.identify.model import Effect, JointModel
+from hqpipe.identify.model import JointModel, Parameter
 from hqpipe.identify.visible import UNUSUAL
 
 
@@ -46,21 +46,31 @@ def _is_large(joint: JointFound, effect: str) -> bool:
 
 
 def _visible(joint: JointFound, effect: str) -> Number | None:
-    """The smallest size of an effect that would be named, in the form of diagnosis.json."""
-    return told_size(joint.model, effect, joint.visible[effect]) if effect in joint.visible else None
+    """The smallest size of an effect that would be named, in the form of diagnosis.json; None for a number that is reported as
+    fitted and is not 0 without the effect."""
+    if effect not in joint.visible:
+        return None
+    fitted = _fitted_size(joint.model, effect, joint.visible[effect])
+    found = reported_size(joint.model, effect, joint.visible[effect])
+    return None if found == fitted and _first(joint.model, effect).neutral != 0.0 else found
 
 
-def told_size(model: JointModel, effect: str, size: float, layer: Any = None) -> Number | None:
-    """A size of an effect in the form of diagnosis.json; None where it has none, or where the effect cannot be so large.
+def reported_size(model: JointModel, effect: str, size: float, layer: Any = None) -> Number | None:
+    """The first number of an effect of some size, in the form of diagnosis.json; None where its bounds exclude that size.
 
     Args:
-        size: of its first number, from neutral. layer: that gave the model, which may say how numbers are reported.
+        size: distance from neutral. layer: that gave the model, which may say how numbers are reported.
     """
-    known: dict[str, Effect] = {e.name: e for e in model.effects}
-    first = known[effect].parameters[0]
+    fitted = _fitted_size(model, effect, size)
+    return None if fitted is None else reporting(model, layer)(effect, fitted)
+
+
+def _fitted_size(model: JointModel, effect: str, size: float) -> Number | None:
+    """The same in the form of the fit: above neutral, or below it where the upper bound is nearer."""
+    first = _first(model, effect)
     value = first.neutral + (size if first.neutral + size <= first.high else -size)
-    if value < first.low:
-        return None  # not even the largest would be
-    plain = Number(first.name, first.unit, value, (value, value))
-    told = reporting(model, layer)(effect, plain)
-    return told if told != plain or first.neutral == 0.0 else None
+    return Number(first.name, first.unit, value, (value, value)) if value >= first.low else None
+
+
+def _first(model: JointModel, effect: str) -> Parameter:
+    return next(e for e in model.effects if e.name == effect).parameters[0]

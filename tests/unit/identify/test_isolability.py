@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from identify.toy_joint import ToyJoint
 
+from hqpipe.identify.effect_secants import EffectSecants
 from hqpipe.identify.identify import identify
 from hqpipe.identify.isolability import isolability
 from hqpipe.identify.model import Effect, LayerJoints, Parameter
@@ -41,7 +44,7 @@ def causes(joint):
 
 
 @pytest.mark.parametrize("effect", ["coulomb_friction", "viscous_friction", "spring"])
-def test_an_effect_is_named_above_the_size_that_is_told_and_not_below(effect):
+def test_an_effect_is_named_above_the_reported_size_and_not_below(effect):
     least = found(ToyJoint(seed=1))[effect].least
     assert found(ToyJoint(seed=1))[effect].shows
     assert [effect in causes(ToyJoint(truth={effect: factor * least}, seed=1)) for factor in (0.5, 2.0)] == [
@@ -52,9 +55,9 @@ def test_an_effect_is_named_above_the_size_that_is_told_and_not_below(effect):
 
 def test_beside_a_gap_an_effect_has_to_be_larger():
     before = found(ToyJoint(unknown=1.0, seed=1))["spring"]
-    assert before.beside > 3.0 * before.least
+    assert before.least_beside_base_error > 3.0 * before.least
     clean = found(ToyJoint(seed=1))["spring"]
-    assert clean.beside == pytest.approx(clean.least, rel=0.3)
+    assert clean.least_beside_base_error == pytest.approx(clean.least, rel=0.3)
 
 
 def test_noise_hides_what_is_usual():
@@ -73,8 +76,8 @@ def test_what_matters_too_little_is_not_named():
 def test_what_the_base_can_do_does_not_show():
     joint = Extended({"bias": lambda part: part[1], "ghost": lambda part: 0.0 * part[0]}, seed=1)
     bias, ghost = found(joint)["bias"], found(joint)["ghost"]
-    assert not bias.shows and bias.least is None and bias.taken == pytest.approx(1.0)
-    assert not ghost.shows and ghost.taken is None, "it does nothing by itself"
+    assert not bias.shows and bias.least is None and bias.share_done_by_base == pytest.approx(1.0)
+    assert not ghost.shows and ghost.share_done_by_base is None, "it does nothing by itself"
 
 
 def test_effects_with_one_shape_are_alike_and_others_are_not():
@@ -104,6 +107,39 @@ def test_an_effect_with_more_numbers_is_not_taken_for_one_with_fewer():
     assert other["coulomb_friction"].alike == () == other["pair"].alike
     same = two(lambda part: part[2], lambda part: np.sin(7.0 * part[4]))
     assert same["coulomb_friction"].alike == ("pair",)
+
+
+def test_the_shape_of_an_effect_costs_no_evidence():
+    def pair(shape):
+        joint = Extended({"first": lambda part: part[4] ** 3, "rest": lambda part: part[2]}, seed=1)
+        size, other = joint.effects[-2].parameters[0], replace(joint.effects[-1].parameters[0], shape=shape)
+        joint.effects = (*joint.effects[:-2], Effect("pair", (size, other)))
+        return found(joint)["coulomb_friction"].alike
+
+    assert pair(shape=False) == () and pair(shape=True) == ("pair",)
+
+
+def test_an_effect_that_acts_in_one_direction_is_compared_in_that_direction():
+    joint = Extended({"one_sided": lambda part: np.sin(7.0 * part[4])}, seed=1)
+    size = Parameter("size", "1", 0.0, 0.5, starts=(0.5, -0.5))
+    joint.effects = (*joint.effects[:-1], Effect("one_sided", (size,)))
+    linear = joint.error
+
+    def error(values, heldout=False):
+        return linear(np.array([*values[:-1], max(values[-1], 0.0)]), heldout)
+
+    joint.error = error
+    answer = found(joint)
+    assert answer["one_sided"].shows and all(each.alike == () for each in answer.values())
+
+
+def test_a_secant_takes_one_prediction():
+    joint, asked = ToyJoint(seed=1), []
+    search, error = Search(joint, prior_odds(joint, {}, 0)), joint.error
+    secants = EffectSecants(search)
+    joint.error = lambda values, heldout=False: asked.append(values) or error(values, heldout)
+    (direction,) = secants.by_direction("coulomb_friction")
+    assert len(asked) == len(direction)
 
 
 def test_an_overflowing_base_says_nothing():
