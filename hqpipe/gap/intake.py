@@ -42,7 +42,7 @@ class Intake:
     Attributes:
         log_set: with signed efforts, without what is left out. signed: the same, and what it was before.
         window: of the free run. steps: its samples. warnings: what to know.
-        reasons: why nothing can be said of it, the gravest first; empty where something can. advice: the mend then.
+        reasons: why nothing can be said of it, the gravest first; empty where something can. advice: what to do then.
         left_out: parts of the logs that had to go.
         spare: joint that was left out → logs in which it is sound, mended or of its other trials; None where there are none.
         stops: what the law from command to torque is not judged on, at end stops.

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hqpipe.identify.least_squares import Fitter
-from hqpipe.identify.screening import Screening
+from hqpipe.identify.screening import square_of
 from hqpipe.identify.search import AT_BOUND, Search
 from hqpipe.identify.visible import UNUSUAL
 
@@ -43,12 +42,11 @@ class EffectSecants:
 
     def __init__(self, search: Search) -> None:
         self.search = search
-        self._screening = Screening(_LastErrorKept(search.model), search.effects)
 
     def by_direction(self, name: str) -> list[list[Secant]]:
         """Secants of an effect in each direction in which it is started, the smallest first; its other numbers at their first
         start."""
-        screening, fitter = self._screening, self.search.fitter
+        screening, fitter = self.search.screening, self.search.fitter
         first, spread = screening.places(name)[0], self.search.effects[name].parameters[0].spread
         neutral, starts = float(fitter.neutral[first]), {}
         for start in screening.combinations(name):
@@ -66,29 +64,17 @@ class EffectSecants:
     def values_with(self, name: str, numbers: np.ndarray) -> np.ndarray:
         """(P,) the values of the base with the numbers of an effect."""
         values = self.search.base.solution.values.copy()
-        values[self._screening.places(name)] = numbers
+        values[self.search.screening.places(name)] = numbers
         return values
 
     def secant_to(self, name: str, values: np.ndarray) -> Secant:
         """The secant of an effect from the base to these values (P,)."""
-        screening, base = self._screening, self.search.base
-        change, total = screening.beyond(base, values), screening.moved(base, values)
-        with np.errstate(over="ignore", invalid="ignore"):
-            square = float(change @ change)
+        screening, base = self.search.screening, self.search.base
+        whole = screening.change(base, values)
+        change = screening.beyond(base, whole)
         first = screening.places(name)[0]
         size = abs(float(values[first] - self.search.fitter.neutral[first]))
-        return Secant(values, size, total, change, square if np.isfinite(square) else np.inf)
-
-
-class _LastErrorKept(Fitter):
-    """A fitter that does not predict again for the values that it was asked for last."""
-
-    _last: tuple[np.ndarray, np.ndarray] | None = None
-
-    def error(self, values: np.ndarray) -> np.ndarray:
-        if self._last is None or not np.array_equal(self._last[0], values):
-            self._last = values.copy(), super().error(values)
-        return self._last[1].copy()
+        return Secant(values, size, square_of(whole), change, square_of(change))
 
 
 def least_size(secants: Sequence[Secant], spread: float, needed: float, needed_in_total: float) -> float | None:

@@ -81,7 +81,7 @@ def _between(fitter: Fitter, known: Known) -> np.ndarray:
 
 
 def _law(search: Search, known: Known) -> np.ndarray:
-    """(F,) from sets with one effect or shape more, those that are refused for their size among them."""
+    """(F,) from sets with one effect or shape more, those that are barred or refused among them."""
     free, values = known.solution.free, known.solution.values
     variance = np.zeros(len(free))
     for larger in search.beside(known):

@@ -60,7 +60,7 @@ class Screening:
         """Square of what an effect of a set does to the prediction at its size, all else as it is."""
         values = known.solution.values.copy()
         values[self.places(name)] = self._fitter.neutral[self.places(name)]
-        return self.moved(known, values)
+        return square_of(self.change(known, values))
 
     def reach(self, known: Known, name: str) -> tuple[float, float, float] | None:
         """A size of an effect's first number, from neutral, the square of what that does to the prediction, and of the part of
@@ -69,7 +69,7 @@ class Screening:
         for moved, _, square in self._secants(known, name):
             size = abs(float(moved[first] - self._fitter.neutral[first]))
             if size > 0.0 and square > _SAME * known.solution.square:
-                return size, self.moved(known, moved), square
+                return size, square_of(self.change(known, moved)), square
         return None
 
     def screened(self, known: Known, names: Sequence[str]) -> list[tuple[float, str]]:
@@ -105,28 +105,23 @@ class Screening:
         for combination in self.combinations(name):
             moved = known.solution.values.copy()
             moved[self.places(name)] = combination
-            change = self.beyond(known, moved)
+            change = self.beyond(known, self.change(known, moved))
             if not np.isfinite(change).all():
                 continue
             size = float(change @ change)
             if size > 0.0:
                 yield moved, change, size
 
-    def beyond(self, known: Known, values: np.ndarray) -> np.ndarray:
-        """(N,) what other values change in the error of a set that its free parameters cannot; not finite where the prediction
-        overflows."""
-        change = self._fitter.error(values) - known.solution.error
-        if np.isfinite(change).all():
-            span = self._span(known)
-            change -= span @ (span.T @ change)
-        return change
+    def change(self, known: Known, values: np.ndarray) -> np.ndarray:
+        """(N,) what other values change in the error of a set; not finite where the prediction overflows."""
+        return self._fitter.error(values) - known.solution.error
 
-    def moved(self, known: Known, values: np.ndarray) -> float:
-        """Square of what other values change in the prediction of a set."""
-        change = self._fitter.error(values) - known.solution.error
-        with np.errstate(over="ignore", invalid="ignore"):
-            square = float(change @ change)
-        return square if np.isfinite(square) else np.inf
+    def beyond(self, known: Known, change: np.ndarray) -> np.ndarray:
+        """(N,) the part of a change that the free parameters of a set cannot do."""
+        if not np.isfinite(change).all():
+            return change
+        span = self._span(known)
+        return change - span @ (span.T @ change)
 
     def shares(self, name: str, combination: np.ndarray) -> tuple[float, float]:
         """How far along the secant the first parameter may go."""
@@ -158,3 +153,10 @@ class Screening:
             return columns[:, :0]
         stopped = self._fitter.stopped(solution.values, solution.free, columns.T @ solution.error)
         return np.linalg.qr(columns[:, ~stopped])[0]
+
+
+def square_of(change: np.ndarray) -> float:
+    """Sum of the squares of a change (N,); infinite where the prediction overflows."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        square = float(change @ change)
+    return square if np.isfinite(square) else np.inf

@@ -20,7 +20,7 @@ MIN_FREE_BYTES = 2 * 10**9
 
 @dataclass(frozen=True)
 class Finding:
-    """One check: its name, whether it passed, and what was seen (with the mend if it failed)."""
+    """One check: its name, whether it passed, and what was seen (with what to do if it failed)."""
 
     name: str
     ok: bool

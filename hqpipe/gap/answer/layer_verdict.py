@@ -15,9 +15,7 @@ from hqpipe.gap.residuals.layer_errors import LayerErrors
 from hqpipe.identify.found import Fitted
 from hqpipe.identify.search import LEAST_GAIN
 
-EXPLAINED = (
-    0.25  # of the squared gap that may be left in an explained one: the causes halve the gap at least; assumption
-)
+EXPLAINED = 0.25  # of the squared gap may be left: the causes halve the gap at least; assumption
 SIGNIFICANCE = 0.05  # over all joints together (Bonferroni)
 FLOOR_MARGIN = 1.05  # the floor itself is an estimate, good to a few per cent
 UNPREDICTED_MARGIN = 2.0  # assumption: the floor takes noise for white; coloured noise is off by less

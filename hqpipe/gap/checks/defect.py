@@ -37,7 +37,7 @@ class Defect:
         trials: files in which it was found.
         joints: joints concerned; empty if it concerns the whole trial.
         channel: name of the channel in the log format, or None for all channels or several.
-        message: one line: what, where, by which figures, and after the last semicolon the mend.
+        message: one line: what, where, by which figures, and after the last semicolon what to do.
         fatal: whether a cause named from these logs could be the defect in disguise.
         channels: those that a swap concerns.
         cells: (file, joint) where it was found, if not every joint in every trial.
@@ -62,7 +62,7 @@ class Defect:
 
     @property
     def reason(self) -> str:
-        """The message without the mend."""
+        """The message without what to do."""
         return self.message.rpartition("; ")[0] or self.message
 
     @property
