@@ -75,8 +75,8 @@ class _Belief:
 
     Attributes:
         probability: that it is there, beside the sets without it or with another in its place. there: that it or one of these
-            others is. alike: names of those that are as likely, or as good. rival: the most probable set with another one; None
-            without any. most: its probability.
+            others is. alike: names of those that are as likely, or as good. rival: the most probable set with another one that
+            may take its place; None without any. most: its probability.
     """
 
     probability: float
@@ -253,7 +253,7 @@ def fitted(search: Search, known: Known) -> Fitted:
 def _believed(search: Search, best: Known, name: str) -> _Belief:
     smaller = search.without(best, name)
     against, options, twins = {"": -search.gain(best, smaller)}, {}, set()
-    for option in search.replaced(smaller, name):
+    for option in (*search.replaced(smaller, name), *search.with_given_up(smaller)):
         other = next(iter(option.names - smaller.names))
         against[other], options[other] = search.preference(option, best), option
         # With as many numbers, and errors as large, only what a data sheet says of their sizes tells the two apart; where the
@@ -265,7 +265,8 @@ def _believed(search: Search, best: Known, name: str) -> _Belief:
     weights = {other: float(np.exp(min(value, 700.0))) for other, value in against.items()}
     total = 1.0 + sum(weights.values())
     alike = {other for other, weight in weights.items() if weight / total >= CONFUSED} | twins
-    rival = max(options, key=lambda other: weights[other], default=None)
+    rivals = [other for other in options if other not in search.given_up]
+    rival = max(rivals, key=lambda other: weights[other], default=None)
     return _Belief(
         1.0 / total,
         1.0 - weights[""] / total,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from hqpipe.identify.found import JointCause, JointFound
+from hqpipe.identify.found import JointFound
 from hqpipe.identify.isolability import Isolability, isolability
 from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.joint_moves import Step, Worths
@@ -30,7 +30,6 @@ class JointSearch:
         self._model, self._odds = model, odds
         self._search: Search | None = None
         self._known: Known | None = None
-        self._renamed: list[Step] = []
 
     def load_compiled_code(self) -> None:
         """Predict once, so that copies of this process have the compiled code."""
@@ -45,7 +44,7 @@ class JointSearch:
 
     def answered(self) -> JointFound:
         """The answer."""
-        return self._answer_of(self._known)
+        return replace(answer(self._search, self._known), model=None)
 
     def weighed_again(self, others: Sequence[Names]) -> tuple[Names, Worths]:
         """The effects that the joint asks for beside what the others have, and what it says of steps from there.
@@ -117,17 +116,16 @@ class JointSearch:
         search.barred.add(effect)
         for name in sorted(known.names & search.barred):
             known = search.without(known, name)
-        return self._answer_of(search.improved(known))
+        return replace(answer(search, search.improved(known)), model=None)
 
     def renamed(self, step: Step) -> JointFound:
-        """The answer with another effect in the place of one, which is refused from now on but told as one that is like it."""
+        """The answer with another effect in the place of one, which from now on is only told as one that is like it."""
         search, known = self._search, self._known
-        self._renamed.append(step)
         if step.leaves in known.names:
             known = search.without(known, step.leaves)
             if step.joins in search.addable(known.names):
                 known = search.grown_by(known, step.joins)
-        search.refused.add(step.leaves)
+        search.given_up.add(step.leaves)
         self._known = search.improved(known)
         return self.answered()
 
@@ -138,16 +136,3 @@ class JointSearch:
     def visible(self, kept: Names, base: Names) -> dict[str, float]:
         """See `hqpipe.identify.visible.least_visible`; kept, base: effects of the sets of an answer."""
         return least_visible(self._search, self._search.known[kept], self._search.known[base])
-
-    def _answer_of(self, known: Known) -> JointFound:
-        found = answer(self._search, known)
-        causes = tuple(self._with_earlier_names(cause) for cause in found.causes)
-        return replace(found, causes=causes, model=None)
-
-    def _with_earlier_names(self, cause: JointCause) -> JointCause:
-        """A cause with the names among those like it that it had before the other joints were asked."""
-        same = [cause.effect]
-        for step in reversed(self._renamed):
-            same += [step.leaves] if step.joins in same else []
-        names = dict.fromkeys((*cause.confused_with, *same[1:]))
-        return replace(cause, confused_with=tuple(name for name in names if name != cause.effect))

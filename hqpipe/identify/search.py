@@ -56,8 +56,8 @@ class Search:
         odds: effect → ln of the prior odds that the joint has it.
         gains: effect → ln of how much more probable the logs are with it beside the set that is reached.
         known: every set that was fitted. barred: effects that no set may have from now on.
-        refused: effects that were found at a bound or without a size, or gave their place to another name, so that other sets
-            have to do without them.
+        refused: effects that were found at a bound or without a size, so that other sets have to do without them.
+        given_up: effects that gave their place to another name: no set has them, but they are rivals.
         shared: effects that are causes in most joints of the machine, as far as that is known.
     """
 
@@ -67,6 +67,7 @@ class Search:
     known: dict[Names, Known] = field(init=False, default_factory=dict)
     barred: set[str] = field(init=False, default_factory=set)
     refused: set[str] = field(init=False, default_factory=set)
+    given_up: set[str] = field(init=False, default_factory=set)
     shared: frozenset[str] = field(init=False, default=frozenset())
     _left_out: dict[tuple[Names, float], float] = field(init=False, default_factory=dict)
     _begun: set[tuple[Names, Names, float]] = field(init=False, default_factory=set)
@@ -306,13 +307,13 @@ class Search:
     def addable(self, names: Names) -> list[str]:
         """Effects that may join a set."""
         shut = names.union(*(self.effects[name].excludes for name in names)) if names else names
-        shut = shut | self.barred | self.refused
+        shut = shut | self.barred | self.refused | self.given_up
         return [n for n, e in self.effects.items() if n not in shut and not e.excludes & names]
 
     def beside(self, known: Known) -> list[Known]:
         """Sets with one effect more that the logs may ask for, those that are barred or refused among them; after
         `rank_beside`."""
-        able = {*self.addable(known.names), *self.barred, *self.refused} - known.names
+        able = {*self.addable(known.names), *self.barred, *self.refused, *self.given_up} - known.names
         able = {name for name in able if not self.effects[name].excludes & known.names}
         likely = sorted(
             (name for name in able if self.gains[name] > _UNLIKELY), key=lambda name: (-self.gains[name], name)
@@ -353,6 +354,11 @@ class Search:
         needed = smaller.solution.square - self.known[smaller.names | {name}].solution.square
         ranked = self.screening.screened(smaller, others)[:_REPLACED]
         return [self.grown_by(smaller, other) for gain, other in ranked if gain >= _PROMISED * needed]
+
+    def with_given_up(self, smaller: Known) -> list[Known]:
+        """A set with each of the effects that were given up and may stand beside it."""
+        able = (name for name in sorted(self.given_up) if not self.effects[name].excludes & smaller.names)
+        return [self.grown_by(smaller, name) for name in able]
 
     def _settled(self, known: Known, names: Names) -> float:
         """ln of the price of what effects settle by themselves, each number charged as by Schwarz (1978): half the logarithm of
