@@ -54,9 +54,7 @@ def answer(search: Search, best: Known) -> JointFound:
         named=fitted(search, named),
         kept=fitted(search, core),
         full=fitted(search, min(best, core, key=lambda known: known.solution.square)),
-        causes=tuple(
-            JointCause(n, found[n].probability, _numbers(search, core, half, n), found[n].alike) for n in causes
-        ),
+        causes=tuple(JointCause(n, found[n].sure, _numbers(search, core, half, n), found[n].alike) for n in causes),
         without={name: fitted(search, without[name]) for name in causes},
         probabilities=probabilities,
         gains=dict(search.gains),
@@ -75,12 +73,14 @@ class _Belief:
 
     Attributes:
         probability: that it is there, beside the sets without it or with another in its place. there: that it or one of these
-            others is. alike: names of those that are as likely, or as good. rival: the most probable set with another one that
-            may take its place; None without any. most: its probability.
+            others is. sure: the probability if all joints had the name of a rival that is as good: that they all have the same
+            name does not say which. alike: names of those that are as likely, or as good. rival: the most probable set with
+            another one that may take its place; None without any. most: its probability.
     """
 
     probability: float
     there: float
+    sure: float
     alike: tuple[str, ...]
     rival: Known | None
     most: float
@@ -262,7 +262,11 @@ def _believed(search: Search, best: Known, name: str) -> _Belief:
         as_good = as_good or search.left_out(option) <= (1.0 + LEAST_GAIN) * search.left_out(best)
         if search.effects[other].sizes == search.effects[name].sizes and as_good:
             twins.add(other)
-    weights = {other: float(np.exp(min(value, 700.0))) for other, value in against.items()}
+    weights = {other: _odds(value) for other, value in against.items()}
+    alone = {
+        other: value - (search.odds[other] - search.odds[name] if other in twins else 0.0)
+        for other, value in against.items()
+    }
     total = 1.0 + sum(weights.values())
     alike = {other for other, weight in weights.items() if weight / total >= CONFUSED} | twins
     rivals = [other for other in options if other not in search.given_up]
@@ -270,10 +274,15 @@ def _believed(search: Search, best: Known, name: str) -> _Belief:
     return _Belief(
         1.0 / total,
         1.0 - weights[""] / total,
+        1.0 / (1.0 + sum(_odds(value) for value in alone.values())),
         tuple(o for o in weights if o in alike and o and search.effects[o].named),
         options.get(rival),
         weights.get(rival, 0.0) / total,
     )
+
+
+def _odds(logarithm: float) -> float:
+    return float(np.exp(min(logarithm, 700.0)))
 
 
 def _only(search: Search, best: Known, names: Names) -> Known:

@@ -223,6 +223,24 @@ def test_a_joint_that_takes_the_name_of_the_others_still_tells_its_own():
     (other,) = {"spring", "belt"} - {before}
     (cause,) = joint.renamed(Step(before, other)).causes
     assert cause.effect == other and cause.confused_with == (before,)
+    assert cause.probability == pytest.approx(0.5, abs=0.05)
+
+
+def test_joints_that_agree_on_a_name_do_not_make_it_surer_than_one_that_is_as_good():
+    model = ToyJoint(truth={"spring": 1.0}, seed=3)
+    spring, whole = len(model.base) + 2, model.error
+    model.effects += (Effect("belt", (Parameter("nm_per_rad", "N·m/rad", 0.0, 0.5),)),)
+
+    def error(values, heldout=False):
+        alike = values[:-1].copy()
+        alike[spring] += values[-1]
+        return whole(alike, heldout)
+
+    model.error = error
+    joint = JointSearch(model, prior_odds)
+    joint.told([joint.first()] * 11)
+    (cause,) = joint.answered().causes
+    assert len(cause.confused_with) == 1 and cause.probability == pytest.approx(0.5, abs=0.05)
 
 
 def test_a_cause_that_is_small_beside_what_is_left_unexplained_needs_other_joints():
