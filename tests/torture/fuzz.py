@@ -8,6 +8,7 @@ import resource
 import select
 import shutil
 import signal
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -163,6 +164,8 @@ class _Lines:
 
 def _work(target: Target, number: int, folder: Path, stream: Any, cases: int) -> None:
     """In the worker: try the cases, one line before and one after each."""
+    if "torch" in sys.modules:  # a fork has none of the threads that its parent's arithmetic waits for
+        sys.modules["torch"].set_num_threads(1)
     null = os.open(os.devnull, os.O_RDWR)
     for descriptor in (0, 1, 2):
         os.dup2(null, descriptor)
