@@ -11,6 +11,7 @@ from hqpipe.identify.drifts import drifts
 from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
 from hqpipe.identify.intervals import half_widths
 from hqpipe.identify.search import HALVED, LEAST_GAIN, Known, Names, Search
+from hqpipe.identify.uncertain_effects import certainty, without_uncertain
 
 LEAST_SHARE = 0.01
 """Square of what a cause does to the prediction, over the squared gap from the base's error to the noise: a tenth of the gap.
@@ -31,10 +32,10 @@ def answer(search: Search, best: Known) -> JointFound:
         best: the set that it reached.
     """
     while True:
-        best = search.certain(best)
+        best = without_uncertain(search, best)
         base = _context(search, best)
         core, found = _with_beliefs(search, best, base)
-        uncertain = {name for name in found if search.certainty(core, name) <= 1.0}
+        uncertain = {name for name in found if certainty(search, core, name) <= 1.0}
         if not uncertain:
             break
         search.refused |= uncertain

@@ -12,17 +12,15 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-from scipy.stats import chi2
 
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.evidence import independence, log_bayes_factor, occam
 from hqpipe.identify.joint_moves import Step, Worths
-from hqpipe.identify.least_squares import Fitter, Solution, lengths
+from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.left_out import left_out_square
 from hqpipe.identify.model import MATERIAL, Effect, JointModel, positions
 from hqpipe.identify.sampling import covariance
 from hqpipe.identify.screening import Known, Names, Screening
-from hqpipe.identify.uncertainty import LEVEL
 
 LEAST_GAIN = 0.05
 """Share by which the squared error must grow without an effect for it to be a cause: 2.5 % of the error. An effect with less,
@@ -105,23 +103,6 @@ class Search:
         end = fitter.high[first] if known.solution.values[first] > fitter.neutral[first] else fitter.low[first]
         return self.size(known, name) <= AT_BOUND * abs(float(end - fitter.neutral[first]))
 
-    def certainty(self, known: Known, name: str) -> float:
-        """How far the numbers that say how large an effect is are from neutral, together, over how far they can be told from it
-        (Wald 1943); above 1 where the logs say that it is there.
-
-        What an effect does need not vanish with its numbers: an integrator that hardly integrates holds what it began with.
-        """
-        if not self.effects[name].named or self.effects[name].in_both or not np.isfinite(known.solution.square):
-            return np.inf
-        shaping = np.array([parameter.shape for parameter in self.effects[name].parameters])
-        places = self.screening.places(name)[~shaping]
-        own = np.searchsorted(known.solution.free, places)
-        covariance = known.covariance.robust[np.ix_(own, own)]
-        scale = lengths(covariance)
-        away = (known.solution.values - self.fitter.neutral)[places] / scale
-        square = away @ np.linalg.pinv(covariance / np.outer(scale, scale), hermitian=True) @ away
-        return float(np.sqrt(max(square, 0.0) / chi2.ppf(LEVEL, len(places))))
-
     def size(self, known: Known, name: str) -> float:
         """Of an effect's first number, from neutral."""
         first = int(self.screening.places(name)[0])
@@ -160,29 +141,6 @@ class Search:
             for name in odd:
                 best = self.without(best, name)
             best = self.grown(best)
-
-    def certain(self, best: Known) -> Known:
-        """The set without effects whose numbers cannot be told from none, completed and improved without them.
-
-        They are refused, but for those that can be told from none in the place of another effect of the set that is reached:
-        of two that are alike each makes the other uncertain.
-        """
-        left = set()
-        while best.names:
-            least = min(sorted(best.names), key=lambda name: self.certainty(best, name))
-            if self.certainty(best, least) > 1.0:
-                break
-            left.add(least)
-            self.refused.add(least)
-            best = self.improved(self.grown(self.without(best, least)))
-        self.refused -= {name for name in left if self._replaces(best, name)}
-        return best
-
-    def _replaces(self, best: Known, name: str) -> bool:
-        """Whether an effect can be told from none in the place of one of a set."""
-        rest = [self.without(best, other) for other in sorted(best.names)]
-        free = [known for known in rest if not self.effects[name].excludes & known.names]
-        return any(self.certainty(self.grown_by(known, name), name) > 1.0 for known in free)
 
     def taken_apart(self, known: Known, names: Sequence[str]) -> tuple[Known, dict[str, Known]]:
         """A set, fitted again where a part of it turned out better, and the set without each of some of its effects."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from identify.toy_joint import ToyJoint
 
+from hqpipe.identify import uncertain_effects
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.found import JointFound
 from hqpipe.identify.identify import identify
@@ -17,6 +18,7 @@ from hqpipe.identify.joint_search import JointSearch
 from hqpipe.identify.model import Effect, LayerJoints, Parameter
 from hqpipe.identify.prior import prior_odds
 from hqpipe.identify.search import Search
+from hqpipe.identify.uncertain_effects import certainty, without_uncertain
 
 
 def _layer(*models):
@@ -165,9 +167,9 @@ def test_an_effect_whose_number_cannot_be_told_from_none_gives_way_to_what_it_st
     model.error = error
     search = Search(model, prior_odds(model, {}, 0))
     hook = search.grown_by(search.base, "hook")
-    assert search.gain(hook, search.base) > 10.0 and search.certainty(hook, "hook") < 1.0
-    better = search.certain(hook)
-    assert better.names == {"spring"} and search.certainty(better, "spring") > 1.0
+    assert search.gain(hook, search.base) > 10.0 and certainty(search, hook, "hook") < 1.0
+    better = without_uncertain(search, hook)
+    assert better.names == {"spring"} and certainty(search, better, "spring") > 1.0
     model.effects = tuple(e for e in model.effects if e.named)  # nothing else takes its part
     model.error = lambda values, heldout=False: error(
         np.concatenate([values[: len(model.base) + 3], np.zeros(2), values[-1:]]), heldout
@@ -176,11 +178,11 @@ def test_an_effect_whose_number_cannot_be_told_from_none_gives_way_to_what_it_st
 
 
 def test_of_two_effects_that_make_each_other_uncertain_one_stays(monkeypatch):
-    monkeypatch.setattr(Search, "certainty", lambda search, known, name: 2.0 / len(known.names) ** 2)
+    monkeypatch.setattr(uncertain_effects, "certainty", lambda search, known, name: 2.0 / len(known.names) ** 2)
     model = ToyJoint(truth={"spring": 1.0, "viscous_friction": 1.0}, seed=3)
     search = Search(model, prior_odds(model, {}, 0))
     both = search.grown_by(search.grown_by(search.base, "spring"), "viscous_friction")
-    assert len(search.certain(both).names) == 1 and not search.refused, "the other could take its place"
+    assert len(without_uncertain(search, both).names) == 1 and not search.refused, "the other could take its place"
 
 
 def test_numbers_of_unlike_size_are_weighed_alike():
@@ -198,7 +200,7 @@ def test_numbers_of_unlike_size_are_weighed_alike():
 
     model.error = error
     search = Search(model, prior_odds(model, {}, 0))
-    assert search.certainty(search.grown_by(search.base, "limited"), "limited") > 10.0
+    assert certainty(search, search.grown_by(search.base, "limited"), "limited") > 10.0
 
 
 def test_a_number_that_only_shapes_an_effect_makes_it_no_less_like_another():
@@ -207,7 +209,8 @@ def test_a_number_that_only_shapes_an_effect_makes_it_no_less_like_another():
     assert friction.sizes == shaped.sizes == 1
 
 
-def test_a_joint_that_takes_the_name_of_the_others_still_tells_its_own():
+def _under_two_names():
+    """A joint with a spring that may be told as a belt as well."""
     model = ToyJoint(truth={"spring": 1.0}, seed=3)
     spring, whole = len(model.base) + 2, model.error
     model.effects += (Effect("belt", (Parameter("nm_per_rad", "N·m/rad", 0.0, 0.5),)),)
@@ -218,7 +221,11 @@ def test_a_joint_that_takes_the_name_of_the_others_still_tells_its_own():
         return whole(alike, heldout)
 
     model.error = error
-    joint = JointSearch(model, prior_odds)
+    return model
+
+
+def test_a_joint_that_takes_the_name_of_the_others_still_tells_its_own():
+    joint = JointSearch(_under_two_names(), prior_odds)
     (before,) = joint.first()
     (other,) = {"spring", "belt"} - {before}
     (cause,) = joint.renamed(Step(before, other)).causes
@@ -227,17 +234,7 @@ def test_a_joint_that_takes_the_name_of_the_others_still_tells_its_own():
 
 
 def test_joints_that_agree_on_a_name_do_not_make_it_surer_than_one_that_is_as_good():
-    model = ToyJoint(truth={"spring": 1.0}, seed=3)
-    spring, whole = len(model.base) + 2, model.error
-    model.effects += (Effect("belt", (Parameter("nm_per_rad", "N·m/rad", 0.0, 0.5),)),)
-
-    def error(values, heldout=False):
-        alike = values[:-1].copy()
-        alike[spring] += values[-1]
-        return whole(alike, heldout)
-
-    model.error = error
-    joint = JointSearch(model, prior_odds)
+    joint = JointSearch(_under_two_names(), prior_odds)
     joint.told([joint.first()] * 11)
     (cause,) = joint.answered().causes
     assert len(cause.confused_with) == 1 and cause.probability == pytest.approx(0.5, abs=0.05)

@@ -1,0 +1,55 @@
+"""Effects of a set whose numbers cannot be told from none.
+
+What an effect does need not vanish with its numbers: an integrator that hardly integrates still holds what it began with, and
+stands for an offset. The odds of a set do not see that; the numbers do.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import chi2
+
+from hqpipe.identify.least_squares import lengths
+from hqpipe.identify.search import Known, Search
+from hqpipe.identify.uncertainty import LEVEL
+
+
+def certainty(search: Search, known: Known, name: str) -> float:
+    """How far the numbers that say how large an effect is are from neutral, together, over how far they can be told from it
+    (Wald 1943); above 1 where the logs say that it is there. Infinite for generic shapes and what both of two records have.
+    """
+    effect = search.effects[name]
+    if not effect.named or effect.in_both or not np.isfinite(known.solution.square):
+        return np.inf
+    places = search.screening.places(name)[[not parameter.shape for parameter in effect.parameters]]
+    own = np.searchsorted(known.solution.free, places)
+    covariance = known.covariance.robust[np.ix_(own, own)]
+    scale = lengths(covariance)
+    away = (known.solution.values - search.fitter.neutral)[places] / scale
+    square = away @ np.linalg.pinv(covariance / np.outer(scale, scale), hermitian=True) @ away
+    return float(np.sqrt(max(square, 0.0) / chi2.ppf(LEVEL, len(places))))
+
+
+def without_uncertain(search: Search, best: Known) -> Known:
+    """The set without such effects, the least certain first, completed and improved without them.
+
+    They are refused, but for those that can be told from none in the place of another effect of the set that is reached: of
+    two that are alike each makes the other uncertain.
+    """
+    left = set()
+    while best.names:
+        least = min(sorted(best.names), key=lambda name: certainty(search, best, name))
+        if certainty(search, best, least) > 1.0:
+            break
+        left.add(least)
+        search.refused.add(least)
+        best = search.improved(search.grown(search.without(best, least)))
+    search.refused -= {name for name in left if _replaces(search, best, name)}
+    return best
+
+
+def _replaces(search: Search, best: Known, name: str) -> bool:
+    """Whether an effect can be told from none in the place of one of a set."""
+    rest = [search.without(best, other) for other in sorted(best.names)]
+    free = [known for known in rest if not search.effects[name].excludes & known.names]
+    return any(certainty(search, search.grown_by(known, name), name) > 1.0 for known in free)
