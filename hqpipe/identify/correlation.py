@@ -10,6 +10,7 @@ from hqpipe.identify.model import Samples
 _DIED = 0.05  # autocorrelation below which the sum ends: later lags add noise
 
 
+@np.errstate(over="ignore", invalid="ignore")  # squares of an error that grows without bounds
 def correlation_time(error: np.ndarray, samples: Samples) -> float:
     """Samples over which errors are alike: 1 + 2 Σ ρ_k, trials pooled; 1 for white noise."""
     pieces = [error[samples.trial == k] for k in range(len(samples.files))]

@@ -63,7 +63,9 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
     with JointPool([JointSearch(model, prior_odds) for model in models], workers) as pool:
         present = pool.each("first", report=report)
         if len(models) > 1:
-            present, worths = zip(*pool.each("weighed_again", _others(present)), strict=True)
+            reached = pool.each("reached")
+            told = [(others_of(present, j), others_of(reached, j)) for j in range(len(models))]
+            present, worths = zip(*pool.each("weighed_again", told), strict=True)
             present = settled_together(models, present, worths, lambda asked: pool.some("moved", asked))
             pool.each("told", _others(present))
         given_up: dict[int, set[str]] = {}

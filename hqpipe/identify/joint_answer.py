@@ -139,13 +139,26 @@ def _worth_keeping(search: Search, known: Known, base: Known) -> Known:
     while True:
         known = _without_small(search, known, base)
         better = search.improved(known)
-        if better.names == known.names or better.names in seen:
+        if better.names == known.names:
+            better = _likelier(search, known, base)
+        if better.names in seen:
             break
         seen.add(better.names)
         known = better
     persistence = float(np.sum((search.model.fit.held - search.model.fit.output) ** 2))
     # What predicts no better than holding the output, and leaves most of the gap, explains nothing.
     return known if search.left_out(known) < max(persistence, HALVED * search.left_out(base)) else base
+
+
+def _likelier(search: Search, known: Known, base: Known) -> Known:
+    """The most probable of the sets of as few effects that were fitted and of which nothing is too small: the search passed it
+    over for one with effects that were too small."""
+    options = [k for k in search.known.values() if base.names <= k.names and len(k.names) <= len(known.names)]
+    options = [k for k in options if k is not known and search.may_have(k.names) and search.likelier(k, known)]
+    for option in sorted(options, key=lambda k: (-search.preference(k, known), sorted(k.names))):
+        if _without_small(search, option, base).names == option.names:
+            return search.known[option.names]
+    return known
 
 
 def _without_small(search: Search, known: Known, base: Known) -> Known:

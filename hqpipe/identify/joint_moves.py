@@ -91,12 +91,18 @@ def settled_together(
             joints after it, to its set and the steps from there.
     """
     present, worths = list(present), list(worths)
+    undone: set[tuple[int, Step]] = (
+        set()
+    )  # steps after which the joint went back, as long as all others are as they were
     for _ in range(_MOST):
-        step, joints = best_step(models, present, worths)
+        open_ones = [{s: w for s, w in steps.items() if (j, s) not in undone} for j, steps in enumerate(worths)]
+        step, joints = best_step(models, present, open_ones)
         if not joints:
             break
         after = [step.of(names) if j in joints else names for j, names in enumerate(present)]
+        before = list(present)
         asked = {j: (step, others_of(after, j)) for j in joints}
         for j, (names, steps) in moved(asked).items():
             present[j], worths[j] = names, steps
+        undone = undone | {(j, step) for j in joints} if present == before else set()
     return present

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from hqpipe.identify.found import JointFound
 from hqpipe.identify.isolability import Isolability, isolability
@@ -15,7 +18,10 @@ from hqpipe.identify.search import Known, Names, Search
 from hqpipe.identify.visible import least_visible
 
 MOST_JOINTS = 0.5  # share of joints from which on what more of them say is what the machine has: their majority
+_TRIED = 3  # sets that other joints have reached, the most common ones; assumption: a rare one is its joint's own
 
+Numbers = Mapping[str, np.ndarray]
+"""Effect → values of its parameters."""
 Odds = Callable[[JointModel, Mapping[str, int], int], dict[str, float]]
 """ln of the prior odds of each effect of a model, from effect → how many other joints have it, and how many these are."""
 
@@ -46,14 +52,21 @@ class JointSearch:
         """The answer."""
         return replace(answer(self._search, self._known), model=None)
 
-    def weighed_again(self, others: Sequence[Names]) -> tuple[Names, Worths]:
+    def reached(self) -> Numbers:
+        """The effects with a name that the joint asks for, with their numbers."""
+        search, known = self._search, self._known
+        named = sorted(name for name in known.names if search.effects[name].named)
+        return {name: known.solution.values[search.screening.places(name)] for name in named}
+
+    def weighed_again(self, others: Sequence[Names], reached: Sequence[Numbers]) -> tuple[Names, Worths]:
         """The effects that the joint asks for beside what the others have, and what it says of steps from there.
 
         Args:
-            others: effects of each of the other joints, which the prior then goes by.
+            others: effects of each of the other joints, which the prior then goes by. reached: what each of them has reached.
         """
         count = self._told(others)
-        search, known = self._search, self._known
+        search = self._search
+        known = self._as_another(reached)
         for name in sorted(count, key=lambda name: (-count[name], name)):  # a set has no order of its own
             if name in search.effects and name in search.addable(known.names) and search.odds[name] > 0.0:
                 larger = search.grown_by(known, name)
@@ -73,6 +86,24 @@ class JointSearch:
             known = whole if search.preference(whole, known) > 0.0 else known
         self._known = search.improved(known)
         return self._known.names, search.steps(self._known)
+
+    def _as_another(self, reached: Sequence[Numbers]) -> Known:
+        """The set of the joint, or a likelier one that another joint has reached: what joins one after the other may have led
+        astray in this joint alone."""
+        search, known = self._search, self._known
+        found: dict[Names, Numbers] = {}
+        for numbers in reached:
+            found.setdefault(frozenset(numbers), numbers)
+        count = Counter(frozenset(numbers) for numbers in reached)
+        common = [names for names, _ in count.most_common() if not names <= known.names and search.may_have(names)]
+        for names in common[:_TRIED]:
+            option = search.begun_at(found[names])
+            for name in sorted(known.names - names):  # what this joint has besides
+                if name in search.addable(option.names):
+                    larger = search.grown_by(option, name)
+                    option = larger if search.gain(larger, option) > 0.0 else option
+            known = option if search.likelier(option, known) else known
+        return known
 
     def moved(self, asked: tuple[Step, Sequence[Names]]) -> tuple[Names, Worths]:
         """The effects of the joint after a step that it takes together with others, and what it says of further ones.

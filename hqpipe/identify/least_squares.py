@@ -78,6 +78,7 @@ class Fitter:
             found = self.model.error(values)
         return found if np.isfinite(found).all() else np.full(len(found), np.inf)
 
+    @np.errstate(over="ignore", invalid="ignore")  # squares of a prediction that grows without bounds
     def fit(
         self,
         free: np.ndarray,

@@ -108,8 +108,8 @@ class Screening:
             change = self.beyond(known, self.change(known, moved))
             if not np.isfinite(change).all():
                 continue
-            size = float(change @ change)
-            if size > 0.0:
+            size = square_of(change)
+            if 0.0 < size < np.inf:
                 yield moved, change, size
 
     def change(self, known: Known, values: np.ndarray) -> np.ndarray:

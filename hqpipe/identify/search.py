@@ -83,7 +83,11 @@ class Search:
         return self.known[frozenset()]
 
     def run(self) -> Known:
-        """The set that no addition, removal or exchange improves."""
+        """The set that no addition, removal or exchange improves.
+
+        A curve without meaning that joins first may keep out the effects that it stands for together. So a set with one is
+        searched again without them, before they may join.
+        """
         best = self._begun_with()
         for _ in range(_ROUNDS):
             before = best.names
@@ -91,6 +95,25 @@ class Search:
             if best.names == before:
                 break
         return best
+
+    def may_have(self, names: Names) -> bool:
+        """Whether these effects may stand in one set."""
+        return all(name in self.addable(names - {name}) for name in names)
+
+    def begun_at(self, numbers: Mapping[str, np.ndarray]) -> Known:
+        """A set, fitted from given numbers of its effects beside the base."""
+        names, start = frozenset(numbers), self.base.solution.values.copy()
+        for name, values in numbers.items():
+            start[self.screening.places(name)] = values
+        return self._kept(names, self._fit(names, [start], self.base.covariance.noise))
+
+    def likelier(self, one: Known, other: Known) -> bool:
+        """Whether a set is more probable than another."""
+        if one.names > other.names:
+            return self.gain(one, other) > 0.0
+        if one.names < other.names:
+            return self.gain(other, one) <= 0.0
+        return self.preference(one, other) > 0.0
 
     def within_bounds(self, known: Known, name: str) -> bool:
         """Whether an effect is not at its bound, where another law must be at work.

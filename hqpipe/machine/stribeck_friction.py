@@ -26,8 +26,8 @@ EFFECT = Effect(
     layer="actuator",
     parameters=(
         Parameter("static_nm", "N·m", Search(EFFORT, 0.0, 20.0, (0.1,))),
-        Parameter("velocity_rad_s", "rad/s", Search(VELOCITY, 0.02, 1.0, (0.1, 0.4), counts=False), neutral=1.0),
-        Parameter("exponent", "1", Search(NONE, 0.3, 2.0, (1.0,), counts=False), neutral=1.0),
+        Parameter("velocity_rad_s", "rad/s", Search(VELOCITY, 0.02, 0.5, (0.1, 0.4), counts=False), neutral=0.5),
+        Parameter("exponent", "1", Search(NONE, 0.5, 2.0, (1.0,), counts=False), neutral=1.0),
     ),
     meaning="friction is larger near zero speed",
     source="Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30, 1994: exponential Stribeck curves, exponents 0.5 to 2",

@@ -24,7 +24,7 @@ SETTLED = 1e-3  # fall of the squared error in a turn, as a share, that ends the
 MAX_STEPS = 8_000  # of the model, over all trials, for the question whether a sign is lost
 GUESS_S = (0.0, 0.02, 0.1, 0.5)  # time constants of a low-passed position error whose sign is a first guess
 BETTER = 0.85  # of the squared error that a restored sign may leave; one-way torques of the plant leave ≥ 0.94
-MIN_SHARE = 0.03  # of the torque (by size) that must come out with either sign; assumption
+MIN_SHARE = 0.01  # of the torque (by size) that must come out with either sign: noise round zero makes less; assumption
 MIN_ROWS = 200  # of the model; assumption: fewer fit any signs
 NEVER = 1e-9  # of the largest value: as negative as rounding makes a channel
 

@@ -13,6 +13,7 @@ from hqpipe.identify import uncertain_effects
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.found import JointFound
 from hqpipe.identify.identify import identify
+from hqpipe.identify.joint_answer import _likelier
 from hqpipe.identify.joint_moves import Step
 from hqpipe.identify.joint_search import JointSearch
 from hqpipe.identify.model import Effect, LayerJoints, Parameter
@@ -233,6 +234,40 @@ def test_a_joint_that_takes_the_name_of_the_others_still_tells_its_own():
     assert cause.probability == pytest.approx(0.5, abs=0.05)
 
 
+def _driven_by_two_together():
+    """A joint with a spring that is there only if two effects are, so that neither joins without the other."""
+    model = ToyJoint(truth={"spring": 0.5}, seed=4)
+    whole, spring = model.error, len(model.base) + 2
+    model.effects = tuple(effect for effect in model.effects if effect.name != "spring")
+    model.effects += (
+        Effect("belt", (Parameter("stiffness", "N·m/rad", 0.0, 0.5),)),
+        Effect("clutch", (Parameter("closed", "1", 0.0, 1.0),)),
+    )
+
+    def error(values, heldout=False):
+        return whole(np.insert(values[:-2], spring, values[-2] * values[-1]), heldout)
+
+    model.error = error
+    return model
+
+
+def test_a_joint_takes_over_what_another_has_reached_where_its_own_steps_do_not_lead():
+    both = frozenset({"belt", "clutch"})
+    joint = JointSearch(_driven_by_two_together(), prior_odds)
+    assert not joint.first() & both
+    names, _ = joint.weighed_again([both] * 2, [{"belt": np.array([1.0]), "clutch": np.array([0.3])}] * 2)
+    assert both <= names
+    assert np.prod([number[0] for number in joint.reached().values()]) == pytest.approx(0.5, rel=0.05)
+
+
+def test_a_likelier_set_that_was_passed_over_for_a_larger_one_is_taken_when_that_shrinks():
+    model = ToyJoint(truth={"coulomb_friction": 0.3})
+    search = Search(model, prior_odds(model, {}, 0))
+    true, other = search.grown_along(["coulomb_friction"]), search.grown_along(["viscous_friction", "cubic"])
+    assert _likelier(search, other, search.base) is true
+    assert _likelier(search, true, search.base) is true
+
+
 def test_joints_that_agree_on_a_name_do_not_make_it_surer_than_one_that_is_as_good():
     joint = JointSearch(_under_two_names(), prior_odds)
     joint.told([joint.first()] * 11)
@@ -323,7 +358,7 @@ def test_the_order_of_a_set_does_not_decide_which_effect_is_tried_first():
     for names in (("spring", "viscous_friction"), ("viscous_friction", "spring")):
         joint = JointSearch(Tried.model, prior_odds)
         joint._search, joint._known = Tried(), SimpleNamespace(names=frozenset())
-        joint.weighed_again([names] * 9)
+        joint.weighed_again([names] * 9, [])
         asked.append(joint._search.asked)
     assert asked[0] == asked[1] == ["spring", "viscous_friction"]
 

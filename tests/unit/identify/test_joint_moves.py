@@ -61,6 +61,17 @@ def test_steps_end_when_none_is_left():
     assert steps == {0: (OTHER_NAME, [FRICTION, SPRING]), 1: (OTHER_NAME, [FRICTION, SPRING])}
 
 
+def test_a_step_that_a_joint_takes_back_is_not_asked_for_again():
+    asked = []
+
+    def moved(steps):
+        asked.append(steps)
+        return {j: (SPRING, {OTHER_NAME: 9.0}) for j in steps}
+
+    assert settled_together([MODEL] * 3, [SPRING] * 3, [{OTHER_NAME: 9.0}, {}, {}], moved) == [SPRING] * 3
+    assert len(asked) == 1
+
+
 def _answer(effect, *alike):
     return SimpleNamespace(causes=(JointCause(effect, 0.9, (), alike),))
 

@@ -75,6 +75,16 @@ def test_share_of_the_negative_torque():
         assert entry.negative_share == pytest.approx(negative, abs=0.03)
 
 
+def test_a_lost_sign_is_noticed_where_the_torque_is_rarely_negative():
+    """As of a knee that bears weight but for a moment of each stride."""
+    shift = values("effort", lambda v: v - np.quantile(v, 0.06, axis=0))
+    efforts = np.concatenate([t.trajectory.effort for t in broken(plant_logs(), shift).trials])
+    share = -np.minimum(efforts, 0.0).sum(axis=0) / np.abs(efforts).sum(axis=0)
+    lost = broken(plant_logs(), values("effort", lambda v: np.abs(v - np.quantile(v, 0.06, axis=0))))
+    assert np.all(share < 0.03)
+    assert {entry.joint for entry in unsigned(lost.trials)} == set(lost.joints)
+
+
 def test_a_torque_of_one_sign_is_not_unsigned():
     """A joint under a load larger than its own motion needs never pushes the other way."""
     loaded = broken(plant_logs(), values("effort", lambda v: v - v.min(axis=0) + 5.0))
