@@ -37,8 +37,6 @@ MIXED = (2, 3, 4)
 # Effects that cannot be told apart by their nature, or that need the same field of the plant.
 EXCLUSIVE = (
     {"torque_bias", "position_bias"},  # a constant offset of torque and of command are one term of the model
-    {"torque_bias", "integral_action"},  # an integrator that starts anywhere makes up for every offset
-    {"position_bias", "integral_action"},
     {"orifice_flow", "position_dependent_stiffness"},  # both are made by the cylinder's volumes
     {"unsigned_sensor", "torque_bias"},  # what comes first, the offset or the lost sign, is a convention
     {"unsigned_sensor", "torque_scale"},
