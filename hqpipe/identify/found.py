@@ -90,6 +90,7 @@ class JointFound:
     shapes: dict[str, float]
     closes: dict[str, float] = field(default_factory=dict)
     unexplained: float = 0.0
+    unknown: float = 0.0
     visible: dict[str, float] = field(default_factory=dict)
     drifts: tuple[str, ...] = ()
     withdrawn: tuple[str, ...] = ()

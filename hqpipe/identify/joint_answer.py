@@ -62,6 +62,7 @@ def answer(search: Search, best: Known) -> JointFound:
         shapes=_shapes(search, core, named),
         closes={n: (search.left_out(search.without(claimed, n)) - square) / whole for n in causes},
         unexplained=max(square - floor_of(search), 0.0) / whole,
+        unknown=max(search.left_out(named) - floor_of(search), 0.0) / whole,
         drifts=drifts(search, core),
         withdrawn=tuple(sorted(claimed.names - core.names)),
         minor=tuple(sorted(search.barred)),

@@ -42,12 +42,10 @@ def _minor(answers: Sequence[JointFound]) -> list[tuple[float, str, int]]:
     """
     found = []
     for effect in sorted({name for joint in answers for name in joint.closes}):
-        shown = [
-            (joint.closes[effect], joint.unexplained, j) for j, joint in enumerate(answers) if effect in joint.closes
-        ]
+        shown = [(joint.closes[effect], joint.unknown, j) for j, joint in enumerate(answers) if effect in joint.closes]
         closed = left = 0.0
-        for closes, unexplained, j in sorted(shown, key=lambda s: -s[0] / max(s[1], 1e-12)):
-            closed, left = closed + closes, left + unexplained
+        for closes, unknown, j in sorted(shown, key=lambda s: -s[0] / max(s[1], 1e-12)):
+            closed, left = closed + closes, left + unknown
             if closed < LEAST_OF_UNKNOWN * left:
-                found.append((closes / max(unexplained, 1e-12), effect, j))
+                found.append((closes / max(unknown, 1e-12), effect, j))
     return found

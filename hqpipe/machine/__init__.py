@@ -29,6 +29,7 @@ from hqpipe.machine import (
     valve_deadband,
     valve_delay,
     valve_lag,
+    valve_underlap,
     viscous_friction,
 )
 from hqpipe.machine.effect import Effect
@@ -50,6 +51,7 @@ EFFECTS: dict[str, Effect] = {
         supply_droop,
         orifice_flow,
         leakage_drift,
+        valve_underlap,
         position_dependent_stiffness,
         transmission_compliance,
         backlash,

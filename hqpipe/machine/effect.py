@@ -210,7 +210,7 @@ class Effect:
         effort_sources: kinds of torque measurement that it lies in front of; None if all.
         machine: one set of parameters for the whole machine by nature.
         least_joints: how many joints a log needs to show it.
-        same_term: effects that are one number with it where the law is linear; of them and it a joint is told one at most.
+        excludes: effects of which and of it a joint is told one at most: they are one number of a linear law, or of two signs.
     """
 
     name: str
@@ -231,7 +231,7 @@ class Effect:
     effort_sources: tuple[str, ...] | None = None
     machine: bool = False
     least_joints: int = 1
-    same_term: tuple[str, ...] = ()
+    excludes: tuple[str, ...] = ()
     derived: tuple[Derived, ...] = ()
 
     @property

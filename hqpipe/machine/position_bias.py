@@ -14,6 +14,6 @@ EFFECT = Effect(
     experiment="hold the joint still at several loads in both directions; a second position sensor",
     advice="Redo the joint's zero against a jig or an end stop.",
     shows_as=("offset",),
-    same_term=("torque_bias",),
+    excludes=("torque_bias",),
     blocks=(Block(added, ("opening", "rad"), ("opening",), ("rad",)),),
 )

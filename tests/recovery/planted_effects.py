@@ -27,6 +27,7 @@ TYPICAL: dict[str, dict[str, float]] = {
     "valve_delay": {"delay_s": 0.0047},
     "valve_lag": {"time_constant_s": 0.012},
     "valve_deadband": {"half_width": 0.02, "rounding": 0.2},
+    "valve_underlap": {"half_width": 0.02},
     "flow_saturation": {"limit": 0.06},
     "direction_asymmetry": {"ratio": 0.2},
     "gain_drift": {"rate_per_s": 0.03},
@@ -105,7 +106,7 @@ def simulate(
     motion: float = 0.4,
     knocks: float = 500.0,
     middle: float = 0.0,
-    order: tuple[str, ...] = ("lag", "deadband", "saturation", "asymmetry", "drift"),
+    order: tuple[str, ...] = ("lag", "deadband", "saturation", "asymmetry", "drift", "underlap"),
     flow: tuple[float, float] = (1.0, 0.0),
     gains: dict[str, list[float]] | None = None,
 ) -> Planted:
@@ -142,6 +143,7 @@ def simulate(
     left = np.where(constant > 0.0, np.exp(-DT / np.maximum(constant, 1e-30)), 0.0)  # of the way, after a sample
     mean_left = constant / DT * (1.0 - left)  # and on average over it
     half, share = number("valve_deadband", "half_width", 0.0), number("valve_deadband", "rounding", 0.0)
+    lap = number("valve_underlap", "half_width", 0.0)
     widest, ratio = number("flow_saturation", "limit", np.inf), number("direction_asymmetry", "ratio", 0.0)
     rate, thinner = number("gain_drift", "rate_per_s", 0.0), number("leakage_drift", "rate_per_s", 0.0)
     droop, recovery = number("supply_droop", "droop", 0.0), number("supply_droop", "recovery_s", 1.0)
@@ -162,6 +164,7 @@ def simulate(
 
     actions = {
         "deadband": lambda x, t: overlap(x, half, share * half),
+        "underlap": lambda x, t: np.where(np.abs(x) < lap, 2.0 * x, x + np.sign(x) * lap),
         "saturation": lambda x, t: np.clip(x, -widest, widest),
         "asymmetry": lambda x, t: np.where(x > 0.0, (1.0 + ratio) * x, (1.0 - ratio) * x),
         "drift": lambda x, t: (1.0 + rate * t) * x,
@@ -208,11 +211,12 @@ def simulate(
         unequal = feeds * np.sqrt(np.maximum(1.0 - 2.0 * loss - chambers - against, 0.0))
         unequal = unequal + (1.0 - feeds) * np.sqrt(np.maximum(1.0 + chambers - against, 0.0))
         fed = x * np.where(slope == 0.0, np.sqrt(np.maximum(1.0 - loss - against, 0.0)), unequal)
+        across = np.maximum(lap - 0.5 * np.abs(x), 0.0) / most  # what both open lands let pass, per torque
         braked = k4 * np.where(inner * x < 0.0, np.abs(inner), 0.0) * x
         oiled = qd * (1.0 + compression * chambers)
         pulling = beyond(wound, slack)
         wound = wound + np.maximum(1.0 + slope * (q - middle), 0.05) * (
-            k1 * fed - k2 * np.exp(thinner * time[k]) * inner - k3 * oiled + braked
+            k1 * fed - (k2 * np.exp(thinner * time[k]) + k1 * across) * inner - k3 * oiled + braked
         )
         grip = (
             dry + static + load * np.abs(beyond(wound, slack))

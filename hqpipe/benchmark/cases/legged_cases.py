@@ -223,7 +223,12 @@ def _with_ordinary(case: Case) -> Case:
     Where an effect is planted that sound joints have as well, to a lesser degree, naming it in all of them is right.
     """
     names, planted, also = case.machine.names, list(case.planted), []
+    lapped = {joint for one in planted if one.effect == "valve_deadband" and one.span is None for joint in one.joints}
     for effect, parameters in ordinary(case.machine).items():
+        if effect == "valve_underlap":  # a spool whose lands overlap has no open centre
+            parameters = {name: numbers for name, numbers in parameters.items() if name not in lapped}
+            if not parameters:
+                continue
         same = next((i for i, one in enumerate(planted) if one.effect == effect), None)
         if same is None:
             joints = tuple(name for name in names if name in parameters)

@@ -3,7 +3,8 @@
 A gain or an offset of the torque sensor hides in the coefficients of any actuator model, which are fitted to that same
 torque. A second measurement of the torque tells them apart: effort = c_a p_a − c_b p_b + offset, with the
 friction of the pistons (its sign and its rate with the speed) beside it where the effort is a load cell's. The
-coefficients are area × lever arm, which need not be known: joints of the same kind are compared with each other.
+coefficients are area × lever arm, which need not be known: a joint is compared with others whose coefficients agree among
+themselves, such as the other legs' joints of its name. Where no three joints do, as with two legs, nothing is said.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.gap.checks.sensing import skew
+from hqpipe.gap.joint_groups import groups
 from hqpipe.gap.residuals.bootstrap import BLOCK_S, block_weights, interval
 from hqpipe.logs.end_stops import at_end_stop
 from hqpipe.logs.trajectory import LogSet, Trajectory
@@ -23,6 +25,9 @@ SIGMAS = 5.0  # from zero or from the other joints, by bootstrap and by the scat
 LEAST_RATIO = 0.01  # of a gain: less is within the tolerance of a pressure sensor; assumption
 LEAST_OFFSET = 0.01  # of the effort's standard deviation, likewise
 MIN_KIND = 3  # joints of one kind, so that one of them can be the odd one
+ONE_KIND = (
+    0.05  # scatter of the gains of joints of one kind at most: other cylinders and arms differ by more; assumption
+)
 LEAST_DROP = 0.2  # share of the squared error that a shift must remove; assumption
 LEAST_SHARE = 0.02  # of a sample: a parabola through three errors is no better; assumption
 ALIKE = 0.9  # squared correlation from which the pressures are the torque's; assumption
@@ -67,16 +72,12 @@ class _Line:
     spread: float
 
 
-def cross_check(
-    log_set: LogSet, *, nominal: Mapping[str, float] | None = None, kinds: Mapping[str, str] | None = None
-) -> list[CrossCheck]:
+def cross_check(log_set: LogSet, *, nominal: Mapping[str, float] | None = None) -> list[CrossCheck]:
     """Compare effort with the chamber pressures, joint by joint.
 
     Args:
         log_set: of which effort, pressure_a and pressure_b are used; without them nothing is returned.
         nominal: joint → area × lever arm, N·m/Pa, where it is known; it takes the place of the other joints.
-        kinds: joint → kind; only joints of one kind are compared. Inferred from the names if None: joints with the same
-            last letter, where each letter occurs three times or more; else all joints are one kind.
     """
     trials = [t.trajectory for t in log_set.trials]
     if any(getattr(trials[0], name) is None for name in ("effort", "pressure_a", "pressure_b")):
@@ -85,21 +86,26 @@ def cross_check(
     rubbed = log_set.effort_source == "load_cell"
     lines = {joint: _line(trials, j, late[joint].value, rubbed) for j, joint in enumerate(log_set.joints)}
     known = {joint: line for joint, line in lines.items() if line is not None}
-    kinds = kinds or infer_kinds(log_set.joints)
+    named_alike = [*groups(log_set.joints), log_set.joints]
     found = []
     for joint, line in known.items():
-        others = [known[name] for name in known if name != joint and kinds[name] == kinds[joint]]
+        beside = [
+            [known[name] for name in names if name in known and name != joint]
+            for names in named_alike
+            if joint in names
+        ]
+        others = min((lines for lines in beside if len(lines) >= MIN_KIND - 1), key=_scatter, default=[])
         found += _scale(joint, line, others, (nominal or {}).get(joint))
         found.append(_bias(joint, line, others))
         found.append(late[joint])
     return found
 
 
-def infer_kinds(joints: Sequence[str]) -> dict[str, str]:
-    """Joint → its last letter where that makes groups of at least three (LFK, RFK, …), else one kind for all."""
-    last = [joint[-1] for joint in joints]
-    grouped = all(last.count(letter) >= MIN_KIND for letter in last)
-    return {joint: letter if grouped else "joint" for joint, letter in zip(joints, last, strict=True)}
+def _scatter(lines: Sequence[_Line]) -> float:
+    """Of the gains, as a share of their median: 1.4826 times the median distance from it."""
+    gains = np.array([line.gain for line in lines])
+    middle = float(np.median(gains))
+    return 1.4826 * float(np.median(np.abs(gains - middle))) / max(abs(middle), np.finfo(float).tiny)
 
 
 def _line(trials: list[Trajectory], j: int, late: float, rubbed: bool) -> _Line | None:
@@ -162,13 +168,11 @@ def _same_area(table: np.ndarray) -> bool:
 
 
 def _scale(joint: str, line: _Line, others: list[_Line], nominal: float | None) -> list[CrossCheck]:
-    gains = np.array([other.gain for other in others])
     if nominal is not None:
         reference, scatter, against = nominal, 0.0, "its nominal area × lever arm"
-    elif len(gains) >= MIN_KIND - 1:
-        reference = float(np.median(gains))
-        scatter = 1.4826 * float(np.median(np.abs(gains - reference))) / abs(reference)
-        against = f"the median of {len(gains)} joints of its kind"
+    elif others and (scatter := _scatter(others)) <= ONE_KIND:
+        reference = float(np.median([other.gain for other in others]))
+        against = f"the median of {len(others)} joints of its kind"
     else:
         return []
     low, high = interval(line.gains / reference)

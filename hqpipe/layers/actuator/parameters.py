@@ -68,9 +68,11 @@ def effects_of(
             parameters.append(Parameter(BY_OPENING, "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0), shape=True))
             places.append((name, BY_OPENING))
         settled = trials * sum(isinstance(state.start, scales.Balanced) for state in effect.states)
-        same = {*effect.same_term, *(other.name for other in EFFECTS.values() if name in other.same_term)}
+        excluded = {*effect.excludes, *(other.name for other in EFFECTS.values() if name in other.excludes)}
         found.append(
-            Effect(name, tuple(parameters), common=effect.common, settled=settled, excludes=frozenset(same - {*barred}))
+            Effect(
+                name, tuple(parameters), common=effect.common, settled=settled, excludes=frozenset(excluded - {*barred})
+            )
         )
     return tuple(found), tuple(places)
 

@@ -27,6 +27,7 @@ torque that must come through a tight chain and largest torque (N·m), what spee
 supply, by how many samples the speed of the friction is late, and for how long the joint had been held before a trial began (s;
 negative where that is not known)."""
 ALIASES = {"dt": "sample_time"}
+GAIN = "gain"  # of the base, that an opening is multiplied by, whatever its name
 PARAMETER, CONSTANT, SIGNAL, STATE, NUMBER = "parameter", "constant", "signal", "state", "number"
 
 
@@ -208,6 +209,8 @@ class Chain:
         for place in (owner, "base"):
             if (place, name) in self._columns:
                 return Ref(PARAMETER, name, self._columns[(place, name)])
+        if name == GAIN:
+            return Ref(PARAMETER, self.base.gain, self.column("base", self.base.gain))
         if ("setting", ALIASES.get(name, name)) in self._columns:
             return Ref(PARAMETER, name, self._columns[("setting", ALIASES.get(name, name))])
         if name in getattr(self, "_constants", ()):

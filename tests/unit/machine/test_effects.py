@@ -24,13 +24,14 @@ from hqpipe.machine.valve_deadband import deadband
 from hqpipe.machine.valve_lag import follow, lag_share, mean_share, swing
 from hqpipe.machine.viscous_friction import viscous
 
-# The rows of the layers actuator and sensing in the specification, with the parameters that the file format names, and the
-# second thing that warm oil does.
+# The rows of the layers actuator and sensing in the specification, with the parameters that the file format names, the
+# second thing that warm oil does, and the valve that is open round its centre.
 SPECIFIED = {
     "command_delay": ("actuator", ["delay_s"]),
     "valve_delay": ("actuator", ["delay_s"]),
     "valve_lag": ("actuator", ["time_constant_s"]),
     "valve_deadband": ("actuator", ["half_width"]),
+    "valve_underlap": ("actuator", ["half_width"]),
     "flow_saturation": ("actuator", ["limit"]),
     "orifice_flow": ("actuator", ["effort_max_nm"]),
     "supply_droop": ("actuator", ["droop", "recovery_s"]),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plant_logs import broken, plant_logs, real, values, without_pressures
 
-from hqpipe.gap.checks.cross_check import cross_check, infer_kinds
+from hqpipe.gap.checks.cross_check import cross_check
 
 
 def significant(logs, **kwargs):
@@ -104,9 +104,34 @@ def test_pistons_of_two_sizes():
     assert [c.value for c in found] == pytest.approx([7.0] * 12, rel=0.02)
 
 
-def test_kinds_by_name():
-    assert infer_kinds(("LFR", "LFK", "RFR", "RFK", "LHR", "LHK"))["RFK"] == "K"
-    assert set(infer_kinds(("hip", "knee", "ankle")).values()) == {"joint"}
+def geared(logs, gains, names=None):
+    """The logs with other areas and lever arms, and other names of the joints."""
+    changed = broken(logs, lambda t: replace(t, effort=t.effort * gains))
+    if names is None:
+        return changed
+    trials = tuple(replace(one, trajectory=replace(one.trajectory, joints=names)) for one in changed.trials)
+    return replace(changed, joints=names, trials=trials)
+
+
+def test_joints_of_other_cylinders_are_no_reference():
+    """Of two legs neither knee is the odd one, and an ankle of a fourth of the area is no scale of its sensor."""
+    designs = np.array([1.0, 1.06, 0.83, 0.22, 0.5, 0.7])
+    names = tuple(
+        f"{side}_{kind}" for side in ("left", "right") for kind in ("roll", "pitch", "knee", "ankle", "toe", "hip")
+    )
+    found = cross_check(geared(plant_logs(), np.tile(designs, 2), names))
+    assert not [check for check in found if check.effect == "torque_scale" and check.significant]
+
+
+@pytest.mark.parametrize("style", ["{leg}_{kind}", "{kind}_{leg}"])
+def test_a_scale_shows_beside_the_other_legs_joints_of_the_name(style):
+    legs, kinds = ("lf", "rf", "lh", "rh"), ("haa", "hfe", "kfe")
+    names = tuple(style.format(leg=leg, kind=kind) for leg in legs for kind in kinds)
+    designs = np.tile([1.0, 1.3, 0.6], 4)
+    designs[5] *= 1.2
+    found = cross_check(geared(plant_logs(), designs, names))
+    (odd,) = [check for check in found if check.effect == "torque_scale" and check.significant]
+    assert odd.joint == names[5] and odd.value == pytest.approx(1.2, abs=0.01)
 
 
 def test_nothing_without_pressures_or_when_they_say_nothing():
