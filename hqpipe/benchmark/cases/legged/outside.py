@@ -11,7 +11,6 @@ from hqpipe.benchmark.cases.planted import Built, Numbers, one_setting
 NOTABLE_SLOPE = 0.1  # of the oil's stiffness over the free motion: below it a slope is not listed; assumption
 STIFF_LINK = 8.0  # times the oil's stiffness: above it a link is not listed as compliant; assumption
 NOTABLE_DELAY = 4.0e-4  # s, of a valve's dead time; assumption
-NOTABLE_LAP = 0.005  # opening, of an open centre: servo valves are adjusted to less; assumption
 NOTABLE_RATIO = 0.01  # of unequal areas; assumption
 
 
@@ -65,7 +64,7 @@ def ordinary(machine: LeggedMachine) -> dict[str, dict[str, Numbers]]:
         put("valve_lag", j, lag_numbers(float(c["natural_hz"][j]), float(c["damping"][j])))
         put("orifice_flow", j, {"effort_max_nm": float(machine.top_torque[j])})
         put("position_bias", j, {"rad": float(c["null"][j] / c["gain"][j])})
-        if -c["overlap"][j] >= NOTABLE_LAP:
+        if c["overlap"][j] < 0.0:
             put("valve_underlap", j, {"half_width": float(-c["overlap"][j] / c["gain"][j])})
         if c["valve_delay_s"][j] >= NOTABLE_DELAY:
             put("valve_delay", j, {"delay_s": float(c["valve_delay_s"][j])})
