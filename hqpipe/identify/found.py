@@ -69,8 +69,8 @@ class JointFound:
         gains: effect → ln of how much more probable the logs are with it than without it, beside the set that was found.
         shapes: signal of each generic shape that closes enough to be kept → share of the squared error of `named` on the fit
             samples that it closes.
-        closes: cause → what it closes as the last one, and unexplained: what is left above the noise, both as a share of the
-            squared error of `base` on data left out of its fit.
+        closes: cause → what it closes as the last one, unexplained: what is left above the noise, and unknown: the same without
+            generic shapes; all as shares of the squared error of `base` on data left out of its fit.
         visible: named effect that the joint was not given → how far from neutral its first number would have to be for these
             logs to name it; those that the joint's other numbers can imitate are left out.
         drifts: numbers that differ between trials by more than chance, as sentences.

@@ -1,8 +1,9 @@
 """Causes that are small beside what no effect explains.
 
 Where much of a gap is left, some effect describes a part of it by chance, however probable it is: the probability compares it
-with the library alone. Such a cause is believed only if it closes a share of the
-gap that counts beside what is left, in the joint or in those joints of the machine that show it best.
+with the library alone. Such a cause is believed only if it closes a share of the gap that counts beside what is left, in the
+joint or in those joints of the machine that show it best. What generic shapes describe is left, too: they have no name, and
+beside them a small effect would look large.
 """
 
 from __future__ import annotations

@@ -283,6 +283,15 @@ def test_a_cause_that_is_small_beside_what_is_left_unexplained_needs_other_joint
     assert [_names(joint) for joint in _found(doubtful, *others)] == [["coulomb_friction"]] * 3
 
 
+def test_what_a_shape_describes_is_unknown_where_a_cause_is_held_against_it():
+    truth = {"coulomb_friction": 0.1, "cubic": 0.5}
+    (joint,) = _found(ToyJoint("hip", truth=truth))
+    assert "cubic" in joint.kept.effects and joint.unknown > joint.unexplained + 0.3
+    assert _names(joint) == [] and joint.minor == ("coulomb_friction",)
+    (clear,) = _found(ToyJoint("hip", truth=truth | {"coulomb_friction": 0.3}))
+    assert _names(clear) == ["coulomb_friction"]
+
+
 def test_intervals_hold_the_truth_nineteen_times_in_twenty():
     inside = []
     for seed in range(40):

@@ -17,7 +17,7 @@ class Answered:
     """What is told of an answer here."""
 
     closes: dict
-    unexplained: float
+    unknown: float
     model: object = field(default=None)
     causes: tuple = ()
 
