@@ -86,19 +86,23 @@ def cross_check(log_set: LogSet, *, nominal: Mapping[str, float] | None = None) 
     rubbed = log_set.effort_source == "load_cell"
     lines = {joint: _line(trials, j, late[joint].value, rubbed) for j, joint in enumerate(log_set.joints)}
     known = {joint: line for joint, line in lines.items() if line is not None}
-    named_alike = [*groups(log_set.joints), log_set.joints]
     found = []
     for joint, line in known.items():
-        beside = [
-            [known[name] for name in names if name in known and name != joint]
-            for names in named_alike
-            if joint in names
-        ]
-        others = min((lines for lines in beside if len(lines) >= MIN_KIND - 1), key=_scatter, default=[])
+        others = _of_its_kind(joint, known, log_set.joints)
         found += _scale(joint, line, others, (nominal or {}).get(joint))
-        found.append(_bias(joint, line, others))
+        found.append(_bias(joint, line, others or [known[name] for name in known if name != joint]))
         found.append(late[joint])
     return found
+
+
+def _of_its_kind(joint: str, known: Mapping[str, _Line], joints: Sequence[str]) -> list[_Line]:
+    """The most other joints with a gain in common, all or those of a name that is alike; none where no two have."""
+    alike = [names for names in (joints, *groups(joints)) if joint in names]  # the largest first
+    for names in alike:
+        others = [known[name] for name in names if name in known and name != joint]
+        if len(others) >= MIN_KIND - 1 and _scatter(others) <= ONE_KIND:
+            return others
+    return []
 
 
 def _scatter(lines: Sequence[_Line]) -> float:
@@ -170,8 +174,8 @@ def _same_area(table: np.ndarray) -> bool:
 def _scale(joint: str, line: _Line, others: list[_Line], nominal: float | None) -> list[CrossCheck]:
     if nominal is not None:
         reference, scatter, against = nominal, 0.0, "its nominal area × lever arm"
-    elif others and (scatter := _scatter(others)) <= ONE_KIND:
-        reference = float(np.median([other.gain for other in others]))
+    elif others:
+        reference, scatter = float(np.median([other.gain for other in others])), _scatter(others)
         against = f"the median of {len(others)} joints of its kind"
     else:
         return []

@@ -37,6 +37,16 @@ def test_gain_of_one_sensor(source):
     assert value == pytest.approx(1.1, abs=0.01)
 
 
+def test_gain_of_the_sensors_of_a_leg():
+    """They agree with each other, and are odd beside the rest."""
+    changes = json.dumps({"joints": {joint: {"sensors": {"effort_scale": 1.17}} for joint in ("RHR", "RHP", "RHK")}})
+    found = significant(plant_logs(changes=changes))
+    assert {(effect, joint) for effect, joint, _ in found} == {
+        ("torque_scale", joint) for joint in ("RHR", "RHP", "RHK")
+    }
+    assert [value for *_, value in found] == pytest.approx([1.17] * 3, abs=0.01)
+
+
 def test_gain_of_all_sensors_needs_the_nominal_one():
     logs = plant_logs(changes='{"sensors": {"effort_scale": 1.1}}')
     assert significant(logs) == []
