@@ -17,7 +17,6 @@ NEUTRAL: dict[str, float | str] = {
     "even": 0.0,  # torque at which nothing leaks from one chamber to the other, N·m
     "oil": 0.0,  # stiffness of the oil, N·m/rad; 0 for a drive without any
     "passed": 1.0,  # flow per opening, relative to an unloaded valve at full supply
-    "still_open": 0.0,  # what the closing land of a port lets pass, in the unit of the command
     "leak": 0.0,  # share of the torque that leaks away within a sample
     "speed": "velocity",  # as the oil feels it, rad/s
     "stiff": 1.0,  # relative stiffness, which multiplies the change of torque

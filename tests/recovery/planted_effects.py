@@ -27,7 +27,7 @@ TYPICAL: dict[str, dict[str, float]] = {
     "valve_delay": {"delay_s": 0.0047},
     "valve_lag": {"time_constant_s": 0.012},
     "valve_deadband": {"half_width": 0.02, "rounding": 0.2},
-    "valve_underlap": {"half_width": 0.02, "softness": 0.3},
+    "valve_underlap": {"half_width": 0.02},
     "flow_saturation": {"limit": 0.06},
     "direction_asymmetry": {"ratio": 0.2},
     "gain_drift": {"rate_per_s": 0.03},
@@ -97,12 +97,6 @@ def overlap(x: np.ndarray, half: np.ndarray, rounding: np.ndarray) -> np.ndarray
     return np.sign(x) * np.where(excess > rounding, excess, bend)
 
 
-def land(x: np.ndarray, half: np.ndarray, soft: np.ndarray) -> np.ndarray:
-    """What a land opens at x; `half` of it is open at the centre, more gently the softer its edge is."""
-    shift = x + half * (1.0 - soft)
-    return 0.5 * (shift + np.hypot(shift, 2.0 * half * np.sqrt(soft)))
-
-
 def simulate(
     seconds: float,
     effects: list[dict[str, dict[str, float]]],
@@ -149,7 +143,7 @@ def simulate(
     left = np.where(constant > 0.0, np.exp(-DT / np.maximum(constant, 1e-30)), 0.0)  # of the way, after a sample
     mean_left = constant / DT * (1.0 - left)  # and on average over it
     half, share = number("valve_deadband", "half_width", 0.0), number("valve_deadband", "rounding", 0.0)
-    lap, soft = number("valve_underlap", "half_width", 0.0), number("valve_underlap", "softness", 0.0)
+    lap = number("valve_underlap", "half_width", 0.0)
     widest, ratio = number("flow_saturation", "limit", np.inf), number("direction_asymmetry", "ratio", 0.0)
     rate, thinner = number("gain_drift", "rate_per_s", 0.0), number("leakage_drift", "rate_per_s", 0.0)
     droop, recovery = number("supply_droop", "droop", 0.0), number("supply_droop", "recovery_s", 1.0)
@@ -170,7 +164,7 @@ def simulate(
 
     actions = {
         "deadband": lambda x, t: overlap(x, half, share * half),
-        "underlap": lambda x, t: land(x, lap, soft) - land(-x, lap, soft),
+        "underlap": lambda x, t: np.where(np.abs(x) < lap, 2.0 * x, x + np.sign(x) * lap),
         "saturation": lambda x, t: np.clip(x, -widest, widest),
         "asymmetry": lambda x, t: np.where(x > 0.0, (1.0 + ratio) * x, (1.0 - ratio) * x),
         "drift": lambda x, t: (1.0 + rate * t) * x,
@@ -178,7 +172,6 @@ def simulate(
     q, qd, wound = smooth[0].copy(), np.zeros(joints), np.zeros(joints)
     integral, spool, bristle = np.zeros(joints), None, np.zeros(joints)
     loss, chambers = np.zeros(joints), np.zeros(joints)  # shares of the supply
-    shut = np.zeros(joints)
     commands: list[np.ndarray] = []
     torques: list[np.ndarray] = []
     sent: list[np.ndarray] = []  # what the controllers put out
@@ -207,8 +200,6 @@ def simulate(
                 behind = x - (x if spool is None else spool)
                 spool, x = x - left * behind, x - mean_left * behind
             else:
-                if name == "underlap":
-                    shut = np.minimum(land(x, lap, soft), land(-x, lap, soft))  # what the closing land still lets pass
                 x = actions[name](x, time[k])
         drawn = flow[0] * np.abs(qd).sum() + flow[1] * np.abs(target[k] - q).sum()
         loss = loss - np.expm1(-DT / recovery) * (droop * drawn - loss)
@@ -220,7 +211,7 @@ def simulate(
         unequal = feeds * np.sqrt(np.maximum(1.0 - 2.0 * loss - chambers - against, 0.0))
         unequal = unequal + (1.0 - feeds) * np.sqrt(np.maximum(1.0 + chambers - against, 0.0))
         fed = x * np.where(slope == 0.0, np.sqrt(np.maximum(1.0 - loss - against, 0.0)), unequal)
-        across = shut / most  # what both open lands let pass, per torque
+        across = np.maximum(lap - 0.5 * np.abs(x), 0.0) / most  # what both open lands let pass, per torque
         braked = k4 * np.where(inner * x < 0.0, np.abs(inner), 0.0) * x
         oiled = qd * (1.0 + compression * chambers)
         pulling = beyond(wound, slack)

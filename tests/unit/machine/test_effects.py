@@ -31,7 +31,7 @@ SPECIFIED = {
     "valve_delay": ("actuator", ["delay_s"]),
     "valve_lag": ("actuator", ["time_constant_s"]),
     "valve_deadband": ("actuator", ["half_width"]),
-    "valve_underlap": ("actuator", ["half_width", "softness"]),
+    "valve_underlap": ("actuator", ["half_width"]),
     "flow_saturation": ("actuator", ["limit"]),
     "orifice_flow": ("actuator", ["effort_max_nm"]),
     "supply_droop": ("actuator", ["droop", "recovery_s"]),
