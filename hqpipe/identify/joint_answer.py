@@ -47,6 +47,7 @@ def answer(search: Search, best: Known) -> JointFound:
     named = _only(search, core, frozenset(_causes(search, core, base)) | base.names | unchanged)
     without = {name: search.without(named, name) for name in _causes(search, named, base)}
     causes = sorted(without, key=lambda name: -without[name].solution.square)
+    unshaped = _only(search, claimed, frozenset(_causes(search, claimed, base)) | base.names | unchanged)
     half = half_widths(search, core)
     whole, square = max(search.left_out(base), np.finfo(float).tiny), search.left_out(claimed)
     return JointFound(
@@ -62,7 +63,7 @@ def answer(search: Search, best: Known) -> JointFound:
         shapes=_shapes(search, core, named),
         closes={n: (search.left_out(search.without(claimed, n)) - square) / whole for n in causes},
         unexplained=max(square - floor_of(search), 0.0) / whole,
-        unknown=max(search.left_out(named) - floor_of(search), 0.0) / whole,
+        unknown=max(search.left_out(unshaped) - floor_of(search), 0.0) / whole,
         drifts=drifts(search, core),
         withdrawn=tuple(sorted(claimed.names - core.names)),
         minor=tuple(sorted(search.barred)),
