@@ -91,9 +91,7 @@ def settled_together(
             joints after it, to its set and the steps from there.
     """
     present, worths = list(present), list(worths)
-    undone: set[tuple[int, Step]] = (
-        set()
-    )  # steps after which the joint went back, as long as all others are as they were
+    undone: set[tuple[int, Step]] = set()  # steps that joints took back, until another joint changes
     for _ in range(_MOST):
         open_ones = [{s: w for s, w in steps.items() if (j, s) not in undone} for j, steps in enumerate(worths)]
         step, joints = best_step(models, present, open_ones)

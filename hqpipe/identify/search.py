@@ -83,11 +83,7 @@ class Search:
         return self.known[frozenset()]
 
     def run(self) -> Known:
-        """The set that no addition, removal or exchange improves.
-
-        A curve without meaning that joins first may keep out the effects that it stands for together. So a set with one is
-        searched again without them, before they may join.
-        """
+        """The set that no addition, removal or exchange improves."""
         best = self._begun_with()
         for _ in range(_ROUNDS):
             before = best.names
@@ -97,14 +93,16 @@ class Search:
         return best
 
     def may_have(self, names: Names) -> bool:
-        """Whether these effects may stand in one set."""
-        return all(name in self.addable(names - {name}) for name in names)
+        """Whether the joint has these effects, and they may stand in one set."""
+        return names <= self.effects.keys() and all(name in self.addable(names - {name}) for name in names)
 
     def begun_at(self, numbers: Mapping[str, np.ndarray]) -> Known:
-        """A set, fitted from given numbers of its effects beside the base."""
+        """A set, fitted from given numbers of its effects beside the base; of one with other parameters than these, from
+        neutral."""
         names, start = frozenset(numbers), self.base.solution.values.copy()
         for name, values in numbers.items():
-            start[self.screening.places(name)] = values
+            if len(values) == len(self.screening.places(name)):
+                start[self.screening.places(name)] = values
         return self._kept(names, self._fit(names, [start], self.base.covariance.noise))
 
     def likelier(self, one: Known, other: Known) -> bool:

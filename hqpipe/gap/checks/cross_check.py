@@ -25,9 +25,7 @@ SIGMAS = 5.0  # from zero or from the other joints, by bootstrap and by the scat
 LEAST_RATIO = 0.01  # of a gain: less is within the tolerance of a pressure sensor; assumption
 LEAST_OFFSET = 0.01  # of the effort's standard deviation, likewise
 MIN_KIND = 3  # joints of one kind, so that one of them can be the odd one
-ONE_KIND = (
-    0.05  # scatter of the gains of joints of one kind at most: other cylinders and arms differ by more; assumption
-)
+ONE_KIND = 0.05  # scatter of the gains of joints of one kind at most: other designs differ by more; assumption
 LEAST_DROP = 0.2  # share of the squared error that a shift must remove; assumption
 LEAST_SHARE = 0.02  # of a sample: a parabola through three errors is no better; assumption
 ALIKE = 0.9  # squared correlation from which the pressures are the torque's; assumption

@@ -260,6 +260,14 @@ def test_a_joint_takes_over_what_another_has_reached_where_its_own_steps_do_not_
     assert np.prod([number[0] for number in joint.reached().values()]) == pytest.approx(0.5, rel=0.05)
 
 
+def test_a_joint_that_lacks_what_another_has_reached_goes_on_without_it():
+    joint = JointSearch(_driven_by_two_together(), prior_odds)
+    joint.first()
+    foreign, longer = {"backlash": np.array([0.01])}, {"belt": np.array([1.0, 2.0]), "clutch": np.array([0.5])}
+    names, _ = joint.weighed_again([frozenset(foreign), frozenset(longer)], [foreign, longer])
+    assert "backlash" not in names
+
+
 def test_a_likelier_set_that_was_passed_over_for_a_larger_one_is_taken_when_that_shrinks():
     model = ToyJoint(truth={"coulomb_friction": 0.3})
     search = Search(model, prior_odds(model, {}, 0))
