@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from hqpipe.gap.answer.gap_entry import gap_entry, undeclared
+from hqpipe.gap.answer.groups import scope_of
 from hqpipe.gap.answer.head import head, significant
 from hqpipe.gap.answer.layer_causes import SENSING, UNSIGNED, LayerCause, layer_of
 from hqpipe.gap.answer.layer_experiment import next_experiment
@@ -18,7 +19,6 @@ from hqpipe.gap.answer.second_channel import ScaleError
 from hqpipe.gap.answer.shapley import Shrink
 from hqpipe.gap.change.since import EarlierLogs, EarlierModel
 from hqpipe.gap.checks.left_out import LeftOut
-from hqpipe.gap.joint_groups import scope_of
 from hqpipe.gap.residuals.beyond_fit import BeyondFit
 from hqpipe.gap.residuals.joint_scale import pooled
 from hqpipe.gap.residuals.layer_errors import RAN_AWAY, LayerErrors

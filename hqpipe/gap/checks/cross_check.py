@@ -3,19 +3,19 @@
 A gain or an offset of the torque sensor hides in the coefficients of any actuator model, which are fitted to that same
 torque. A second measurement of the torque tells them apart: effort = c_a p_a − c_b p_b + offset, with the
 friction of the pistons (its sign and its rate with the speed) beside it where the effort is a load cell's. The
-coefficients are area × lever arm, which need not be known: a joint is compared with others whose coefficients agree among
-themselves, such as the other legs' joints of its name. Where no three joints do, as with two legs, nothing is said.
+coefficients are area × lever arm, which need not be known: a joint is compared with those of its name on other legs, which have
+the same cylinder. Where there are no three of a kind whose coefficients agree, as with two legs, nothing is said.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from hqpipe.gap.checks.sensing import skew
-from hqpipe.gap.joint_groups import groups
 from hqpipe.gap.residuals.bootstrap import BLOCK_S, block_weights, interval
 from hqpipe.logs.end_stops import at_end_stop
 from hqpipe.logs.trajectory import LogSet, Trajectory
@@ -26,6 +26,11 @@ LEAST_RATIO = 0.01  # of a gain: less is within the tolerance of a pressure sens
 LEAST_OFFSET = 0.01  # of the effort's standard deviation, likewise
 MIN_KIND = 3  # joints of one kind, so that one of them can be the odd one
 ONE_KIND = 0.05  # scatter of the gains of joints of one kind at most: other designs differ by more; assumption
+SIDES = {
+    *("l", "r", "f", "h", "m", "left", "right", "front", "hind", "rear", "back", "middle", "fore"),
+    *("lf", "rf", "lh", "rh", "fl", "fr", "hl", "hr", "rl", "rr", "lm", "rm", "ml", "mr"),
+}
+"""Words of a joint's name that say where on the machine it is."""
 LEAST_DROP = 0.2  # share of the squared error that a shift must remove; assumption
 LEAST_SHARE = 0.02  # of a sample: a parabola through three errors is no better; assumption
 ALIKE = 0.9  # squared correlation from which the pressures are the torque's; assumption
@@ -86,21 +91,25 @@ def cross_check(log_set: LogSet, *, nominal: Mapping[str, float] | None = None) 
     known = {joint: line for joint, line in lines.items() if line is not None}
     found = []
     for joint, line in known.items():
-        others = _of_its_kind(joint, known, log_set.joints)
+        others = _of_its_kind(joint, known)
         found += _scale(joint, line, others, (nominal or {}).get(joint))
         found.append(_bias(joint, line, others or [known[name] for name in known if name != joint]))
         found.append(late[joint])
     return found
 
 
-def _of_its_kind(joint: str, known: Mapping[str, _Line], joints: Sequence[str]) -> list[_Line]:
-    """The most other joints with a gain in common, all or those of a name that is alike; none where no two have."""
-    alike = [names for names in (joints, *groups(joints)) if joint in names]  # the largest first
-    for names in alike:
-        others = [known[name] for name in names if name in known and name != joint]
-        if len(others) >= MIN_KIND - 1 and _scatter(others) <= ONE_KIND:
-            return others
-    return []
+def _of_its_kind(joint: str, known: Mapping[str, _Line]) -> list[_Line]:
+    """The other joints of a kind; none where they are too few or their gains differ."""
+    others = [line for name, line in known.items() if name != joint and kind_of(name) == kind_of(joint)]
+    return others if len(others) >= MIN_KIND - 1 and _scatter(others) <= ONE_KIND else []
+
+
+def kind_of(joint: str) -> str:
+    """What a joint's name says beside its side and number: "K" of "LFK", "knee" of "left_knee" and of "knee_2"."""
+    if joint[:-1].lower() in SIDES:
+        return joint[-1].upper()
+    words = [re.sub(r"\d+", "", word) for word in re.split(r"[_\-./ ]", joint.lower())]
+    return "_".join(word for word in words if word and word not in SIDES)
 
 
 def _scatter(lines: Sequence[_Line]) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plant_logs import broken, plant_logs, real, values, without_pressures
 
-from hqpipe.gap.checks.cross_check import cross_check
+from hqpipe.gap.checks.cross_check import cross_check, kind_of
 
 
 def significant(logs, **kwargs):
@@ -121,6 +121,27 @@ def geared(logs, gains, names=None):
         return changed
     trials = tuple(replace(one, trajectory=replace(one.trajectory, joints=names)) for one in changed.trials)
     return replace(changed, joints=names, trials=trials)
+
+
+@pytest.mark.parametrize(
+    ("joint", "kind"),
+    [
+        ("LFK", "K"),
+        ("RF_HAA", "haa"),
+        ("left_knee", "knee"),
+        ("knee_left", "knee"),
+        ("leg2_hip", "leg_hip"),
+        ("elbow", "elbow"),
+    ],
+)
+def test_the_kind_of_a_joint_is_its_name_without_its_side(joint, kind):
+    assert kind_of(joint) == kind
+
+
+def test_what_all_joints_of_a_kind_have_is_no_scale_of_a_sensor():
+    """As of hanging knees, whose friction is large beside what they carry."""
+    found = cross_check(geared(plant_logs(), np.tile([1.0, 1.0, 0.965], 4) * np.array([1.0] * 8 + [0.998] + [1.0] * 3)))
+    assert not [check for check in found if check.effect == "torque_scale" and check.significant]
 
 
 def test_joints_of_other_cylinders_are_no_reference():

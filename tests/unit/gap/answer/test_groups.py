@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hqpipe.gap.joint_groups import groups, scope_of
+from hqpipe.gap.answer.groups import groups, scope_of
 
 QUADRUPED = tuple(leg + part for leg in ("LF", "RF", "LH", "RH") for part in "RPK")
 
