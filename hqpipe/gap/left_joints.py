@@ -9,8 +9,8 @@ import numpy as np
 from hqpipe.actuators.augmented import Augmented
 from hqpipe.errors import IdentificationError
 from hqpipe.gap.intake import Intake
+from hqpipe.identify.base_solution import base_solution
 from hqpipe.identify.least_squares import Fitter
-from hqpipe.identify.search import base_solution
 from hqpipe.layers.actuator import Actuator
 from hqpipe.logs.trajectory import LogSet
 

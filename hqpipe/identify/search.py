@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 
+from hqpipe.identify.base_solution import base_solution
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.evidence import independence, log_bayes_factor, occam
 from hqpipe.identify.joint_moves import Step, Worths
@@ -43,7 +43,6 @@ _PROMISED = 0.2
 """Of what a fit takes off the squared error, that its slope promises at least: where less is promised than this share of what
 is needed, only the best is fitted. Seen: in 98 % of the fits on which something hung a slope promised a quarter or more."""
 _UNLIKELY = -3.0  # ln of odds below which an effect is left aside: 5 %
-BASE_STARTS = 12  # combinations of starting values of base parameters that are tried
 
 
 @dataclass(eq=False)
@@ -395,15 +394,3 @@ class Search:
         return self._fit(
             known.names | {name}, starts or [known.solution.values], known.covariance.noise, known.solution
         )
-
-
-def base_solution(fitter: Fitter) -> Solution:
-    """The base parameters alone, from the best of their starting values."""
-    model = fitter.model
-    options = [parameter.starts or (parameter.neutral,) for parameter in model.base]
-    starts = []
-    for values in list(product(*options))[:BASE_STARTS]:
-        start = fitter.neutral.copy()
-        start[: len(model.base)] = values
-        starts.append(start)
-    return fitter.fit(np.arange(len(model.base)), starts, 0.0)

@@ -11,9 +11,9 @@ from hqpipe.benchmark.score.truth import QUADRUPED, Answer, Gap
 from hqpipe.errors import IdentificationError, LogError
 from hqpipe.gap.residuals.joint_scale import joint_scale, pooled
 from hqpipe.gap.routing import ACTUATOR, route
+from hqpipe.identify.base_solution import base_solution
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel, LayerJoints, Samples
-from hqpipe.identify.search import base_solution
 from hqpipe.layers import LAYERS
 from hqpipe.logs.log_set import read_log_set
 from hqpipe.registry import load

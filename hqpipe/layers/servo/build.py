@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from hqpipe.identify.base_solution import base_solution
 from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.model import positions
-from hqpipe.identify.search import base_solution
 from hqpipe.layers.servo.candidates import Size, base_of, effects_of, other_joints
 from hqpipe.layers.servo.coupling import coupling_columns, fitted_coupling, moving
 from hqpipe.layers.servo.joint import ServoJoint, Setting, Split, samples_of

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from identify.toy_joint import ToyJoint
 
+from hqpipe.identify.base_solution import base_solution
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.left_out import left_out_square
 from hqpipe.identify.model import Effect, Parameter, positions
-from hqpipe.identify.search import Search, base_solution
+from hqpipe.identify.search import Search
 
 
 def _search(model):
