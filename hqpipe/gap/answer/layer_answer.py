@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from hqpipe.gap.answer.gap_entry import gap_entry, undeclared
-from hqpipe.gap.answer.groups import scope_of
 from hqpipe.gap.answer.head import head, significant
 from hqpipe.gap.answer.layer_causes import SENSING, UNSIGNED, LayerCause, layer_of
 from hqpipe.gap.answer.layer_experiment import next_experiment
 from hqpipe.gap.answer.layer_verdict import LayerEvidence
 from hqpipe.gap.answer.layer_visible import visible_from
 from hqpipe.gap.answer.schema import validate_diagnosis
+from hqpipe.gap.answer.scope import scope_of
 from hqpipe.gap.answer.second_channel import ScaleError
 from hqpipe.gap.answer.shapley import Shrink
 from hqpipe.gap.change.since import EarlierLogs, EarlierModel

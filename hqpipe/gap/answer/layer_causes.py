@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hqpipe.gap.answer.estimate import Z95, Estimate, agree
-from hqpipe.gap.answer.groups import scope_of
+from hqpipe.gap.answer.scope import scope_of
 from hqpipe.gap.answer.shapley import Shrink, shapley
 from hqpipe.gap.checks.signs import NAME as UNSIGNED
 from hqpipe.gap.residuals.layer_errors import LayerErrors

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from hqpipe.gap.answer.estimate import Z95, Estimate, pooled
-from hqpipe.gap.answer.groups import scope_of
 from hqpipe.gap.answer.head import significant
 from hqpipe.gap.answer.layer_causes import LayerCause
+from hqpipe.gap.answer.scope import scope_of
 from hqpipe.gap.checks.cross_check import CrossCheck, cross_check
 from hqpipe.logs.trajectory import LogSet
 from hqpipe.machine import EFFECTS

@@ -105,11 +105,13 @@ def _of_its_kind(joint: str, known: Mapping[str, _Line]) -> list[_Line]:
 
 
 def kind_of(joint: str) -> str:
-    """What a joint's name says beside its side and number: "K" of "LFK", "knee" of "left_knee" and of "knee_2"."""
+    """What a joint's name says beside its side and number: "K" of "LFK", "knee" of "left_knee", "knee_2" and "a_knee"."""
     if joint[:-1].lower() in SIDES:
         return joint[-1].upper()
     words = [re.sub(r"\d+", "", word) for word in re.split(r"[_\-./ ]", joint.lower())]
-    return "_".join(word for word in words if word and word not in SIDES)
+    part = [word for word in words if word and word not in SIDES]
+    longer = [word for word in part if len(word) > 1]  # beside them, a single letter says which leg
+    return "_".join(longer or part)
 
 
 def _scatter(lines: Sequence[_Line]) -> float:

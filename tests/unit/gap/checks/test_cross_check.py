@@ -132,6 +132,8 @@ def geared(logs, gains, names=None):
         ("knee_left", "knee"),
         ("leg2_hip", "leg_hip"),
         ("elbow", "elbow"),
+        ("a_knee", "knee"),
+        ("LF_K", "k"),
     ],
 )
 def test_the_kind_of_a_joint_is_its_name_without_its_side(joint, kind):
