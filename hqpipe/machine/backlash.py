@@ -26,8 +26,8 @@ def wound_up(predicted: float, effort: float, half: float, clear: float) -> floa
         predicted: wound-up torque that the model expects.
         effort: logged torque; N·m.
         half: stiffness times half of the gap, N·m.
-        clear: a torque beyond ± this must come through a tight chain; less may be chatter within the gap, and
-            counts only on the side where the model expects the chain to be tight, N·m.
+        clear: a torque beyond ± this must come through a tight chain; less may be noise of its sensor within the gap,
+            and counts only on the side where the model expects the chain to be tight, N·m.
     """
     if effort > clear or (effort > 0.0 and predicted > half):
         return effort + half

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -42,18 +42,39 @@ class Signals(NamedTuple):
     target: np.ndarray
 
 
+SLOTS = 2  # results of a step along a log that are kept: a difference moves a number and puts it back
+
+
+class Kept(NamedTuple):
+    """What the results that are kept of each step along a log, S of them, were made from.
+
+    Attributes:
+        columns: (SLOTS, S, P) row of parameters. reads: (SLOTS, S, N) versions of the signals that it reads.
+        version: (SLOTS, S) of what it writes; 0 where nothing is kept. used: (SLOTS, S) run in which it was used last.
+        runs: (1,) how many there were.
+    """
+
+    columns: np.ndarray
+    reads: np.ndarray
+    version: np.ndarray
+    used: np.ndarray
+    runs: np.ndarray
+
+
 class Work(NamedTuple):
     """Scratch of the windows of one record.
 
     Attributes:
-        along: (S, T) signals along the log. states: (N, W) torque of the base and states behind it, before each window.
-        laid: (L, steps + 1, W) signals in windows, side by side. lines: (B, W) what the windows work with.
+        along: (SLOTS × S, T) signals along the log. states: (N, W) torque of the base and states behind it, before each window.
+        laid: (SLOTS × L, steps + 1, W) signals in windows, side by side. lines: (B, W) what the windows work with.
+        kept: what of it is known.
     """
 
     along: np.ndarray
     states: np.ndarray
     laid: np.ndarray
     lines: np.ndarray
+    kept: Kept
 
 
 class _Links(NamedTuple):
@@ -99,26 +120,36 @@ class _Plan(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _anew(links: _Links, before: np.ndarray, row: np.ndarray, fresh: bool, moved: np.ndarray) -> np.ndarray:
-    """(S,) of `Loops.changed`; moved: (N,) signals that differ, overwritten."""
-    anew = np.zeros(links.always.shape[0], np.bool_)
-    some = fresh
-    for c in range(row.shape[0]):
-        some |= before[c] != row[c]
-    for i in range(anew.shape[0]):
-        present, was, differs = links.always[i], links.always[i] and not fresh, links.on_all[i] and some
+def _arranged(links: _Links, kept: Kept, row: np.ndarray, now: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`Loops.arranged`; now: (N,) versions of the signals, overwritten. A version that a step makes is below 0."""
+    steps = links.always.shape[0]
+    anew, slot = np.zeros(steps, np.bool_), np.zeros(steps, np.int64)
+    kept.runs[0] += 1
+    for i in range(steps):
+        present = links.always[i]
         for c in range(row.shape[0]):
-            if links.when[i, c]:
-                present |= row[c] != 0.0
-                was |= not fresh and before[c] != 0.0
-            differs |= links.columns[i, c] and before[c] != row[c]
-        for n in range(moved.shape[0]):
-            differs |= links.reads[i, n] and moved[n]
-        anew[i] = present and (differs or not was)
-        if anew[i] or present != was:
-            for n in range(moved.shape[0]):
-                moved[n] |= links.writes[i, n]
-    return anew
+            present |= links.when[i, c] and row[c] != 0.0
+        if not present:
+            continue
+        found = -1
+        for k in range(SLOTS):
+            same = kept.version[k, i] != 0
+            for c in range(row.shape[0]):
+                same &= not (links.columns[i, c] or links.on_all[i]) or kept.columns[k, i, c] == row[c]
+            for n in range(now.shape[0]):
+                same &= not links.reads[i, n] or kept.reads[k, i, n] == now[n]
+            if same:
+                found = k
+        if found < 0:
+            found = np.argmin(kept.used[:, i])
+            anew[i] = True
+            kept.version[found, i] = -(kept.runs[0] * steps + i)
+            kept.columns[found, i], kept.reads[found, i] = row, now
+        slot[i], kept.used[found, i] = found, kept.runs[0]
+        for n in range(now.shape[0]):
+            if links.writes[i, n]:
+                now[n] = kept.version[found, i]
+    return anew, slot
 
 
 class Loops:
@@ -139,13 +170,20 @@ class Loops:
         self._plan = _Plan.of(self._module.PLAN, len(chain.fields))
 
     def make_work(self, signals: Signals) -> Work:
-        """Scratch for windows of `signals`."""
+        """Scratch for windows of `signals`, of which nothing is known."""
         m, samples, windows = self._module, len(signals.command), len(signals.first)
+        plan, steps = self._plan, len(self._plan.links.always)
         return Work(
-            np.zeros((m.SCRATCH, samples)),
+            np.zeros((SLOTS * m.SCRATCH, samples)),
             np.zeros((m.STATES, windows)),
-            np.zeros((m.LAID, signals.steps + 1, windows)),
+            np.zeros((SLOTS * m.LAID, signals.steps + 1, windows)),
             np.zeros((m.LINES, windows)),
+            Kept(
+                np.zeros((SLOTS, steps, len(self.chain.fields))),
+                np.zeros((SLOTS, steps, len(plan.names))),
+                *(np.zeros((SLOTS, steps), dtype=np.int64) for _ in range(2)),
+                np.zeros(1, dtype=np.int64),
+            ),
         )
 
     def residual_windows(self, row: np.ndarray, signals: Signals) -> np.ndarray:
@@ -155,30 +193,41 @@ class Loops:
             row: (P,) parameters, see hqpipe.machine.layout.
         """
         out = np.empty((signals.steps, len(signals.first)))
-        self.fill_errors(row, signals, self.make_work(signals), out, self.changed(None, row))
+        self.fill_errors(row, signals, self.make_work(signals), out)
         return out
 
-    def fill_errors(self, row: np.ndarray, signals: Signals, work: Work, out: np.ndarray, anew: np.ndarray) -> None:
-        """Fill `out` (steps, W) with what `residual_windows` gives.
+    def fill_errors(
+        self,
+        row: np.ndarray,
+        signals: Signals,
+        work: Work,
+        out: np.ndarray,
+        versions: Mapping[str, float] | None = None,
+    ) -> None:
+        """Fill `out` (steps, W) with what `residual_windows` gives; what `work` holds of earlier runs is not computed again.
 
         Args:
-            anew: of `changed`, since the row with which `work` was last filled.
+            versions: of inputs that were not always the same, see `arranged`.
         """
-        self._module.errors_of_windows(row, signals, work, out, anew)
+        anew, slot = self.arranged(row, work, versions or {})
+        try:
+            self._module.errors_of_windows(row, signals, work, out, anew, slot)
+        except BaseException:
+            work.kept.version[:] = 0  # what a run that fails leaves is no start for the next
+            raise
 
-    def changed(self, before: np.ndarray | None, row: np.ndarray, inputs: Sequence[str] = ()) -> np.ndarray:
-        """(S,) whether each step along a log has to be computed anew, as it hangs on what differs between two rows.
+    def arranged(self, row: np.ndarray, work: Work, versions: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        """(S,) whether each step along a log has to be computed anew, and (S,) the slot of its result.
 
         Args:
-            before, row: (P,) parameters; no `before`: everything that is present.
-            inputs: signals of the log that differ, too, of `hqpipe.machine.signals.INPUTS` and `raw_velocity`; all of them
-                without `before`.
+            row: (P,) parameters. work: in which the results of the steps are then taken for made.
+            versions: signal of the log, of `hqpipe.machine.signals.INPUTS` and `raw_velocity`, → a number from 0 on that says
+                which of several it is; the others were the same in every run.
         """
-        plan, fresh = self._plan, before is None
-        moved = np.zeros(len(plan.names), dtype=np.bool_)
-        for name in INPUTS if fresh else inputs:
-            moved[plan.names[name]] = True
-        return _anew(plan.links, row if fresh else before, row, fresh, moved)
+        now = np.zeros(len(self._plan.names))
+        for name, version in versions.items():
+            now[self._plan.names[name]] = version
+        return _arranged(self._plan.links, work.kept, row, now)
 
     def prepare(self, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """What `step_batch` needs of a table, repeated for as many robots as a block holds.

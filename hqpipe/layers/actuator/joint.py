@@ -29,8 +29,13 @@ _TURN, _LATE = [slot(owner, p.name) for owner, p in OF_FRICTION], slot("setting"
 _STEP = slot("setting", "sample_time")
 _ORIFICE, _AREAS = ("orifice_flow", "effort_max_nm"), ("direction_asymmetry", "areas")
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
-OPENINGS = ("raw_command", "command", "raw_position", "position")  # signals that come of command and position
 SPEEDS = ("raw_velocity", "velocity", "sliding")  # signals that are the speed of the log, or come of it
+_DRIVEN = (
+    SPEEDS,
+    ("demand",),
+    ("raw_command", "command"),
+    ("raw_position", "position"),
+)  # likewise of what a share drives
 LATE = 0.5  # rows by which the mean speed of a step belongs later than the row where it begins
 
 
@@ -73,7 +78,7 @@ class ActuatorJoint:
     _friction: np.ndarray = field(init=False)
     _of_orifice: tuple[int, int, float] | None = field(init=False)
     _neutral: np.ndarray = field(init=False)
-    _last: tuple = field(init=False, default=(0.0, 0.0, ()))
+    _last: dict[str, float] = field(init=False)
     _driven: Signals = field(init=False)
 
     def __post_init__(self) -> None:
@@ -86,6 +91,7 @@ class ActuatorJoint:
         object.__setattr__(self, "_owned", own[own != at])
         object.__setattr__(self, "_run", RepeatedRun())
         object.__setattr__(self, "_driven", self.records[0].signals)
+        object.__setattr__(self, "_last", {name: 0.0 for names in _DRIVEN for name in names})
         friction = [k for k, (owner, _) in enumerate(self.places) if EFFECTS[owner].effort_sources]
         object.__setattr__(self, "_friction", len(self.base) + np.array(friction, dtype=np.int64))
         object.__setattr__(self, "_of_orifice", self._areas_beside_orifice())
@@ -104,17 +110,24 @@ class ActuatorJoint:
         if heldout:
             errors = residual_windows(row, record.driven_by(*shares))
         else:
-            groups = zip(shares, self._last, (SPEEDS, ("demand",), OPENINGS), strict=True)
-            moved = [name for now, before, names in groups if now != before for name in names]
+            # The share of a signal that is followed says which of several it is.
+            versions = {name: share for names, share in zip(_DRIVEN, self._each(shares), strict=True) for name in names}
+            moved = [name for name, version in versions.items() if self._last.get(name) != version]
             if moved:
                 object.__setattr__(self, "_driven", record.driven_by(*shares, self._driven, moved))
-                object.__setattr__(self, "_last", shares)
-            errors = self._run.errors(row, self._driven, moved)
+                object.__setattr__(self, "_last", versions)
+            errors = self._run.errors(row, self._driven, versions)
         found = record.picked(errors)
         beside = values[len(self.base) + len(self.places) :]
         for shape in np.flatnonzero(beside):
             found += beside[shape] * self.shapes[heldout][shape]
         return found
+
+    @staticmethod
+    def _each(shares: tuple[float, float, tuple[float, ...]]) -> tuple[float, float, float, float]:
+        """Of `_DRIVEN`; a log as fast as the controller has no motion between rows."""
+        logged, opening, moving = shares
+        return logged, opening, *(moving or (0.0, 0.0))
 
     def _areas_beside_orifice(self) -> tuple[int, int, float] | None:
         """Places of the inverse of the orifice's largest torque and of the unequal areas that its model may have, and the least

@@ -29,7 +29,7 @@ from hqpipe.machine.layout import BASE, neutral_row, slot
 NEEDED = ("position_command", "effort", "position", "velocity")
 # Without its sign noise round zero torque is a size, which looks like slack once the sign is restored.
 _SLACK = tuple(name for name, effect in EFFECTS.items() if effect.slack)
-CLEAR = 0.5  # of the usual torque: more than a chain chatters within its slack; assumption
+CLEAR = 4.0  # standard deviations of the torque's sensor: its noise alone shows more once in 16 000 samples
 FEWEST_WINDOWS = 10  # of the fit trials; assumption: fewer do not tell an effect from chance
 
 
@@ -173,7 +173,7 @@ class Actuator:
         row = neutral_row()
         row[slot("setting", "sample_time")] = step
         row[slot("setting", "middle")] = size.middle
-        row[slot("setting", "clear")] = CLEAR * size.of["effort"]
+        row[slot("setting", "clear")] = CLEAR * size.noise
         row[slot("setting", "effort_limit")] = self.effort_limit.get(joint, np.inf)
         return row
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -15,19 +15,16 @@ class RepeatedRun:
     def __init__(self) -> None:
         self._work: Work | None = None  # made by the first run: most joints that are tried are never run
         self._out = np.empty((0, 0))
-        self._row: np.ndarray | None = None
 
-    def errors(self, row: np.ndarray, signals: Signals, moved: Sequence[str]) -> np.ndarray:
+    def errors(self, row: np.ndarray, signals: Signals, versions: Mapping[str, float]) -> np.ndarray:
         """(steps, W) what `residual_windows` gives; overwritten by the next call.
 
         Args:
-            row: (WIDTH,). signals: of the record. moved: names of those of them that differ from the call before.
+            row: (WIDTH,). signals: of the record. versions: of those of them that are not always the same, see
+                `hqpipe.machine.chain.Loops.arranged`.
         """
         if self._work is None:
             self._work = loops().make_work(signals)
             self._out = np.empty((signals.steps, len(signals.first)))
-        anew = loops().changed(None, row) if self._row is None else loops().changed(self._row, row, moved)
-        self._row = None  # what a run that fails leaves is no start for the next
-        loops().fill_errors(row, signals, self._work, self._out, anew)
-        self._row = row
+        loops().fill_errors(row, signals, self._work, self._out, versions)
         return self._out

@@ -101,13 +101,13 @@ def write_windows(source: Source, chain: Chain) -> None:
     run.write()
     names = ", ".join(f"a_{name}" for name in arrays.needed)
     with source.function(
-        "errors_of_windows", "p, s, w, out, anew", "Predicted less logged torque, see hqpipe.machine.chain."
+        "errors_of_windows", "p, s, w, out, anew, slot", "Predicted less logged torque, see hqpipe.machine.chain."
     ):
-        source.add(f"{names}, = along(p, s, w, anew)")
+        source.add(f"{names}, = along(p, s, w, anew, slot)")
         for i, name in enumerate(arrays.needed):
             with source.under(f"if anew[{stages.laid + i}]:"):
-                source.add(f"lay_out(a_{name}, s.first, w.laid[{i}])")
-        source.add(f"follow(p, s, w, {names})", "run(p, s, w, out)")
+                source.add(f"lay_out(a_{name}, s.first, w.laid[{i} + {len(arrays.needed)} * slot[{stages.laid + i}]])")
+        source.add(f"follow(p, s, w, {names})", f"run(p, s, w, out, slot[{stages.laid}:])")
         with source.under("for k in range(out.shape[0]):"), source.under("for i in range(out.shape[1]):"):
             source.add("out[k, i] = 0.0 if np.isnan(s.target[k + 1, i]) else out[k, i] - s.target[k + 1, i]")
     source.add("", "", f"PLAN = {stages.plan!r}", f"SCRATCH = {stages.count}", f"LAID = {len(arrays.needed)}")
@@ -116,7 +116,7 @@ def write_windows(source: Source, chain: Chain) -> None:
 
 def _along(source: Source, chain: Chain, arrays: Arrays, stages: Stages) -> None:
     """The function that runs along the log and returns the arrays that the law needs."""
-    with source.function("along", "p, s, w, anew", "Signals along the log that hang on inputs alone."):
+    with source.function("along", "p, s, w, anew, slot", "Signals along the log that hang on inputs alone."):
         source.add(f"dt = p[{chain.column('setting', 'sample_time')}]")
         calls = [c for x in chain.ahead for c in (x.call, *(x.starts or {}).values()) if isinstance(c, Call)]
         constants(source, chain, only=constants_of(chain, calls))
@@ -132,16 +132,17 @@ def _along(source: Source, chain: Chain, arrays: Arrays, stages: Stages) -> None
                 lags = [f"p[{c}] / dt" for c in order] + [f"p[{c}]" for c in by if c == late]
                 with source.under(f"if {present(by)}:"):
                     row = stages.rows[name][0]
+                    source.add(f"out = w.along[{row} + {stages.count} * slot[{i}]]")
                     with source.under(f"if anew[{i}]:"):
-                        source.add(f"out = w.along[{row}]", *(f"lag_{j} = {lag}" for j, lag in enumerate(lags)))
+                        source.add(*(f"lag_{j} = {lag}" for j, lag in enumerate(lags)))
                         with source.under("for trial in range(s.bounds.shape[0] - 1):"):
                             source.add("first, last = s.bounds[trial], s.bounds[trial + 1] - 1")
                             with source.under("for k in range(first, last + 1):"):
                                 at = " - ".join(["k", *(f"lag_{j}" for j in range(len(lags)))])
                                 source.add(f"out[k] = delayed(s.{raw}, first, last, {at})")
-                    source.add(f"a_{name} = w.along[{row}]")
+                    source.add(f"a_{name} = out")
         for i, link in enumerate(chain.ahead, start=len(DELAYED)):
-            _stage(source, chain, arrays, stages.rows[link.name], link, i, known)
+            _stage(source, chain, arrays, stages, link, i, known)
         _need(source, chain, arrays, arrays.needed, known)
         source.add(f"return ({', '.join(f'a_{name}' for name in arrays.needed)},)")
 
@@ -160,7 +161,7 @@ def _need(source: Source, chain: Chain, arrays: Arrays, names: Iterable[str], kn
         known.add(name)
 
 
-def _stage(source: Source, chain: Chain, arrays: Arrays, rows: list[int], link: Link, at: int, known: set[str]) -> None:
+def _stage(source: Source, chain: Chain, arrays: Arrays, stages: Stages, link: Link, at: int, known: set[str]) -> None:
     """One link along all trials, each into arrays of its own."""
     outs = [out for out in link.outs if out.kind == SIGNAL or out.name in chain.shared]
     extra = balance_arrays(chain, arrays, link) if link.balance else []
@@ -179,27 +180,36 @@ def _stage(source: Source, chain: Chain, arrays: Arrays, rows: list[int], link: 
 
     source.add(*(_flag(link, ref, arrays) for ref in _maybe(link, arrays, states)))
     with source.under(f"if {present(link.when)}:"):
-        source.add(*(f"o_{out.name} = w.along[{row}]" for out, row in zip(outs, rows, strict=True)))
-        with source.under(f"if anew[{at}]:"), source.under("for trial in range(s.bounds.shape[0] - 1):"):
-            source.add("first, last = s.bounds[trial], s.bounds[trial + 1] - 1", "k = first")
-            if link.call is None:
-                name = link.outs[0].name
-                with source.under("for k in range(first, last + 1):"):
-                    source.add(f"o_{name}[k] = delayed(a_{name}, first, last, k - p[{link.by}] / dt)")
-            else:
-                source.add(
-                    *(
-                        f"m_{name} = {_started(source, chain, arrays, link, start, text)}"
-                        for name, start in link.starts.items()
-                    )
-                )
-                with source.under("for k in range(first, last + 1):"):
-                    given = ", ".join(f"m_{out.name}" if out.kind == STATE else f"o_{out.name}[k]" for out in link.outs)
+        rows, behind = stages.rows[link.name], f"{stages.count} * slot[{at}]"
+        source.add(*(f"o_{out.name} = w.along[{row} + {behind}]" for out, row in zip(outs, rows, strict=True)))
+        with source.under(f"if anew[{at}]:"):
+            if link.call and not states:
+                # Of one range from 0, so that the compiler knows no index below it and works on several samples at a time.
+                with source.under(f"for k in range(o_{outs[0].name}.shape[0]):"):
+                    given = ", ".join(f"o_{out.name}[k]" for out in outs)
                     source.add(f"{given} = {call(source, link.call, text)}")
-                    source.add(*(f"o_{out.name}[k] = m_{out.name}" for out in outs if out.kind == STATE))
+            else:
+                _along_trials(source, chain, arrays, link, outs, text)
         source.add(*(f"a_{out.name} = o_{out.name}" for out in outs))
     for out in outs:
         known.add(out.name)
+
+
+def _along_trials(source: Source, chain: Chain, arrays: Arrays, link: Link, outs: list[Ref], text) -> None:
+    """A delay, or a link with states, one trial after the other."""
+    with source.under("for trial in range(s.bounds.shape[0] - 1):"):
+        source.add("first, last = s.bounds[trial], s.bounds[trial + 1] - 1", "k = first")
+        if link.call is None:
+            name = link.outs[0].name
+            with source.under("for k in range(first, last + 1):"):
+                source.add(f"o_{name}[k] = delayed(a_{name}, first, last, k - p[{link.by}] / dt)")
+            return
+        for name, start in link.starts.items():
+            source.add(f"m_{name} = {_started(source, chain, arrays, link, start, text)}")
+        with source.under("for k in range(first, last + 1):"):
+            given = ", ".join(f"m_{out.name}" if out.kind == STATE else f"o_{out.name}[k]" for out in link.outs)
+            source.add(f"{given} = {call(source, link.call, text)}")
+            source.add(*(f"o_{out.name}[k] = m_{out.name}" for out in outs if out.kind == STATE))
 
 
 def _maybe(link: Link, arrays: Arrays, states: list[str]) -> list[str]:
@@ -248,7 +258,9 @@ class _Run(Lanes):
         after = {n for x in chain.behind if x.writes & {"lost", "effort", "measured"} for n in x.reads} & set(
             self._rows
         )
-        with source.function("run", "p, s, w, out", "The base's law and what lies behind it over all windows at once."):
+        with source.function(
+            "run", "p, s, w, out, slot", "The base's law and what lies behind it over all windows at once."
+        ):
             calls = [x.call for x in (*chain.core, *chain.behind)] + [chain.law, chain.plain]
             source.add("size, wound = s.first.shape[0], w.lines[0]")
             constants(source, chain, only=constants_of(chain, calls))
@@ -272,7 +284,8 @@ class _Run(Lanes):
     def _fetch(self, names: Iterable[str], k: str) -> None:
         """The arrays of signals along the log at a sample of the windows."""
         for name in names:
-            row, when = f"w.laid[{self._rows[name]}, {k}]", self._when[name]
+            row, when = self._rows[name], self._when[name]
+            row = f"w.laid[{row} + {len(self._rows)} * slot[{row}], {k}]"
             self.source.add(f"{name} = {row} if {self.on(when)} else b_absent_{name}" if when else f"{name} = {row}")
 
     @property

@@ -68,12 +68,9 @@ def test_a_fit_step_moves_the_prediction_by_its_slope():
     smooth = ("valve_lag", "orifice_flow", "gain_drift", "leakage_drift", "viscous_friction", "torque_bias")
     begin = row({name: planted.TYPICAL[name] for name in smooth})
     work, out = loops().make_work(signals), np.empty((signals.steps, len(signals.first)))
-    before = None
 
     def run(p):
-        nonlocal before
-        loops().fill_errors(p, signals, work, out, loops().changed(before, p))
-        before = p.copy()
+        loops().fill_errors(p, signals, work, out)
         return out.copy()
 
     start = run(begin)

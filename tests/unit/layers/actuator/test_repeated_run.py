@@ -41,7 +41,7 @@ def test_runs_in_a_row_are_those_from_the_start(joint, seed):
     signals = joint.records[0].signals
     run = RepeatedRun()
     for row in rows(joint, seed):
-        found = run.errors(row, signals, ())
+        found = run.errors(row, signals, {})
         expected = residual_windows(row, signals)
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING * np.abs(expected).max())
 
@@ -50,8 +50,9 @@ def test_other_signals_are_run_from_the_start(joint):
     signals = joint.records[0].signals
     run = RepeatedRun()
     row = next(rows(joint, 1))
-    run.errors(row, signals, ())
+    run.errors(row, signals, {})
     faster = signals._replace(velocity=1.1 * signals.velocity)
-    found = run.errors(row, faster, SPEEDS)
-    expected = residual_windows(row, faster)
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING * np.abs(expected).max())
+    for version, given in ((1.0, faster), (0.0, signals), (1.0, faster), (0.5, signals)):
+        found = run.errors(row, given, dict.fromkeys(SPEEDS, version))
+        expected = residual_windows(row, given)
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=ROUNDING * np.abs(expected).max())
