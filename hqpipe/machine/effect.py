@@ -141,13 +141,13 @@ class State:
 
     Attributes:
         name: as blocks read and write it. start: at the first sample, a number, the name of a signal, or a law.
-        kept: signal that says which share of what it was is left one sample later, so that a log need not be followed from its
-            beginning to know it; None where something may be remembered for ever.
+        moved_by: signal by which, beside others, it moves between −1 and 1 in a sample. At an end it forgets where it began, so
+            that a log need not be followed from its beginning to know it; None where something may be remembered for ever.
     """
 
     name: str
     start: float | str | Law | Balanced = 0.0
-    kept: str | None = None
+    moved_by: str | None = None
 
 
 @dataclass(frozen=True)

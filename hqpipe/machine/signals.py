@@ -25,7 +25,7 @@ NEUTRAL: dict[str, float | str] = {
     "effort": "wound",  # torque that the hydraulics feel, N·m
     "grip": 0.0,  # most that dry friction can hold, N·m
     "turned": 0.0,  # direction of dry friction, −1 … 1
-    "kept": 1.0,  # share of that which the travel of a sample leaves
+    "strain": 0.0,  # by how much the travel of a sample turns it while the piston sticks
     "slow": 0.0,  # share of static friction at the present speed
     "lost": 0.0,  # torque lost between hydraulics and load cell, N·m
     "measured": 0.0,  # torque at the load cell, N·m: effort less lost

@@ -36,7 +36,7 @@ TYPICAL: dict[str, dict[str, float]] = {
     "orifice_flow": {"effort_max_nm": 900.0},
     "position_dependent_stiffness": {"slope_per_rad": 1.5, "unevenness": 0.02},
     "backlash": {"gap": 0.008},
-    "coulomb_friction": {"friction_nm": 25.0, "asymmetry_nm": 5.0, "presliding_rad": 0.002},
+    "coulomb_friction": {"friction_nm": 25.0, "asymmetry_nm": 5.0, "presliding_rad": 0.0005},
     "stribeck_friction": {"static_nm": 30.0, "velocity_rad_s": 0.3, "exponent": 1.5},
     "viscous_friction": {"nm_s_per_rad": 20.0},
     "load_dependent_friction": {"coefficient": 0.15},
@@ -220,12 +220,10 @@ def simulate(
         )
         grip = (
             dry + static + load * np.abs(beyond(wound, slack))
-        )  # while a joint rests, friction holds against the change
-        bristle = bristle + np.where(grip > 0.0, (beyond(wound, slack) - pulling) / np.maximum(grip, 1e-30), 0.0)
-        bristle = np.clip(bristle, -1.0, 1.0)
+        )  # while a piston sticks, friction holds against this change, and its spring follows the joint
         moved = DT * qd
-        towards = np.where(moved > 0.0, 1.0, -1.0)
-        bristle = towards - (towards - bristle) * np.exp(-np.abs(moved) / creep)
+        pulled = np.where(grip > 0.0, (beyond(wound, slack) - pulling) / np.maximum(grip, 1e-30), 0.0)
+        bristle = np.clip(bristle + pulled + moved / creep, -1.0, 1.0)
         qd = qd + DT * (passed - DAMPING * qd - LOAD + knock[k]) / INERTIA
         q = q + moved
     return Planted(time, target, log[0], log[1], log[2] + noise * rng.normal(size=(samples, joints)))

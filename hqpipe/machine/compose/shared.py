@@ -7,7 +7,9 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-FORGOTTEN: Final = 1e-9  # of a state: what it was then changes nothing that anyone measures
+FORGOTTEN: Final = 8.0
+"""Range that the sum of a signal goes through, after which a state that it moves between −1 and 1 has been at an end: 2 if
+nothing else moves it, and as much again three times for what does; assumption."""
 RING: Final = 96  # samples: the longest delay of the library at 1 kHz, and some
 
 
@@ -21,16 +23,17 @@ def delayed(signal: np.ndarray, first: int, last: int, at: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def remembered(kept: np.ndarray, earliest: int, last: int) -> int:
+def remembered(moves: np.ndarray, earliest: int, last: int) -> int:
     """The sample from which a state has to be followed to be known at `last`; not before `earliest`.
 
     Args:
-        kept: (T,) share of the state that is left one sample later.
+        moves: (T,) by how much it moves between −1 and 1 in a sample.
     """
-    share = 1.0
-    while last > earliest and share > FORGOTTEN:
+    total = low = high = 0.0
+    while last > earliest and high - low < FORGOTTEN:
         last -= 1
-        share *= kept[last]
+        total += moves[last]
+        low, high = min(low, total), max(high, total)
     return last
 
 

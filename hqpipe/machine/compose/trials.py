@@ -82,13 +82,13 @@ def _before_windows(source: Source, chain: Chain, arrays: Arrays, states: list[s
 
 
 def _skip_forgotten(source: Source, chain: Chain, arrays: Arrays, states: list[str], slack: list[Link]) -> None:
-    """Begin later, if every state that is there says how much of it is left from one sample to the next."""
-    kept = [chain.kept.get(name) for name in states]
-    if None in kept:
+    """Begin later, if every state that is there forgets where it began."""
+    moved_by = [chain.moved_by.get(name) for name in states]
+    if None in moved_by:
         return
-    there = [f"on_{name}" for name in kept if arrays.when(name) is not None]
+    there = [f"on_{name}" for name in moved_by if arrays.when(name) is not None]
     there += [f"not ({present(link.when)})" for link in slack]
-    begins = [f"remembered(a_{name}, begin, last)" for name in dict.fromkeys(kept)]
+    begins = [f"remembered(a_{name}, begin, last)" for name in dict.fromkeys(moved_by)]
     with source.under(f"if {' and '.join(there) or True}:"):
         source.add(f"begin = min({', '.join(begins)}, last)")
 

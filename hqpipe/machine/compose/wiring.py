@@ -131,7 +131,7 @@ class Chain:
     Attributes:
         base, effects: those it was made of. fields: (owner, name) of each column of a row of parameters.
         constants: in an order in which each needs only those before it.
-        kept: state → signal that says how much of it is left a sample later. late: delays of inputs, which come first.
+        moved_by: state → signal by which it moves between −1 and 1. late: delays of inputs, which come first.
         ahead: links that hang on inputs alone. core: what else lies in front of the base's law. behind: what lies behind it.
         law, plain, needed: of the base. gain: column of its parameter that an opening is multiplied by.
     """
@@ -149,7 +149,7 @@ class Chain:
             for name, value in (NEUTRAL | base.signals).items()
         }
         self._states = {state.name for effect in self.effects for state in effect.states}
-        self.kept = {state.name: state.kept for effect in self.effects for state in effect.states if state.kept}
+        self.moved_by = {s.name: s.moved_by for effect in self.effects for s in effect.states if s.moved_by}
         owned = [*base.constants, *(c for effect in self.effects for c in effect.constants)]
         self._constants = {name for constants in owned for name in constants.names}
         self.constants = self._ordered_constants()

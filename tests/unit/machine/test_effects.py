@@ -8,7 +8,7 @@ import pytest
 from hqpipe.machine import EFFECTS
 from hqpipe.machine.backlash import transmitted, wound_up
 from hqpipe.machine.compose.shared import delayed
-from hqpipe.machine.coulomb_friction import coulomb, direction, kept_after, stuck
+from hqpipe.machine.coulomb_friction import coulomb, strained, turn
 from hqpipe.machine.direction_asymmetry import asymmetric
 from hqpipe.machine.flow_saturation import saturate
 from hqpipe.machine.gain_drift import drifted
@@ -282,34 +282,23 @@ def test_chatter_within_the_slack_does_not_tighten_the_chain():
     assert wound_up(25.0, -2.0, 20.0, 5.0) == 20.0
 
 
-def went(turned, travel, presliding):
-    return direction(turned, travel, kept_after(travel, presliding))
+def test_a_piston_that_sticks_passes_on_what_its_spring_says():
+    """The torque behind it is −K_t Δq, whatever the oil does, until the friction can hold no more."""
+    friction, spring, dt = 20.0, 4e4, 1e-3
+    oil, behind, joint, turned = 60.0, 50.0, 0.0, 0.5
+    for pull, travel in ((4.0, 1e-4), (-15.0, -3e-4), (6.0, 2e-4), (-30.0, 1e-5), (3.0, -2e-4)):
+        sticking = behind - spring * travel
+        strain = strained(travel / dt, dt, friction / spring)
+        turned = turn(turned, oil, oil + pull, friction, strain)
+        oil, joint = oil + pull, joint + travel
+        behind = min(max(sticking, oil - friction), oil + friction)
+        assert oil - friction * turned == pytest.approx(behind)
 
 
-def test_direction_of_friction_is_dahls_model():
-    assert went(0.3, 0.0, 1e-3) == pytest.approx(0.3), "at rest it stays"
-    assert went(0.0, 1e-3, 1e-3) == pytest.approx(1.0 - np.exp(-1.0))
-    assert went(1.0, -1.0, 1e-3) == pytest.approx(-1.0)
-    one = went(-0.7, 6e-4, 1e-3)
-    two = went(went(-0.7, 2e-4, 1e-3), 4e-4, 1e-3)
-    assert one == pytest.approx(two), "an exact step does not depend on the sample time"
-    fine, z = 20000, -0.7
-    for _ in range(fine):
-        z += (1.0 - z) * 6e-4 / fine / 1e-3
-    assert one == pytest.approx(z, abs=1e-4)
-    assert went(0.7, -6e-4, 1e-3) == pytest.approx(-one)
-
-
-def test_a_resting_joint_keeps_its_torque_until_friction_can_hold_no_more():
-    friction, load = 20.0, 50.0
-    turned, oil = 0.5, load + 0.5 * friction
-    for step in (4.0, 4.0, -15.0, -20.0, -5.0):
-        oil += step
-        turned = stuck(turned, step / friction)
-        wanted = min(max(oil - load, -friction), friction)
-        assert friction * turned == pytest.approx(wanted)
-        load = oil - friction * turned
-    assert load == pytest.approx(28.0 + friction), "it held until the oil pulled 20 N·m less than the load needs"
+def test_direction_of_friction_has_ends_and_needs_a_friction():
+    assert turn(0.9, 0.0, 1.0, 10.0, 0.05) == 1.0 and turn(-0.9, 1.0, 0.0, 10.0, -0.05) == -1.0
+    assert turn(0.3, 5.0, 5.0, 10.0, 0.0) == 0.3, "at rest it stays"
+    assert turn(0.3, 5.0, 9.0, 0.0, 0.1) == 0.3
 
 
 def test_friction_laws():

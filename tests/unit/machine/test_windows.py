@@ -87,13 +87,16 @@ def test_a_window_does_not_hang_on_which_others_there_are(effect, windows):
     np.testing.assert_allclose(residual_windows(p, some_of(signals, windows)), whole, atol=1e-6)
 
 
-def test_a_state_is_followed_from_where_nothing_older_is_left_of_it():
-    kept = np.full(100, 0.5)
-    assert remembered(kept, 0, 80) == 80 - 30, "half to the power of 30 is less than 1e-9"
-    assert remembered(kept, 60, 80) == 60
-    kept[40:] = 1.0  # a joint that rests forgets nothing
-    assert remembered(kept, 0, 80) == 40 - 30
-    assert remembered(np.ones(100), 0, 80) == 0
+def test_a_state_is_followed_from_where_it_must_have_been_at_an_end():
+    moves = np.full(100, 0.5)
+    assert remembered(moves, 0, 80) == 80 - 16, (
+        "it went from end to end, whatever else moved it less than three times as far"
+    )
+    assert remembered(moves, 70, 80) == 70
+    moves[40:] = 0.0  # a joint that rests forgets nothing
+    assert remembered(moves, 0, 80) == 40 - 16
+    moves[40:] = 3.0 * (-1.0) ** np.arange(60)  # nor does one that trembles
+    assert remembered(moves, 0, 80) == 40 - 16 + 6
 
 
 def test_effects_together_predict_independent_data():

@@ -85,7 +85,9 @@ def test_both_records_count_numbers_alike(logs, livelier):
     assert sizes(beside) == sizes(then) != sizes(own)
     middle, clear = slot("setting", "middle"), slot("setting", "clear")
     assert beside.neutral[middle] == then.neutral[middle]
-    assert beside.neutral[clear] == own.neutral[clear] != then.neutral[clear], "of the noise of the logs that are judged"
+    assert beside.neutral[clear] == own.neutral[clear] != then.neutral[clear], (
+        "of the noise of the logs that are judged"
+    )
     assert beside.noise[0] == pytest.approx(own.noise[0], rel=0.01), "noise is that of the logs that are judged"
     assert beside.noise[0] > 1.8 * then.noise[0]
     assert beside.neutral[slot("setting", "held")] == NOT_KNOWN
