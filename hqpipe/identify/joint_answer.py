@@ -42,10 +42,9 @@ def answer(search: Search, best: Known) -> JointFound:
         best = search.improved(search.grown(_only(search, core, core.names - uncertain)))
     search.rank_beside(core)
     probabilities = _considered(search, {name: belief.probability for name, belief in found.items()})
-    claimed = search.ended(core)
-    core = search.ended(_confirmed(search, claimed, base))
+    claimed, core = core, _confirmed(search, core, base)
     unchanged = frozenset(name for name in core.names if search.effects[name].in_both)
-    named = search.ended(_only(search, core, frozenset(_causes(search, core, base)) | base.names | unchanged))
+    named = _only(search, core, frozenset(_causes(search, core, base)) | base.names | unchanged)
     without = {name: search.without(named, name) for name in _causes(search, named, base)}
     causes = sorted(without, key=lambda name: -without[name].solution.square)
     unshaped = _only(search, claimed, frozenset(_causes(search, claimed, base)) | base.names | unchanged)

@@ -22,7 +22,7 @@ _CHANGE = 3.0
 deviations of the parameter if the errors were white. Longer ones pass over the corners of a limit that the data resolve."""
 _SHORTEST = 0.01  # of the long step; assumption: a jump of the error has no slope, however short the step
 _TOLERANCE = 1e-5  # of the cost, per step: so small a one lets a weak prior decide where the logs do not
-WORTH = 0.1  # of twice ln B, per step: below it no decision changes, and no number by a tenth of its uncertainty; assumption
+_WORTH = 0.1  # of twice ln B, per step: below it no decision changes; assumption
 _PRIOR_HOLDS = 0.5  # of the variance that a prior was weighed with, below which the fit is made again; assumption
 _STALE = 1.0  # damping from which on sensitivities that were not taken here are no guide; assumption
 _SEEN = 1e-7  # of the size of the error, that a difference must reach to be told from rounding
@@ -86,7 +86,6 @@ class Fitter:
         noise: float,
         origin: Solution | None = None,
         known: Solution | None = None,
-        worth: float = WORTH,
     ) -> Solution:
         """Fit the free parameters: near a minimum from every start, then into the lowest of them.
 
@@ -95,7 +94,6 @@ class Fitter:
                 errors that are left tell it. origin: a fit from which the starts were made, whose sensitivities serve for the
                 first steps; None where there is none.
             known: a fit of the same parameters, which is the result where no start leads lower; None where there is none.
-            worth: of twice ln B, that a step must bring for the fit to go on.
         """
         begun = [self._at(np.clip(start, self.low, self.high), free, noise) for start in starts]
         near = [] if known is None else [(self._at(known.values, free, noise), known.jacobian)]
@@ -108,23 +106,11 @@ class Fitter:
         point, jacobian = min(near, key=lambda found: found[0].cost)
         if known is not None and point is near[0][0]:
             return known
-        return self._ended(point, jacobian, free, worth)
-
-    @np.errstate(over="ignore", invalid="ignore")
-    def ended(self, solution: Solution) -> Solution:
-        """A fit that goes on until a step brings less than `WORTH`."""
-        if not np.isfinite(solution.square):
-            return solution
-        point = _Point(solution.values, solution.error, np.inf)
-        return self._ended(point, solution.jacobian, solution.free, WORTH)
-
-    def _ended(self, point: _Point, jacobian: np.ndarray, free: np.ndarray, worth: float) -> Solution:
-        """The fit from a point near a minimum and the sensitivities there, with short differences."""
         for _ in range(2):
             noise = _variance(point.error)
             problem = _Differences(self, free, noise, resolved=jacobian)
             point = self._at(point.values, free, noise)
-            point, jacobian = descended(problem, point, self._tolerance(point.error, worth))
+            point, jacobian = descended(problem, point, self._tolerance(point.error))
             if _variance(point.error) >= _PRIOR_HOLDS * noise:
                 break
         return Solution(free, point.values, point.error, jacobian, float(point.error @ point.error))
@@ -164,9 +150,10 @@ class Fitter:
             rows[~known] = self.jacobian(point.values, point.error, new, self.long_steps(point.values, new)).T
         return rows.T
 
-    def _tolerance(self, error: np.ndarray, worth: float) -> float:
-        """Of the cost, per step, below which a fit ends: errors that stay alike for long are worth few samples."""
-        return max(_TOLERANCE, worth * correlation_time(error, self.model.fit) / max(len(error), 1))
+    def _tolerance(self, error: np.ndarray) -> float:
+        """Of the cost, per step, below which a fit ends: less changes the odds of nothing, as errors that stay alike for long
+        are worth few samples."""
+        return max(_TOLERANCE, _WORTH * correlation_time(error, self.model.fit) / max(len(error), 1))
 
     def _at(self, values: np.ndarray, free: np.ndarray, noise: float) -> _Point:
         error = self.error(values)

@@ -42,9 +42,6 @@ AT_BOUND = 0.99  # of the way to its bound, from which a number counts as being 
 _PROMISED = 0.2
 """Of what a fit takes off the squared error, that its slope promises at least: where less is promised than this share of what
 is needed, only the best is fitted. Seen: in 98 % of the fits on which something hung a slope promised a quarter or more."""
-_WORTH = 1.0
-"""Of twice ln B, that a step of a fit must bring while sets are searched; assumption: a set that is half a unit of ln B more
-probable than another is no better. The set that is answered is fitted to its end."""
 _UNLIKELY = -3.0  # ln of odds below which an effect is left aside: 5 %
 
 
@@ -106,13 +103,6 @@ class Search:
             if len(values) == len(self.screening.places(name)):
                 start[self.screening.places(name)] = values
         return self._kept(names, self._fit(names, [start], self.base.covariance.noise))
-
-    def ended(self, known: Known) -> Known:
-        """A set, fitted to its end."""
-        solution = self.fitter.ended(known.solution)
-        if solution.square <= known.solution.square:
-            self.known[known.names] = self._known(known.names, solution)
-        return self.known[known.names]
 
     def likelier(self, one: Known, other: Known) -> bool:
         """Whether a set is more probable than another."""
@@ -372,7 +362,7 @@ class Search:
     ) -> Solution:
         known = self.known[names].solution if names in self.known else None
         known = known if known is not None and np.isfinite(known.square) else None
-        return self.fitter.fit(positions(self.model, list(names)), starts, noise, origin, known, _WORTH)
+        return self.fitter.fit(positions(self.model, list(names)), starts, noise, origin, known)
 
     def _begins(self, names: Names, origin: Known) -> bool:
         """Whether a set is fitted from another one for the first time; a second fit would end where the first one did."""
