@@ -75,6 +75,16 @@ def test_a_cause_that_the_held_out_trials_contradict_is_withdrawn():
     assert joint.withdrawn == ("coulomb_friction",)
 
 
+@pytest.mark.parametrize(("share", "names"), [(0.8, ["coulomb_friction", "spring"]), (0.55, ["spring"])])
+def test_a_cause_must_take_off_the_held_out_error_what_it_does_to_the_prediction(share, names):
+    """With 0.55 of its size in these trials a cause still closes a share of their error, but a tenth of what it does."""
+    model = ToyJoint(truth={"coulomb_friction": 0.3, "spring": 0.4})
+    model.heldout.output[:] -= (1.0 - share) * 0.3 * np.sign(model.heldout.velocity)
+    (joint,) = _found(model)
+    assert sorted(_names(joint)) == names
+    assert joint.withdrawn == (() if len(names) == 2 else ("coulomb_friction",))
+
+
 def test_one_wild_held_out_trial_withdraws_nothing_that_the_others_bear_out():
     truth = {"coulomb_friction": 0.3, "spring": 0.4}
     model = ToyJoint(truth=truth)
