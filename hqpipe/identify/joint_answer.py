@@ -214,9 +214,9 @@ def _confirmed(search: Search, known: Known, base: Known) -> Known:
     """The set without causes that do not show in the held-out trials: a claim that they do not bear out is withdrawn, and with
     it what has no size without it.
 
-    It has to close a share of their error, and most of what it does to their prediction: a term that fits what the fit trials
-    have by chance does as much to others, and closes little. They choose nothing else, and what is left is never made to look
-    better by it.
+    It has to close a share of their error, and `BORNE_OUT` of what it does to their prediction: a term that fits what the fit
+    trials have by chance does as much to others, and closes little. They choose nothing else, and what is left is never made
+    to look better by it.
     """
     if not len(search.model.heldout.trial):
         return known

@@ -30,12 +30,8 @@ _STEP = slot("setting", "sample_time")
 _ORIFICE, _AREAS = ("orifice_flow", "effort_max_nm"), ("direction_asymmetry", "areas")
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
 SPEEDS = ("raw_velocity", "velocity", "sliding")  # signals that are the speed of the log, or come of it
-_DRIVEN = (
-    SPEEDS,
-    ("demand",),
-    ("raw_command", "command"),
-    ("raw_position", "position"),
-)  # likewise of what a share drives
+_DRIVEN = (SPEEDS, ("demand",), ("raw_command", "command"), ("raw_position", "position"))
+"""Signals that one share each drives: of the logged speed, the flow by openings, the motion of command and of position."""
 LATE = 0.5  # rows by which the mean speed of a step belongs later than the row where it begins
 
 
