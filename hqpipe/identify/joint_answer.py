@@ -252,7 +252,7 @@ def _usual_gain(search: Search, small: Known, large: Known) -> float:
     trial = search.model.heldout.trial
     present = np.bincount(trial) > 0
     with np.errstate(over="ignore", invalid="ignore"):
-        squares = [np.bincount(trial, search.model.error(k.solution.values, True) ** 2) for k in (small, large)]
+        squares = [np.bincount(trial, _heldout_error(search, k) ** 2) for k in (small, large)]
     if not np.isfinite(squares).all():
         return -1.0
     small_squares, large_squares = (np.maximum(s[present], np.finfo(float).tiny) for s in squares)
@@ -264,17 +264,22 @@ def _closed_of_done(search: Search, small: Known, large: Known) -> float:
     of all together, or of the middle one, if that is more; see `_usual_gain` for why."""
     trial = search.model.heldout.trial
     with np.errstate(over="ignore", invalid="ignore"):
-        without, error = (search.model.error(k.solution.values, True).copy() for k in (small, large))
+        without, error = _heldout_error(search, small), _heldout_error(search, large)
         closed, done = np.bincount(trial, without**2 - error**2), np.bincount(trial, (without - error) ** 2)
     if not (np.isfinite(closed).all() and np.isfinite(done).all() and done.any()):
         return -1.0
     return float(max(closed.sum() / done.sum(), np.median(closed[done > 0.0] / done[done > 0.0])))
 
 
+def _heldout_error(search: Search, known: Known) -> np.ndarray:
+    """(H,) of a set at the held-out samples."""
+    return search.model.error(known.solution.values, True).copy()  # a model may use the array again
+
+
 def _heldout_square(search: Search, known: Known) -> float:
     if not len(search.model.heldout.trial):
         return 0.0
-    error = search.model.error(known.solution.values, True)
+    error = _heldout_error(search, known)
     with np.errstate(over="ignore", invalid="ignore"):
         return float(error @ error)
 
