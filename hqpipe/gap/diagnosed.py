@@ -21,6 +21,7 @@ from hqpipe.identify.found import Fitted, JointFound
 from hqpipe.identify.free_run import WINDOW_S, require_channels, window_samples
 from hqpipe.identify.identify import identify
 from hqpipe.identify.least_squares import Fitter
+from hqpipe.identify.misfit import misfit_noise
 from hqpipe.identify.model import JointModel, LayerJoints, parameter_names, positions
 from hqpipe.identify.paper_model.fit_actuator import PerJoint, per_joint
 from hqpipe.identify.passing import PassingJoint
@@ -155,7 +156,7 @@ def _refitted(found: JointFound, model: ActuatorJoint) -> tuple[np.ndarray, np.n
     than in the fit, which knows the next position.
     """
     fitter, free = Fitter(model), positions(model, _chosen(found).effects)
-    start, noise = _same_values(found, model, fitter.neutral), model.noise[0] ** 2
+    start, noise = _same_values(found, model, fitter.neutral), misfit_noise(model)[0] ** 2
     fitted = fitter.fit(free, [start], noise).values
     logged = BASE_NAMES.index(LOGGED_SPEED)
     start = fitted.copy()

@@ -16,6 +16,7 @@ import numpy as np
 from hqpipe.errors import UsageError, near_match
 from hqpipe.identify.deviations import Deviation, InBoth, Multiplied
 from hqpipe.identify.found import JointCause, JointFound, LayerFound
+from hqpipe.identify.misfit import Measure, misfit, misfit_noise, prediction_error
 from hqpipe.identify.model import (
     Effect,
     JointModel,
@@ -129,26 +130,33 @@ class Both:
         self.fit, self.heldout, self.noise = _joined(self.then.fit, now.fit), now.heldout, now.noise
         together = getattr(now, "together", None)
         self._together = together(self.then) if together is not None else None
-        self._last: tuple[np.ndarray, np.ndarray] | None = None
+        self.misfit_noise = misfit_noise(now)
+        self._last: dict[Measure, tuple[np.ndarray, np.ndarray]] = {}
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
         return self.error_of(values, values, heldout)
 
-    def error_of(self, then: np.ndarray, now: np.ndarray, heldout: bool) -> np.ndarray:
-        """Errors with numbers of its own for each record."""
+    def misfit(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
+        return self.error_of(values, values, heldout, misfit)
+
+    def error_of(
+        self, then: np.ndarray, now: np.ndarray, heldout: bool, measure: Measure = prediction_error
+    ) -> np.ndarray:
+        """Errors with numbers of its own for each record, or what of them counts."""
         if self._together is not None:
             return self._together.error(self._of_then(then), now, heldout)
         if heldout:
-            return self.now.error(now, True)
-        return np.concatenate([self._then_error(then), self.now.error(now)])
+            return measure(self.now, now, True)
+        return np.concatenate([self._then_error(then, measure), measure(self.now, now, False)])
 
-    def _then_error(self, values: np.ndarray) -> np.ndarray:
+    def _then_error(self, values: np.ndarray, measure: Measure) -> np.ndarray:
         """Of the earlier record; most of what is tried changes the numbers of the later one alone."""
         if not len(self.then.fit.time):
             return np.zeros(0)  # a model alone
-        if self._last is None or not np.array_equal(values, self._last[0]):
-            self._last = values.copy(), np.array(self.then.error(self._of_then(values)))
-        return self._last[1]
+        last = self._last.get(measure)
+        if last is None or not np.array_equal(values, last[0]):
+            last = self._last[measure] = values.copy(), np.array(measure(self.then, self._of_then(values), False))
+        return last[1]
 
     def _of_then(self, values: np.ndarray) -> np.ndarray:
         """Numbers in the order of `now` as the model of the earlier record counts them; what that lacks is left out."""
@@ -206,6 +214,7 @@ class Changed:
         self.both = both
         self.sd = np.zeros(len(values)) if sd is None else sd
         self.joint, self.unit, self.dt, self.noise, self.notes = both.joint, both.unit, both.dt, both.noise, both.notes
+        self.misfit_noise = both.misfit_noise
         self.fit, self.heldout = both.fit, both.heldout
         self._shared = fitted
         parameters = all_parameters(both)
@@ -257,6 +266,9 @@ class Changed:
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
         return self.both.error_of(self.then_values(values), self.now_values(values), heldout)
+
+    def misfit(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
+        return self.both.error_of(self.then_values(values), self.now_values(values), heldout, misfit)
 
     def then_values(self, values: np.ndarray) -> np.ndarray:
         """(P,) numbers of the earlier record, in the order of the later one's model."""

@@ -16,6 +16,7 @@ from hqpipe.identify.alike import alike_effects
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.effect_secants import ROUNDING, EffectSecants, Secant, least_size, secant_of_size
 from hqpipe.identify.joint_answer import LEAST_SHARE, floor_of
+from hqpipe.identify.misfit import misfit_noise
 from hqpipe.identify.search import Search
 from hqpipe.identify.visible import UNUSUAL, least_square
 
@@ -61,7 +62,7 @@ def isolability(search: Search) -> dict[str, Isolability]:
     found, shown = {}, {}
     for name in names:
         directions, spread = secants_by_direction[name], search.effects[name].parameters[0].spread
-        beside_noise = max(least_square(search, name, floor, 0.0, model.noise[0] ** 2), rounding)
+        beside_noise = max(least_square(search, name, floor, 0.0, misfit_noise(model)[0] ** 2), rounding)
         beside_base = max(least_square(search, name, left, above, base.covariance.noise, time), rounding)
         sizes = [least_size(each, spread, beside_noise, 0.0) for each in directions]
         least = _largest(search, name, sizes)

@@ -10,6 +10,7 @@ import numpy as np
 from hqpipe.identify.drifts import drifts
 from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
 from hqpipe.identify.intervals import half_widths
+from hqpipe.identify.misfit import misfit, misfit_noise
 from hqpipe.identify.search import HALVED, LEAST_GAIN, Known, Names, Search
 from hqpipe.identify.uncertain_effects import certainty, without_uncertain
 
@@ -207,7 +208,7 @@ def _is_admitted(search: Search, known: Known, name: str) -> bool:
 
 def floor_of(search: Search) -> float:
     """Squared error that the noise of the sensors leaves on the fit samples."""
-    return len(search.model.fit.trial) * search.model.noise[0] ** 2
+    return len(search.model.fit.trial) * misfit_noise(search.model)[0] ** 2
 
 
 def _confirmed(search: Search, known: Known, base: Known) -> Known:
@@ -220,7 +221,7 @@ def _confirmed(search: Search, known: Known, base: Known) -> Known:
     """
     if not len(search.model.heldout.trial):
         return known
-    floor = len(search.model.heldout.trial) * search.model.noise[1] ** 2
+    floor = len(search.model.heldout.trial) * misfit_noise(search.model)[1] ** 2
     without_any = _heldout_square(search, base)
     least = LEAST_SHARE * max(without_any - floor, 0.0)
     while causes := _causes(search, known, base):
@@ -273,7 +274,7 @@ def _closed_of_done(search: Search, small: Known, large: Known) -> float:
 
 def _heldout_error(search: Search, known: Known) -> np.ndarray:
     """(H,) of a set at the held-out samples."""
-    return search.model.error(known.solution.values, True).copy()  # a model may use the array again
+    return misfit(search.model, known.solution.values, True).copy()  # a model may use the array again
 
 
 def _heldout_square(search: Search, known: Known) -> float:
@@ -286,9 +287,11 @@ def _heldout_square(search: Search, known: Known) -> float:
 
 def fitted(search: Search, known: Known) -> Fitted:
     """A set with its errors."""
-    heldout = search.model.error(known.solution.values, True)
+    values = known.solution.values
+    with np.errstate(over="ignore", invalid="ignore"):
+        error, heldout = search.model.error(values).copy(), search.model.error(values, True)
     order = tuple(name for name in search.effects if name in known.names)
-    return Fitted(order, known.solution.values, known.solution.error, heldout)
+    return Fitted(order, values, error, heldout)
 
 
 def _believed(search: Search, best: Known, name: str) -> _Belief:

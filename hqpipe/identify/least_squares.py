@@ -14,6 +14,7 @@ import numpy as np
 
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.descent import SLOW, descended, stopped
+from hqpipe.identify.misfit import misfit
 from hqpipe.identify.model import JointModel, all_parameters
 
 _STEP = 3e-3  # of the spread: long enough that a stick-slip event which moves by a substep does not decide the slope
@@ -34,7 +35,8 @@ class Solution:
     """A fit.
 
     Attributes:
-        free: (F,) indices of the free parameters. values: (P,) all of them. error: (N,). jacobian: (N, F) of the error.
+        free: (F,) indices of the free parameters. values: (P,) all of them. error: (N,) see `hqpipe.identify.misfit`.
+        jacobian: (N, F) of it.
         square: sum of the squared errors.
     """
 
@@ -73,9 +75,9 @@ class Fitter:
         self._sensitivity = getattr(type(model), "sensitivity", lambda model, values, index: None)
 
     def error(self, values: np.ndarray) -> np.ndarray:
-        """(N,) at the fit samples; infinite where the prediction overflows."""
+        """(N,) see `hqpipe.identify.misfit`, at the fit samples; infinite where the prediction overflows."""
         with np.errstate(over="ignore", invalid="ignore"):
-            found = self.model.error(values)
+            found = misfit(self.model, values)
         return found if np.isfinite(found).all() else np.full(len(found), np.inf)
 
     @np.errstate(over="ignore", invalid="ignore")  # squares of a prediction that grows without bounds

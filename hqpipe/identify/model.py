@@ -139,7 +139,9 @@ class JointModel(Protocol):
     or `ratios`: cause → `Ratio`, where all of what may change in its base goes by ratios.
     It may have `begin`: names of effects that the joint is likely to have, and values (P,) with them.
     It may have `idle(values)`: places of parameters that change nothing at these values, so that no difference is taken there.
-    It may have `sensitivity(values, index)`: (N,) exact derivative of the error at the fit samples by one parameter, or None
+    It may have `misfit(values, heldout)`, what of the error counts when sets of effects are compared, with `misfit_noise`, see
+    `hqpipe.identify.misfit`.
+    It may have `sensitivity(values, index)`: (N,) exact derivative of what counts at the fit samples by one parameter, or None
     where it is to be taken as a difference.
     It may have `remarks(causes, values)`: what the numbers of a fit say beside the causes' parameters, one sentence each.
     """

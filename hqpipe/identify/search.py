@@ -305,7 +305,10 @@ class Search:
             ranked = self.screening.screened(best, self.addable(best.names))[:_REFITTED]
             tried = ranked[:1] + [(gain, name) for gain, name in ranked[1:] if gain >= _PROMISED * needed]
             larger = [self.grown_by(best, name) for _, name in tried]
-            options = [(self.gain(k, best), k) for k in larger if best.solution.square - k.solution.square >= needed]
+            able = [
+                k for k in larger if best.solution.square - k.solution.square >= needed or self._is_ordinary(k, best)
+            ]
+            options = [(self.gain(k, best), k) for k in able]
             if not options:
                 break
             gain, option = max(options, key=lambda pair: pair[0])
@@ -313,6 +316,12 @@ class Search:
                 break
             best = option
         return best
+
+    def _is_ordinary(self, larger: Known, smaller: Known) -> bool:
+        """Whether the effect that a set has beside a smaller one is of a size that every sound machine may have: a part
+        of the law then, and no cause that would have to take off a share of the error."""
+        (name,) = larger.names - smaller.names
+        return 0.0 < self.size(larger, name) < self.effects[name].parameters[0].least
 
     def _better(self, best: Known) -> Known | None:
         """A more probable set with one effect less, or another one in its place."""

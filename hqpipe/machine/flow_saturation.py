@@ -1,4 +1,4 @@
-"""The valve is fully open: commands beyond ± limit pass no more flow."""
+"""The valve is fully open: its spool follows a command beyond ± limit no further."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hqpipe.machine.effect import COMMAND, Block, Effect, Parameter, Search
 
 @njit(cache=True, nogil=True, inline="always")
 def saturate(opening: float, inverse_limit: float) -> float:
-    """The opening within ± 1/inverse_limit; 0 means no limit."""
+    """The command within ± 1/inverse_limit; 0 means no limit."""
     limit = 1.0 / max(inverse_limit, 1e-300)
     return min(max(opening, -limit), limit)
 

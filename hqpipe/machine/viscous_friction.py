@@ -8,6 +8,9 @@ lags behind its joint. With the joint's position q, that of the piston p and the
 give x + T ẋ = τ − b q̇, T = d/(K_o + K_t), where τ is the torque without friction on both springs in series (as k1 and k3
 have it), and b = d K_t/(K_o + K_t). So the joint feels everything through a lag of T. With K = k3/Δt, both springs in
 series, and the share r = K_o/(K_o + K_t) of their compliance that lies behind the piston, T = r b/K.
+
+A spool that lags by T does the same as friction with b = K T and r = 1 − T l, where 1/l is the time in which the torque leaks
+away, and a stiffness of r K: no log of one joint tells the two apart. Only what is known of r does.
 """
 
 from __future__ import annotations
@@ -16,6 +19,10 @@ from numba import njit
 
 from hqpipe.machine.effect import DAMPING, NONE, Block, Constants, Effect, Parameter, Search, State
 from hqpipe.machine.valve_lag import follow, lag_share, mean_share
+
+MOST_BEHIND = 0.2
+"""Of the compliance, that may lie between piston and joint: a rod or chain at least four times as stiff as the oil, so that the
+oil is the spring of the drive. Assumption; the cost: with a softer one a part of strong friction is taken for a lag."""
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -73,7 +80,7 @@ EFFECT = Effect(
     layer="actuator",
     parameters=(
         Parameter("nm_s_per_rad", "N·m·s/rad", Search(DAMPING, 0.0, 20.0, (0.05, 0.5, 1.5))),
-        Parameter("behind_piston", "1", Search(NONE, 0.0, 0.5, (0.2,), counts=False)),
+        Parameter("behind_piston", "1", Search(NONE, 0.0, MOST_BEHIND, (0.1,), counts=False)),
     ),
     meaning="friction grows with speed",
     source="Jelali & Kroll, Hydraulic Servo-systems, 2003",

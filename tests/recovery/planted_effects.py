@@ -106,7 +106,7 @@ def simulate(
     motion: float = 0.4,
     knocks: float = 500.0,
     middle: float = 0.0,
-    order: tuple[str, ...] = ("lag", "deadband", "saturation", "asymmetry", "drift", "underlap"),
+    order: tuple[str, ...] = ("saturation", "lag", "deadband", "asymmetry", "drift", "underlap"),
     flow: tuple[float, float] = (1.0, 0.0),
     gains: dict[str, list[float]] | None = None,
 ) -> Planted:

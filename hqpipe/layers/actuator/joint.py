@@ -18,12 +18,14 @@ from hqpipe.layers.actuator.parameters import (
 )
 from hqpipe.layers.actuator.record import Record
 from hqpipe.layers.actuator.repeated_run import RepeatedRun
+from hqpipe.layers.actuator.start_noise import StartNoise
 from hqpipe.machine import EFFECTS
 from hqpipe.machine.chain import Signals, residual_windows
 from hqpipe.machine.layout import BASE, slot
 
 _LOGGED, _SPEED_LATE = BASE_NAMES.index(LOGGED_SPEED), BASE_NAMES.index(SPEED_LATE)
 _PRESLIDING = [BASE_NAMES.index(p.name) for _, p in OF_FRICTION]
+_LEAK = BASE.index("k2")
 _BASE = [slot("base", name) for name in BASE]
 _TURN, _LATE = [slot(owner, p.name) for owner, p in OF_FRICTION], slot("setting", "speed_late")
 _STEP = slot("setting", "sample_time")
@@ -40,8 +42,9 @@ class ActuatorJoint:
     """A `hqpipe.identify.model.JointModel`.
 
     Attributes:
-        joint, unit, dt, base, effects, fit, heldout, noise, notes: see there.
-        places: owner and name of each parameter of the effects of the loops. records: of the fit and the held-out trials.
+        joint, unit, dt, base, effects, fit, heldout, noise, notes, misfit_noise: see there.
+        places: owner and name of each parameter of the effects of the loops. records, starts: of the fit and the held-out
+            trials.
         neutral: (WIDTH,) a row of the loops without effects, settings filled in. shapes: (C, N) of each, see `shapes`.
         shape_scale: (C,) what they were divided by. ratios: what may have changed since an earlier record, see there.
         draws: rad/s of flow per speed and per position error of this joint. units: of its effort and position.
@@ -56,9 +59,11 @@ class ActuatorJoint:
     fit: Samples
     heldout: Samples
     noise: tuple[float, float]
+    misfit_noise: tuple[float, float]
     notes: tuple[str, ...]
     places: tuple[tuple[str, str], ...]
     records: tuple[Record, Record]
+    starts: tuple[StartNoise, StartNoise]
     neutral: np.ndarray
     shapes: tuple[np.ndarray, np.ndarray]
     shape_scale: np.ndarray
@@ -76,6 +81,7 @@ class ActuatorJoint:
     _neutral: np.ndarray = field(init=False)
     _last: dict[str, float] = field(init=False)
     _driven: Signals = field(init=False)
+    _share: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
         owned = [(owner, name) for owner, name in self.places if name != BY_OPENING]
@@ -119,6 +125,14 @@ class ActuatorJoint:
             found += beside[shape] * self.shapes[heldout][shape]
         return found
 
+    def misfit(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
+        """(N,) error without the noise of the torque at the start of each window, see there."""
+        error, start, leak = self.error(values, heldout), self.starts[heldout], float(values[_LEAK])
+        share = start.share(error, leak)
+        if not heldout:
+            object.__setattr__(self, "_share", share)
+        return start.removed(error, leak, share)
+
     @staticmethod
     def _each(shares: tuple[float, float, tuple[float, ...]]) -> tuple[float, float, float, float]:
         """Of `_DRIVEN`; a log as fast as the controller has no motion between rows."""
@@ -158,9 +172,11 @@ class ActuatorJoint:
         return self._of_orifice is not None and values[self._of_orifice[0]] < self._of_orifice[2]
 
     def sensitivity(self, values: np.ndarray, index: int) -> np.ndarray | None:
-        """(N,) of the error by the size of a generic shape, in which it is linear; None of any other parameter."""
+        """(N,) of the misfit by the size of a generic shape, in which the error is linear; None of any other parameter."""
         shape = index - len(self.base) - len(self.places)
-        return self.shapes[0][shape] if shape >= 0 else None
+        if shape < 0:
+            return None
+        return self.starts[0].removed(self.shapes[0][shape], float(values[_LEAK]), self._share)
 
     def row(self, values: np.ndarray) -> np.ndarray:
         """(WIDTH,) what the loops read, see `hqpipe.machine.layout`."""

@@ -19,6 +19,7 @@ from hqpipe.layers.actuator.record import draws_of, record_of
 from hqpipe.layers.actuator.shapes import free_run_shapes, shapes_of
 from hqpipe.layers.actuator.sizes import Sizes, at_rest, sizes_of
 from hqpipe.layers.actuator.start import first_guesses
+from hqpipe.layers.actuator.start_noise import StartNoise
 from hqpipe.layers.refusal import no_joint_judged
 from hqpipe.logs.finer_clock import steps_per_row
 from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
@@ -118,11 +119,11 @@ class Actuator:
 
         fit, heldout = (record.samples() for record in records)
         none = np.zeros((0, len(fit.trial))), np.zeros((0, len(heldout.trial)))
+        starts = tuple(StartNoise(size.noise**2, record.step, record.judged) for record in records)
 
         def model(first: dict[str, float], leak: float = 0.0, shaped: bool = False) -> ActuatorJoint:
             # A base that lacks an effect may leak too little; the floor is the least that noise leaves.
-            keep = 1.0 - max(first["k2"], leak)
-            noise = size.noise * float(np.sqrt(1.0 + np.mean(keep ** (2.0 * records[0].step))))
+            noise, misfit_noise = starts[0].floor(max(first["k2"], leak))
             shapes, scale = free_run_shapes(records, size, first) if shaped else (none, np.zeros(0))
             return ActuatorJoint(
                 joint=name,
@@ -133,6 +134,8 @@ class Actuator:
                 fit=fit,
                 heldout=heldout,
                 noise=(noise, noise),
+                misfit_noise=(misfit_noise, misfit_noise),
+                starts=starts,
                 notes=(),
                 places=places,
                 records=records,
