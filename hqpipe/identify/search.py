@@ -336,11 +336,14 @@ class Search:
         return None
 
     def replaced(self, smaller: Known, name: str) -> list[Known]:
-        """A set with each of the effects that promise most in the place of one that was taken out, and enough to replace it."""
+        """A set with each of the effects that promise most in the place of one that was taken out, and enough to replace it,
+        and of those that more joints of the machine have than not."""
         others = [other for other in self.addable(smaller.names) if other != name]
         needed = smaller.solution.square - self.known[smaller.names | {name}].solution.square
         ranked = self.screening.screened(smaller, others)[:_REPLACED]
-        return [self.grown_by(smaller, other) for gain, other in ranked if gain >= _PROMISED * needed]
+        rivals = [other for gain, other in ranked if gain >= _PROMISED * needed]
+        usual = [other for other in others if self.odds[other] > 0.0 and other not in rivals]
+        return [self.grown_by(smaller, other) for other in (*rivals, *usual)]
 
     def with_given_up(self, smaller: Known) -> list[Known]:
         """A set with each of the effects that were given up and may stand beside it."""

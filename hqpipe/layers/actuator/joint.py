@@ -131,7 +131,7 @@ class ActuatorJoint:
         share = start.share(error, leak)
         if not heldout:
             object.__setattr__(self, "_share", share)
-        return start.removed(error, leak, share)
+        return start.removed_from(error, leak, share)
 
     @staticmethod
     def _each(shares: tuple[float, float, tuple[float, ...]]) -> tuple[float, float, float, float]:
@@ -176,7 +176,7 @@ class ActuatorJoint:
         shape = index - len(self.base) - len(self.places)
         if shape < 0:
             return None
-        return self.starts[0].removed(self.shapes[0][shape], float(values[_LEAK]), self._share)
+        return self.starts[0].removed_from(self.shapes[0][shape], float(values[_LEAK]), self._share)
 
     def row(self, values: np.ndarray) -> np.ndarray:
         """(WIDTH,) what the loops read, see `hqpipe.machine.layout`."""

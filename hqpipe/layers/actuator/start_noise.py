@@ -42,7 +42,7 @@ class StartNoise:
         left = self._left(leak)
         return self.variance / max(square - self.variance * float(np.mean(left**2)), self.variance)
 
-    def removed(self, error: np.ndarray, leak: float, share: float) -> np.ndarray:
+    def removed_from(self, error: np.ndarray, leak: float, share: float) -> np.ndarray:
         """(N,) r of errors e (N,), window by window, of a law that leaks `leak` of the torque in a sample.
 
         Args:
