@@ -12,12 +12,21 @@ with σ at its most likely value). Without it a law that leaks more than the mac
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 _LEAST = 1e-12  # |a|² below which nothing of the start is left
+
+
+class _Left(NamedTuple):
+    """What a law that leaks `leak` leaves of the start: `share` (S,) is a, and `square` |a|²."""
+
+    leak: float
+    share: np.ndarray
+    square: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +41,7 @@ class StartNoise:
     variance: float
     step: np.ndarray
     judged: np.ndarray
+    _last: _Left | None = field(init=False, default=None)
 
     def share(self, error: np.ndarray, leak: float) -> float:
         """ρ of errors e (N,) of a law that leaks `leak` of the torque in a sample: the variance of the sensor's noise over that
@@ -39,8 +49,8 @@ class StartNoise:
         square = float(error @ error) / max(len(error), 1)
         if not 0.0 < square < np.inf:
             return 0.0
-        left = self._left(leak)
-        return self.variance / max(square - self.variance * float(np.mean(left**2)), self.variance)
+        of_start = self.variance * self._left(leak).square / max(len(self.step), 1)
+        return self.variance / max(square - of_start, self.variance)
 
     def removed_from(self, error: np.ndarray, leak: float, share: float) -> np.ndarray:
         """(N,) r of errors e (N,), window by window, of a law that leaks `leak` of the torque in a sample.
@@ -52,24 +62,28 @@ class StartNoise:
             return error
         left = self._left(leak)
         if self._whole:
-            windows, square = error.reshape(self.judged.shape), np.full(len(self.judged), left @ left)
+            windows, square = error.reshape(self.judged.shape), np.float64(left.square)
         else:
-            windows, square = np.zeros(self.judged.shape), self.judged @ left**2
+            windows, square = np.zeros(self.judged.shape), self.judged @ left.share**2
             windows[self.judged] = error
         grown = np.log1p(share * square)
-        part = np.divide(-np.expm1(-0.5 * grown), square, out=np.zeros(len(square)), where=square > _LEAST)
-        found = np.exp(0.5 * grown.sum() / len(error)) * (windows - np.outer(part * (windows @ left), left))
+        part = -np.expm1(-0.5 * grown) / np.maximum(square, _LEAST)
+        found = windows - np.outer(part * (windows @ left.share), left.share)
+        found *= np.exp(0.5 * np.sum(np.broadcast_to(grown, len(windows))) / len(error))
         return found.ravel() if self._whole else found[self.judged]
 
     def floor(self, leak: float) -> tuple[float, float]:
         """Root mean square that the noise leaves in e, and in r, of a law that is right."""
-        square, count, sd = float(np.sum(self._left(leak) ** 2)), max(len(self.step), 1), self.variance**0.5
+        square, count, sd = self._left(leak).square, max(len(self.step), 1), self.variance**0.5
         return sd * (1.0 + square / count) ** 0.5, sd * (1.0 + square) ** (0.5 / count)
 
     @cached_property
     def _whole(self) -> bool:
         return bool(self.judged.all())
 
-    def _left(self, leak: float) -> np.ndarray:
-        """(S,) a, what is left of the start at each judged sample."""
-        return min(max(1.0 - leak, 0.0), 1.0) ** self.step.astype(np.float64)
+    def _left(self, leak: float) -> _Left:
+        """Of the start; the last one is kept, as most of what is tried leaks as much."""
+        if self._last is None or self._last.leak != leak:
+            share = min(max(1.0 - leak, 0.0), 1.0) ** self.step.astype(np.float64)
+            object.__setattr__(self, "_last", _Left(leak, share, float(share @ share)))
+        return self._last
