@@ -113,12 +113,14 @@ class Search:
         return self.preference(one, other) > 0.0
 
     def within_bounds(self, known: Known, name: str) -> bool:
-        """Whether an effect is not at its bound, where another law must be at work.
+        """Whether an effect is not at its bound, nor beyond what there is by its model, where another law must be at work.
 
         What both of two records have is part of the machine, and a generic shape has no limit.
         """
         if not self.effects[name].named or self.effects[name].in_both:
             return True
+        if name in getattr(self.model, "beyond", lambda values: ())(known.solution.values):
+            return False
         first, fitter = int(self.screening.places(name)[0]), self.fitter
         end = fitter.high[first] if known.solution.values[first] > fitter.neutral[first] else fitter.low[first]
         return self.size(known, name) <= AT_BOUND * abs(float(end - fitter.neutral[first]))

@@ -11,6 +11,9 @@ from numba import njit
 
 from hqpipe.machine.effect import NONE, Block, Effect, Parameter, Search
 
+LEAST_UNEQUAL = 0.05
+"""Of `areas`: a rod of 0.3 of the piston's diameter; thinner ones buckle. Assumption. Smaller values times the largest torque
+could be any offset, which has its own name."""
 MOST_UNEQUAL = 0.5  # a rod that leaves a third of the piston's area; larger ones are not built; assumption
 
 
@@ -25,7 +28,7 @@ EFFECT = Effect(
     layer="actuator",
     parameters=(
         Parameter("ratio", "1", Search(NONE, -0.95, 0.95, (0.1, -0.1))),
-        Parameter("areas", "1", Search(NONE, -MOST_UNEQUAL, MOST_UNEQUAL, (0.0,), counts=False, beside="orifice_flow")),
+        Parameter("areas", "1", Search(NONE, -MOST_UNEQUAL, MOST_UNEQUAL, (0.0, -0.17, 0.17), counts=False)),
     ),
     meaning="extending and retracting have different gains: unequal areas or an unmeasured constant load",
     source="Jelali & Kroll, Hydraulic Servo-systems, 2003: differential cylinders and asymmetric lands",

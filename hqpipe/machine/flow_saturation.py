@@ -18,7 +18,7 @@ EFFECT = Effect(
     name="flow_saturation",
     layer="actuator",
     parameters=(
-        Parameter("limit", "command", Search(COMMAND, 0.0, 1e3, (2.0, 1.3, 0.7, 0.35), usual=0.7), inverse=True),
+        Parameter("limit", "command", Search(COMMAND, 0.0, 1e3, (0.35, 0.7, 1.3, 2.0), usual=0.7), inverse=True),
     ),
     meaning="beyond a certain command the valve is fully open",
     source="Merritt, Hydraulic Control Systems, 1967: stroke of the spool",

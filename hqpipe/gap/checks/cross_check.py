@@ -22,7 +22,9 @@ from hqpipe.logs.trajectory import LogSet, Trajectory
 
 MEAN_S = 0.01  # over which effort and pressures are averaged, so that a skew of a few ms does not count as error
 SIGMAS = 5.0  # from zero or from the other joints, by bootstrap and by the scatter of those joints
-LEAST_RATIO = 0.01  # of a gain: less is within the tolerance of a pressure sensor; assumption
+LEAST_RATIO = 0.03
+"""Of a gain: load cells and pressure sensors are good to about 1 % each, and two joints are compared, so that less is within
+their tolerance; assumption. The cost: a gain that is off by less is not told."""
 LEAST_OFFSET = 0.01  # of the effort's standard deviation, likewise
 MIN_KIND = 3  # joints of one kind, so that one of them can be the odd one
 ONE_KIND = 0.05  # scatter of the gains of joints of one kind at most: other designs differ by more; assumption

@@ -21,6 +21,7 @@ from hqpipe.layers.actuator.repeated_run import RepeatedRun
 from hqpipe.layers.actuator.start_noise import StartNoise
 from hqpipe.machine import EFFECTS
 from hqpipe.machine.chain import Signals, residual_windows
+from hqpipe.machine.direction_asymmetry import LEAST_UNEQUAL
 from hqpipe.machine.layout import BASE, slot
 
 _LOGGED, _SPEED_LATE = BASE_NAMES.index(LOGGED_SPEED), BASE_NAMES.index(SPEED_LATE)
@@ -30,10 +31,15 @@ _BASE = [slot("base", name) for name in BASE]
 _TURN, _LATE = [slot(owner, p.name) for owner, p in OF_FRICTION], slot("setting", "speed_late")
 _STEP = slot("setting", "sample_time")
 _ORIFICE, _AREAS = ("orifice_flow", "effort_max_nm"), ("direction_asymmetry", "areas")
+_OFFSET = ("torque_bias", "nm")
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
 SPEEDS = ("raw_velocity", "velocity", "sliding")  # signals that are the speed of the log, or come of it
 _DRIVEN = (SPEEDS, ("demand",), ("raw_command", "command"), ("raw_position", "position"))
 """Signals that one share each drives: of the logged speed, the flow by openings, the motion of command and of position."""
+MOST_OFFSET = 0.1
+"""Of the largest torque that the orifice lets a joint give, that its sensor may be off by: data sheets of load cells and
+pressure sensors say 1 % of full scale, and none is used that is off by ten times that; assumption. Unequal areas of the piston
+do to the torque what a larger offset would."""
 LATE = 0.5  # rows by which the mean speed of a step belongs later than the row where it begins
 
 
@@ -78,6 +84,7 @@ class ActuatorJoint:
     _run: RepeatedRun = field(init=False)
     _friction: np.ndarray = field(init=False)
     _of_orifice: tuple[int, int, float] | None = field(init=False)
+    _offset: int | None = field(init=False)
     _neutral: np.ndarray = field(init=False)
     _last: dict[str, float] = field(init=False)
     _driven: Signals = field(init=False)
@@ -97,6 +104,8 @@ class ActuatorJoint:
         friction = [k for k, (owner, _) in enumerate(self.places) if EFFECTS[owner].effort_sources]
         object.__setattr__(self, "_friction", len(self.base) + np.array(friction, dtype=np.int64))
         object.__setattr__(self, "_of_orifice", self._areas_beside_orifice())
+        offset = len(self.base) + self.places.index(_OFFSET) if _OFFSET in self.places else None
+        object.__setattr__(self, "_offset", offset)
         object.__setattr__(self, "_neutral", np.array([parameter.neutral for parameter in all_parameters(self)]))
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
@@ -144,7 +153,8 @@ class ActuatorJoint:
         value of the first from which they act.
 
         The torque at which the pressures of both chambers are equal is the areas' difference times the largest torque. Where
-        the root bends nothing, that torque could be anything, and would stand for the offset of a sensor.
+        the root bends nothing, or the areas differ by less than a rod makes them, that torque could be anything, and would
+        stand for the offset of a sensor.
         """
         if _ORIFICE not in self.places or _AREAS not in self.places:
             return None
@@ -161,15 +171,24 @@ class ActuatorJoint:
         return tuple(values[len(BASE_NAMES) : len(self.base)].tolist())
 
     def idle(self, values: np.ndarray) -> tuple[int, ...]:
-        """Places of parameters that change nothing at these values: how friction turns round, where there is none, and the
-        areas beside an orifice that bends nothing."""
+        """Places of parameters that change nothing at these values: how friction turns round, where there is none, and areas
+        that do not act."""
         present = np.any(values[self._friction] != self._neutral[self._friction])
         turning = () if present else (_SPEED_LATE, *_PRESLIDING)
-        return (*turning, self._of_orifice[1]) if self._is_straight(values) else turning
+        return (*turning, self._of_orifice[1]) if self._is_even(values) else turning
 
-    def _is_straight(self, values: np.ndarray) -> bool:
-        """Whether there are areas of an orifice that bends nothing."""
-        return self._of_orifice is not None and values[self._of_orifice[0]] < self._of_orifice[2]
+    def _is_even(self, values: np.ndarray) -> bool:
+        """Whether there are areas of an orifice that bends nothing, or that differ by less than those of any rod."""
+        if self._of_orifice is None:
+            return False
+        first, areas, least = self._of_orifice
+        return values[first] < least or abs(values[areas]) < LEAST_UNEQUAL
+
+    def beyond(self, values: np.ndarray) -> tuple[str, ...]:
+        """The offset of a torque sensor that is too large for one that measures all that the orifice lets the joint give."""
+        if self._of_orifice is None or self._offset is None or values[self._of_orifice[0]] < self._of_orifice[2]:
+            return ()
+        return (_OFFSET[0],) if abs(values[self._offset]) * values[self._of_orifice[0]] > MOST_OFFSET else ()
 
     def sensitivity(self, values: np.ndarray, index: int) -> np.ndarray | None:
         """(N,) of the misfit by the size of a generic shape, in which the error is linear; None of any other parameter."""
@@ -186,7 +205,7 @@ class ActuatorJoint:
         row[_LATE] = self.per_row * (LATE * (1.0 - values[_LOGGED]) + values[_SPEED_LATE])
         row[_FLOW] = (1.0 - opening) * self.draws[0], opening * self.draws[1]
         row[self._columns] = values[self._owned]
-        if self._is_straight(values):
+        if self._is_even(values):
             row[slot(*_AREAS)] = 0.0
         return row
 

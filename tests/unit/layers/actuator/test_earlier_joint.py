@@ -34,6 +34,7 @@ def test_numbers_go_into_a_row_and_come_back(model, by_opening):
         size = max(size, 20.0 * p.least)  # an orifice that bends nothing has no areas
         values[k] = np.clip(p.neutral + rng.uniform(0.1, 0.5) * size, p.low, p.high)
     values[names_of(model).index(("supply_droop", "by_opening"))] = by_opening
+    values[names_of(model).index(("direction_asymmetry", "areas"))] = 0.1  # smaller ones do not act
     values[BASE_NAMES.index(LOGGED_SPEED)] = values[BASE_NAMES.index(SPEED_LATE)] = 0.0
     found, known = model.values_of(model.row(values))
     np.testing.assert_allclose(found, values, rtol=1e-12)

@@ -57,15 +57,29 @@ def test_the_numbers_beside_a_neutral_first_number_do_nothing(model):
         assert np.array_equal(model.error(values), expected), effect.name
 
 
-def test_unequal_areas_act_where_the_orifice_bends_the_flow(model):
-    orifice, areas = placed(model, "orifice_flow", "effort_max_nm"), placed(model, "orifice_flow", "areas")
-    for share, acts in ((0.9, False), (1.1, True)):
-        values = neutral(model)
-        values[orifice] = share * all_parameters(model)[orifice].least
-        expected = model.error(values)
-        values[areas] = 0.1
-        assert (areas in model.idle(values)) is not acts
-        assert np.array_equal(model.error(values), expected) is not acts
+@pytest.mark.parametrize(
+    "share,unequal,acts", [(0.9, 0.1, False), (1.1, 0.1, True), (1.1, -0.1, True), (1.1, 0.04, False)]
+)
+def test_unequal_areas_act_where_the_orifice_bends_the_flow_and_a_rod_can_be(model, share, unequal, acts):
+    orifice, areas = placed(model, "orifice_flow", "effort_max_nm"), placed(model, "direction_asymmetry", "areas")
+    values = neutral(model)
+    values[orifice] = share * all_parameters(model)[orifice].least
+    expected = model.error(values)
+    values[areas] = unequal
+    assert (areas in model.idle(values)) is not acts
+    assert np.array_equal(model.error(values), expected) is not acts
+
+
+@pytest.mark.parametrize(
+    "share,offset,beyond", [(1.1, 0.11, True), (1.1, -0.11, True), (1.1, 0.09, False), (0.9, 0.11, False)]
+)
+def test_an_offset_beyond_a_tenth_of_the_largest_torque_is_none_of_a_sensor(model, share, offset, beyond):
+    orifice, torque_bias = placed(model, "orifice_flow", "effort_max_nm"), placed(model, "torque_bias", "nm")
+    values = neutral(model)
+    assert model.beyond(values) == ()
+    values[orifice] = share * all_parameters(model)[orifice].least
+    values[torque_bias] = offset / values[orifice]
+    assert model.beyond(values) == (("torque_bias",) if beyond else ())
 
 
 def test_every_effect_and_every_shape_does_something(model):
