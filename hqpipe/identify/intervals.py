@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import norm
 
+from hqpipe.identify.beside import sets_beside
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.least_squares import Fitter, lengths
 from hqpipe.identify.normal_equations import NormalEquations
@@ -36,7 +37,7 @@ _SINGULAR = 1e-10  # of the largest eigenvalue: what the samples do not show sta
 def half_widths(search: Search, known: Known) -> np.ndarray:
     """(F,) of the 95 % intervals of the free parameters of a set; infinite where the prediction overflows.
 
-    Call `Search.rank_beside` before: what else the logs may ask for counts.
+    Call `rank_beside` before: what else the logs may ask for counts.
     """
     free = known.solution.free
     if not np.isfinite(known.solution.square):
@@ -84,7 +85,7 @@ def _law(search: Search, known: Known) -> np.ndarray:
     """(F,) from sets with one effect or shape more, those that are barred or refused among them."""
     free, values = known.solution.free, known.solution.values
     variance = np.zeros(len(free))
-    for larger in search.beside(known):
+    for larger in sets_beside(search, known):
         probability = 1.0 / (1.0 + np.exp(-np.clip(search.gain(larger, known), -_FAR, _FAR)))
         move = _share(search, known, larger) * (larger.solution.values - values)[free]
         variance += probability * move**2

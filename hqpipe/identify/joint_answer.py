@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hqpipe.identify.beside import rank_beside
 from hqpipe.identify.drifts import drifts
 from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
 from hqpipe.identify.intervals import half_widths
@@ -46,7 +47,7 @@ def answer(search: Search, best: Known) -> JointFound:
             break
         search.refused |= uncertain
         best = search.improved(search.grown(_only(search, core, core.names - uncertain)))
-    search.rank_beside(core)
+    rank_beside(search, core)
     probabilities = _considered(search, {name: belief.probability for name, belief in found.items()})
     claimed, core = core, _confirmed(search, core, base)
     unchanged = frozenset(name for name in core.names if search.effects[name].in_both)

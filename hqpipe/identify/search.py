@@ -30,7 +30,7 @@ named."""
 HALVED = 0.5
 """Of a squared error, that another answer may leave at most where nothing else speaks for it; assumption: chance does not
 halve an error. The cost: a right answer that explains less is not given."""
-_REFITTED = 4  # of the screened candidates; assumption: the best one is among them, though a slope is no fit
+REFITTED = 4  # of the screened candidates; assumption: the best one is among them, though a slope is no fit
 _REPLACED = 2  # of the screened candidates, that are tried in the place of another effect; assumption
 _POLISHED = 2  # starts of an effect from which it is fitted; assumption: one of them is near the best minimum
 _MOST = 8  # effects in one joint; assumption: more cannot be told apart in one output
@@ -42,7 +42,6 @@ AT_BOUND = 0.99  # of the way to its bound, from which a number counts as being 
 _PROMISED = 0.2
 """Of what a fit takes off the squared error, that its slope promises at least: where less is promised than this share of what
 is needed, only the best is fitted. Seen: in 98 % of the fits on which something hung a slope promised a quarter or more."""
-_UNLIKELY = -3.0  # ln of odds below which an effect is left aside: 5 %
 
 
 @dataclass(eq=False)
@@ -206,7 +205,7 @@ class Search:
     def gain(self, large: Known, small: Known) -> float:
         """ln of the posterior odds of a set against a part of it."""
         more = large.names - small.names
-        odds = sum(self.odds[name] for name in sorted(more)) - self._settled(large, more)
+        odds = sum(self.odds[name] for name in sorted(more)) - self.price_of_settled(large, more)
         return log_bayes_factor(self.fitter, large.solution, large.covariance, small.solution) + odds
 
     def preference(self, one: Known, other: Known) -> float:
@@ -266,45 +265,17 @@ class Search:
             self._left_out[key] = left_out_square(self.fitter, known.solution)
         return self._left_out[key]
 
-    def rank_beside(self, best: Known) -> None:
-        """Set the gains of all effects beside a set: of a fit where there is one, else of what the slope promises.
-
-        A promise is charged as by Schwarz (1978): half the logarithm of the independent samples for each number.
-        """
-        time = correlation_time(best.solution.error, self.model.fit)
-        independent = len(best.solution.error) / time
-        promises = {name: gain for gain, name in self.screening.screened(best, self.addable(best.names))}
-        for name, effect in self.effects.items():
-            if name in best.names:
-                self.gains[name] = self.gain(best, self.without(best, name))
-                continue
-            larger = self.grown_by(best, name) if best.names | {name} in self.known else None
-            worth = 0.5 * promises.get(name, 0.0) / (best.covariance.noise * time)
-            charge = 0.5 * len(effect.parameters) * float(np.log(max(independent, 1.0)))
-            charge += self._settled(best, frozenset({name})) - self.odds[name]
-            self.gains[name] = self.gain(larger, best) if larger else worth - charge
-
     def addable(self, names: Names) -> list[str]:
         """Effects that may join a set."""
         shut = names.union(*(self.effects[name].excludes for name in names)) if names else names
         shut = shut | self.barred | self.refused | self.given_up
         return [n for n, e in self.effects.items() if n not in shut and not e.excludes & names]
 
-    def beside(self, known: Known) -> list[Known]:
-        """Sets with one effect more that the logs may ask for, those that are barred or refused among them; after
-        `rank_beside`."""
-        able = {*self.addable(known.names), *self.barred, *self.refused, *self.given_up} - known.names
-        able = {name for name in able if not self.effects[name].excludes & known.names}
-        likely = sorted(
-            (name for name in able if self.gains[name] > _UNLIKELY), key=lambda name: (-self.gains[name], name)
-        )
-        return [self.grown_by(known, name) for name in likely[:_REFITTED]]
-
     def grown(self, best: Known) -> Known:
         """The set with the effects that the logs ask for beside it, the most probable first."""
         while len(best.names) < _MOST:
             needed = max(LEAST_GAIN / (1.0 + LEAST_GAIN) * best.solution.square, self.material)
-            ranked = self.screening.screened(best, self.addable(best.names))[:_REFITTED]
+            ranked = self.screening.screened(best, self.addable(best.names))[:REFITTED]
             tried = ranked[:1] + [(gain, name) for gain, name in ranked[1:] if gain >= _PROMISED * needed]
             larger = [self.grown_by(best, name) for _, name in tried]
             able = [
@@ -352,7 +323,7 @@ class Search:
         able = (name for name in sorted(self.given_up) if not self.effects[name].excludes & smaller.names)
         return [self.grown_by(smaller, name) for name in able]
 
-    def _settled(self, known: Known, names: Names) -> float:
+    def price_of_settled(self, known: Known, names: Names) -> float:
         """ln of the price of what effects settle by themselves, each number charged as by Schwarz (1978): half the logarithm of
         the independent samples of a trial.
 
@@ -368,7 +339,7 @@ class Search:
 
     def _price(self, known: Known) -> float:
         places = np.arange(len(self.model.base), len(known.solution.free))
-        odds = sum(self.odds[name] for name in sorted(known.names)) - self._settled(known, known.names)
+        odds = sum(self.odds[name] for name in sorted(known.names)) - self.price_of_settled(known, known.names)
         return occam(self.fitter, known.solution, known.covariance, places) + odds
 
     def _fit(

@@ -19,6 +19,9 @@ EXPLAINED = 0.25  # of the squared gap may be left: the causes halve the gap at 
 SIGNIFICANCE = 0.05  # over all joints together (Bonferroni)
 FLOOR_MARGIN = 1.05  # the floor itself is an estimate, good to a few per cent
 UNPREDICTED_MARGIN = 2.0  # assumption: the floor takes noise for white; coloured noise is off by less
+RARE_MARGIN = 4.0
+"""Over the floor, from which a mean squared error is none of noise, in however few blocks it lies; assumption: twice what
+coloured noise may be. Without it a limit that is reached twice in a trial is no gap, as the blocks by chance may miss it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,4 +111,5 @@ def _above(
     low, gain = (np.percentile((weights @ errors.sums(x)) / count, level, axis=0) for x in (squares, gains))
     predictable = (gain > 0.0) & (error - flexible >= LEAST_GAIN * error)
     clear = (low > FLOOR_MARGIN * floor) & (predictable | (error > UNPREDICTED_MARGIN * floor))
+    clear |= error > RARE_MARGIN * floor
     return clear & (error - floor > (errors.material * errors.scale) ** 2), predictable

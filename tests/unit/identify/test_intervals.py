@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from identify.toy_joint import ToyJoint
 
+from hqpipe.identify.beside import rank_beside
 from hqpipe.identify.change import _joined
 from hqpipe.identify.intervals import _between, half_widths
 from hqpipe.identify.prior import prior_odds
@@ -16,7 +17,7 @@ def _half(model, name="coulomb_friction"):
     """Half width and value of the first number of an effect that is fitted alone."""
     search = Search(model, prior_odds(model, {}, 0))
     known = search.grown_by(search.base, name)
-    search.rank_beside(known)
+    rank_beside(search, known)
     place = int(np.flatnonzero(known.solution.free == search.screening.places(name)[0])[0])
     return half_widths(search, known)[place], known.solution.values[search.screening.places(name)[0]]
 

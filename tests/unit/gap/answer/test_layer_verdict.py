@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from layer_cases import cause, layer_found, log_set, made_up, toy
@@ -51,3 +53,15 @@ def test_what_an_earlier_record_missed_is_no_change(model):
     errors = layer_errors(found, log_set([model]))
     assert weigh_layer(errors, np.array([26.0])).verdict(False) == "no_gap"
     assert weigh_layer(errors, np.array([4.0])).verdict(False) == "unknown"
+
+
+@pytest.mark.parametrize("size,expected", [(30.0, ["unknown", "partly_explained"]), (0.5, ["no_gap", "explained"])])
+def test_an_error_far_above_the_noise_is_a_gap_however_short_it_lasts(model, size, expected):
+    """A limit that is reached once: the blocks of a bootstrap may miss it, noise cannot make it."""
+    found = made_up(model, 0.1, 0.1, 0.1, [cause("a")])
+    rare = found.base.heldout.copy()
+    rare[:5] = size
+    once = replace(found.base, heldout=rare)
+    found = replace(found, base=once, named=once, full=once)
+    evidence = weigh_layer(layer_errors(layer_found(found), log_set([model])))
+    assert [evidence.verdict(causes) for causes in (False, True)] == expected
