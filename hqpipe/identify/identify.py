@@ -15,6 +15,7 @@ from hqpipe.identify.minor_causes import without_minor_causes
 from hqpipe.identify.model import JointModel, LayerJoints
 from hqpipe.identify.passing import with_passing
 from hqpipe.identify.prior import prior_odds
+from hqpipe.identify.same_by_law import with_the_same_by_law
 from hqpipe.identify.screening import Names
 from hqpipe.identify.shared_names import with_shared_names
 
@@ -80,7 +81,8 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
         sets = [(frozenset(joint.kept.effects), frozenset(joint.base.effects)) for joint in answers]
         visible = pool.each("visible", sets)
     return tuple(
-        replace(joint, model=model, visible=seen) for joint, model, seen in zip(answers, models, visible, strict=True)
+        with_the_same_by_law(replace(joint, model=model, visible=seen))
+        for joint, model, seen in zip(answers, models, visible, strict=True)
     )
 
 

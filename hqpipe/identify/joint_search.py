@@ -14,6 +14,7 @@ from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.joint_moves import Step, Worths
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel
+from hqpipe.identify.rounds import searched
 from hqpipe.identify.search import Known, Names, Search
 from hqpipe.identify.visible import least_visible
 
@@ -45,7 +46,7 @@ class JointSearch:
     def first(self) -> Names:
         """Effects that the joint asks for by itself."""
         self._search = Search(self._model, self._odds(self._model, {}, 0))
-        self._known = self._search.run()
+        self._known = searched(self._search)
         return self._known.names
 
     def answered(self) -> JointFound:

@@ -33,8 +33,7 @@ halve an error. The cost: a right answer that explains less is not given."""
 REFITTED = 4  # of the screened candidates; assumption: the best one is among them, though a slope is no fit
 _REPLACED = 2  # of the screened candidates, that are tried in the place of another effect; assumption
 _POLISHED = 2  # starts of an effect from which it is fitted; assumption: one of them is near the best minimum
-_MOST = 8  # effects in one joint; assumption: more cannot be told apart in one output
-_ROUNDS = 3  # of additions and exchanges; assumption: what still changes then is a draw
+MOST_EFFECTS = 8  # effects in one joint; assumption: more cannot be told apart in one output
 _LOWER = (
     1e-4  # share of the squared error by which another minimum is lower: fits end, and priors move them, within less
 )
@@ -80,16 +79,6 @@ class Search:
     def base(self) -> Known:
         return self.known[frozenset()]
 
-    def run(self) -> Known:
-        """The set that no addition, removal or exchange improves."""
-        best = self._begun_with()
-        for _ in range(_ROUNDS):
-            before = best.names
-            best = self.settled(self.improved(self.grown(best)))
-            if best.names == before:
-                break
-        return best
-
     def may_have(self, names: Names) -> bool:
         """Whether the joint has these effects, and they may stand in one set."""
         return names <= self.effects.keys() and all(name in self.addable(names - {name}) for name in names)
@@ -101,7 +90,11 @@ class Search:
         for name, values in numbers.items():
             if len(values) == len(self.screening.places(name)):
                 start[self.screening.places(name)] = values
-        return self._kept(names, self._fit(names, [start], self.base.covariance.noise))
+        return self.begun_from(names, start)
+
+    def begun_from(self, names: Names, values: np.ndarray) -> Known:
+        """A set, fitted from given values (P,)."""
+        return self._kept(names, self._fit(names, [values], self.base.covariance.noise))
 
     def likelier(self, one: Known, other: Known) -> bool:
         """Whether a set is more probable than another."""
@@ -128,15 +121,6 @@ class Search:
         """Of an effect's first number, from neutral."""
         first = int(self.screening.places(name)[0])
         return abs(float(known.solution.values[first] - self.fitter.neutral[first]))
-
-    def _begun_with(self) -> Known:
-        """The set that a model offers to begin with, without what is not needed of it; else the base."""
-        begin = getattr(self.model, "begin", None)
-        if begin is None:
-            return self.base
-        names, values = begin
-        first = self._kept(names, self._fit(names, [values], self.base.covariance.noise))
-        return self.improved(first) if self.gain(first, self.base) > 0.0 else self.base
 
     def settled(self, best: Known) -> Known:
         """The set with the best of its fits in which each effect joins last: where a fit begins may decide where it ends."""
@@ -273,7 +257,7 @@ class Search:
 
     def grown(self, best: Known) -> Known:
         """The set with the effects that the logs ask for beside it, the most probable first."""
-        while len(best.names) < _MOST:
+        while len(best.names) < MOST_EFFECTS:
             needed = max(LEAST_GAIN / (1.0 + LEAST_GAIN) * best.solution.square, self.material)
             ranked = self.screening.screened(best, self.addable(best.names))[:REFITTED]
             tried = ranked[:1] + [(gain, name) for gain, name in ranked[1:] if gain >= _PROMISED * needed]
@@ -281,13 +265,10 @@ class Search:
             able = [
                 k for k in larger if best.solution.square - k.solution.square >= needed or self._is_ordinary(k, best)
             ]
-            options = [(self.gain(k, best), k) for k in able]
+            options = [(gain, k) for k in able if (gain := self.gain(k, best)) > 0.0]
             if not options:
                 break
-            gain, option = max(options, key=lambda pair: pair[0])
-            if gain <= 0.0:
-                break
-            best = option
+            _, best = max(options, key=lambda pair: pair[0])
         return best
 
     def _is_ordinary(self, larger: Known, smaller: Known) -> bool:
@@ -325,17 +306,17 @@ class Search:
 
     def price_of_settled(self, known: Known, names: Names) -> float:
         """ln of the price of what effects settle by themselves, each number charged as by Schwarz (1978): half the logarithm of
-        the independent samples of a trial.
+        its share of the independent samples.
 
         Args:
             known: a set, whose errors say how many samples are independent. names: of the effects.
         """
-        numbers = sum(self.effects[name].settled for name in names)
+        numbers = [self.effects[name].settled for name in sorted(names) if self.effects[name].settled]
         if not numbers or not np.isfinite(known.solution.square):
             return 0.0
-        error, fit = known.solution.error, self.model.fit
-        independent = len(error) / correlation_time(error, fit) / max(len(np.unique(fit.trial)), 1)
-        return 0.5 * numbers * float(np.log(max(independent, 1.0)))
+        error = known.solution.error
+        independent = len(error) / correlation_time(error, self.model.fit)
+        return sum(0.5 * number * float(np.log(max(independent / number, 1.0))) for number in numbers)
 
     def _price(self, known: Known) -> float:
         places = np.arange(len(self.model.base), len(known.solution.free))

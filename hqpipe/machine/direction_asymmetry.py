@@ -2,7 +2,8 @@
 
 A cylinder with a rod on one side does so too, and what the supply can lift differs with the direction as the areas do:
 `areas` is (A₊ − A₋)/(A₊ + A₋), read by `hqpipe.machine.orifice_flow`. A torque sensor with an offset of that
-share of the largest torque would say the same of position mode, but no sensor drifts by a tenth of its range.
+share of the largest torque would say the same of position mode: areas that are cut to 0.4 % of each other shift the torque of
+equal pressures as far as a good sensor drifts. Only a tenth and more, as of a rod on one side, is no sensor's.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from hqpipe.machine.effect import NONE, Block, Effect, Parameter, Search
 
 LEAST_UNEQUAL = 0.05
 """Of `areas`: a rod of 0.3 of the piston's diameter; thinner ones buckle. Assumption. Smaller values times the largest torque
-could be any offset, which has its own name."""
+are told as an offset, which has its own name, with this effect beside it."""
 MOST_UNEQUAL = 0.5  # a rod that leaves a third of the piston's area; larger ones are not built; assumption
 
 

@@ -156,7 +156,7 @@ def _cause(effect: str, layer: str, members: dict[str, JointCause], machine: Seq
         if count >= MOST_JOINTS * len(members)
     ]
     counted = Counter(name for cause in members.values() for name in dict.fromkeys(cause.confused_with))
-    rivals = tuple(name for name, count in counted.most_common() if count > MOST_JOINTS * len(members))
+    rivals = tuple(name for name, count in counted.most_common() if count >= MOST_JOINTS * len(members))
     scope = scope_of(tuple(members), machine)
     return LayerCause(effect, layer_of(effect, layer), scope, members, tuple(numbers), rivals)
 

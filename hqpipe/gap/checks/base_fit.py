@@ -13,11 +13,12 @@ import numpy as np
 
 from hqpipe.identify.paper_model.problem import COEFFICIENTS, Problem
 from hqpipe.identify.windows import JointData, Windows
-from hqpipe.layers.actuator.record import MOST_WINDOWS, window_starts
+from hqpipe.layers.actuator.record import window_starts
 from hqpipe.logs.columns import COMMAND_CHANNEL
 from hqpipe.logs.differentiate import step_speed
 from hqpipe.logs.trajectory import Trajectory
 
+MOST_WINDOWS = 400  # of a joint; 40 s of windows of 0.1 s say what an hour says, in bounded time
 _OUTLIER = 0.5  # of the RMS torque, from which on an error counts linearly (Huber); assumption: impacts are smaller
 _FREE = {
     "position": np.ones(len(COEFFICIENTS), dtype=bool),

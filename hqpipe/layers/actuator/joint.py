@@ -31,7 +31,7 @@ _BASE = [slot("base", name) for name in BASE]
 _TURN, _LATE = [slot(owner, p.name) for owner, p in OF_FRICTION], slot("setting", "speed_late")
 _STEP = slot("setting", "sample_time")
 _ORIFICE, _AREAS = ("orifice_flow", "effort_max_nm"), ("direction_asymmetry", "areas")
-_OFFSET = ("torque_bias", "nm")
+_OFFSET, _INTEGRAL = ("torque_bias", "nm"), ("integral_action", "ki")
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
 SPEEDS = ("raw_velocity", "velocity", "sliding")  # signals that are the speed of the log, or come of it
 _DRIVEN = (SPEEDS, ("demand",), ("raw_command", "command"), ("raw_position", "position"))
@@ -40,6 +40,9 @@ MOST_OFFSET = 0.1
 """Of the largest torque that the orifice lets a joint give, that its sensor may be off by: data sheets of load cells and
 pressure sensors say 1 % of full scale, and none is used that is off by ten times that; assumption. Unequal areas of the piston
 do to the torque what a larger offset would."""
+LEAST_INTEGRATED = 0.1
+"""Of the error that an integrator is given, what it must add to it in the longest excerpt of the logs: one that adds less is an
+offset which each excerpt may choose. Assumption; the cost: an integrator that a few seconds show no better is not named."""
 LATE = 0.5  # rows by which the mean speed of a step belongs later than the row where it begins
 
 
@@ -85,6 +88,8 @@ class ActuatorJoint:
     _friction: np.ndarray = field(init=False)
     _of_orifice: tuple[int, int, float] | None = field(init=False)
     _offset: int | None = field(init=False)
+    _integral: int | None = field(init=False)
+    _longest: float = field(init=False)
     _neutral: np.ndarray = field(init=False)
     _last: dict[str, float] = field(init=False)
     _driven: Signals = field(init=False)
@@ -104,8 +109,11 @@ class ActuatorJoint:
         friction = [k for k, (owner, _) in enumerate(self.places) if EFFECTS[owner].effort_sources]
         object.__setattr__(self, "_friction", len(self.base) + np.array(friction, dtype=np.int64))
         object.__setattr__(self, "_of_orifice", self._areas_beside_orifice())
-        offset = len(self.base) + self.places.index(_OFFSET) if _OFFSET in self.places else None
-        object.__setattr__(self, "_offset", offset)
+        for name, place in (("_offset", _OFFSET), ("_integral", _INTEGRAL)):
+            at = len(self.base) + self.places.index(place) if place in self.places else None
+            object.__setattr__(self, name, at)
+        longest = float(np.diff(self.records[0].signals.bounds).max(initial=0)) * self.neutral[_STEP]
+        object.__setattr__(self, "_longest", longest)
         object.__setattr__(self, "_neutral", np.array([parameter.neutral for parameter in all_parameters(self)]))
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
@@ -181,14 +189,29 @@ class ActuatorJoint:
         """Whether there are areas of an orifice that bends nothing, or that differ by less than those of any rod."""
         if self._of_orifice is None:
             return False
-        first, areas, least = self._of_orifice
-        return values[first] < least or abs(values[areas]) < LEAST_UNEQUAL
+        return self._is_straight(values) or abs(values[self._of_orifice[1]]) < LEAST_UNEQUAL
+
+    def _is_straight(self, values: np.ndarray) -> bool:
+        """Whether the orifice bends nothing."""
+        return self._of_orifice is None or bool(values[self._of_orifice[0]] < self._of_orifice[2])
 
     def beyond(self, values: np.ndarray) -> tuple[str, ...]:
-        """The offset of a torque sensor that is too large for one that measures all that the orifice lets the joint give."""
-        if self._of_orifice is None or self._offset is None or values[self._of_orifice[0]] < self._of_orifice[2]:
-            return ()
-        return (_OFFSET[0],) if abs(values[self._offset]) * values[self._of_orifice[0]] > MOST_OFFSET else ()
+        """An offset too large for a torque sensor that measures all that the orifice lets the joint give, and an integrator
+        that hardly integrates."""
+        found = []
+        if not self._is_straight(values) and self._share_of_offset(values) > MOST_OFFSET:
+            found.append(_OFFSET[0])
+        if self._integral is not None and 0.0 < values[self._integral] * self._longest < LEAST_INTEGRATED:
+            found.append(_INTEGRAL[0])
+        return tuple(found)
+
+    def same_by_law(self, values: np.ndarray) -> Mapping[str, tuple[str, ...]]:
+        """The areas of a piston that do what an offset of the torque sensor does, see `hqpipe.machine.direction_asymmetry`."""
+        return {} if self._is_straight(values) or not self._share_of_offset(values) else {_OFFSET[0]: (_AREAS[0],)}
+
+    def _share_of_offset(self, values: np.ndarray) -> float:
+        """The offset of the torque sensor over the largest torque that the orifice lets the joint give."""
+        return 0.0 if self._offset is None else abs(float(values[self._offset] * values[self._of_orifice[0]]))
 
     def sensitivity(self, values: np.ndarray, index: int) -> np.ndarray | None:
         """(N,) of the misfit by the size of a generic shape, in which the error is linear; None of any other parameter."""

@@ -9,13 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from hqpipe.identify.model import Samples
+from hqpipe.layers.actuator.excerpts import excerpts_of
 from hqpipe.logs.differentiate import step_speed
 from hqpipe.logs.end_stops import judged_windows
 from hqpipe.logs.finer_clock import between, held
 from hqpipe.logs.trajectory import Trajectory, Trial, recording_of
 from hqpipe.machine.chain import Signals
 
-MOST_WINDOWS = 400  # of a joint and split; 40 s of windows of 0.1 s say what an hour says, in bounded time
 MOST_SAMPLES = 8_000  # judged of a joint and split: a free run changes little from one millisecond to the next
 RECORDED = 0.5  # of a window's samples that must have been recorded; assumption
 
@@ -27,7 +27,7 @@ class Record:
     Attributes:
         files: names of the trials. trial: (W,) index into them.
         signals: for the loops on the clock of the controller, with the speed from one position to the next; command and
-            position as they were logged last.
+            position as they were logged last. Of long trials excerpts, each bounded like a trial.
         moving: (T,) command and position on smooth curves between rows, the same where the controller is no faster than the
             log. logged: (T,) speed as it was logged. by_speed, by_opening: (T,) flow that all joints draw, as their speeds and
             as the errors of their positions tell it, rad/s.
@@ -104,7 +104,7 @@ class Record:
 def record_of(
     trials: Sequence[Trial], j: int, steps: int, draws: tuple[np.ndarray, np.ndarray], per_row: int = 1
 ) -> Record:
-    """Joint `j` in complete windows of `steps` rows, evenly thinned.
+    """Joint `j` in complete windows of `steps` rows, as many as are judged of long trials.
 
     Left out are windows in which the joint touches an end stop, those that start at a sample that was not recorded, and those
     of which half was not.
@@ -116,21 +116,24 @@ def record_of(
     logs = [trial.trajectory for trial in trials]
     if not logs:
         return _empty(steps * per_row)
-    starts = [window_starts(t, j, steps) * per_row for t in logs]
-    bounds = np.cumsum([0, *((t.samples - 1) * per_row + 1 for t in logs)])
-    first = np.concatenate([s + begun for s, begun in zip(starts, bounds, strict=False)]).astype(np.int64)
+    parts = excerpts_of([t.samples for t in logs], [window_starts(t, j, steps) for t in logs], steps)
+    bounds = np.cumsum([0, *(part.samples(per_row) for part in parts)])
+    first = np.concatenate(
+        [(part.first - part.start) * per_row + begun for part, begun in zip(parts, bounds, strict=False)]
+    ).astype(np.int64)
     names = [recording_of(trial) for trial in trials]
     files = tuple(dict.fromkeys(names))
-    trial = np.repeat([files.index(name) for name in names], [len(s) for s in starts])
-    if len(first) > MOST_WINDOWS:
-        kept = np.linspace(0, len(first) - 1, MOST_WINDOWS).round().astype(int)
-        first, trial = first[kept], trial[kept]
+    trial = np.repeat([files.index(names[part.trial]) for part in parts], [len(part.first) for part in parts])
+
+    def joined(pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:
+        whole = {k: np.asarray(pick(logs[k]), dtype=np.float64) for k in dict.fromkeys(part.trial for part in parts)}
+        return np.concatenate([part.of(whole[part.trial], per_row) for part in parts])
 
     def kept(pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:
-        return _joined(logs, lambda t: held(pick(t), per_row))
+        return joined(lambda t: held(pick(t), per_row))
 
     def smooth(pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:
-        return _joined(logs, lambda t: between(pick(t), per_row))
+        return joined(lambda t: between(pick(t), per_row))
 
     effort = smooth(lambda t: t.effort[:, j])
     every, steps = max(1, -(-len(first) * steps // MOST_SAMPLES)), steps * per_row
@@ -141,7 +144,7 @@ def record_of(
     signals = Signals(
         command=kept(lambda t: t.position_command[:, j]),
         position=kept(lambda t: t.position[:, j]),
-        velocity=_joined(logs, lambda t: step_speed(between(t.position[:, j], per_row), t.dt / per_row)),
+        velocity=joined(lambda t: step_speed(between(t.position[:, j], per_row), t.dt / per_row)),
         effort=effort,
         time=smooth(lambda t: t.time - t.time[0] + t.start),
         demand=kept(lambda t: np.abs(t.velocity) @ draws[0]),
@@ -200,10 +203,6 @@ def window_starts(t: Trajectory, j: int, steps: int) -> np.ndarray:
     seen = t.recorded[:, j]
     total = np.concatenate([[0.0], np.cumsum(seen)])
     return starts[seen[starts] & ((total[starts + steps + 1] - total[starts]) / (steps + 1) > RECORDED)]
-
-
-def _joined(logs: Sequence[Trajectory], pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:
-    return np.ascontiguousarray(np.concatenate([np.asarray(pick(t), dtype=np.float64) for t in logs]))
 
 
 def _empty(steps: int) -> Record:

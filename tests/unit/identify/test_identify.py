@@ -18,6 +18,7 @@ from hqpipe.identify.joint_moves import Step
 from hqpipe.identify.joint_search import JointSearch
 from hqpipe.identify.model import Effect, LayerJoints, Parameter
 from hqpipe.identify.prior import prior_odds
+from hqpipe.identify.rounds import searched
 from hqpipe.identify.search import Search
 from hqpipe.identify.uncertain_effects import certainty, without_uncertain
 
@@ -50,6 +51,45 @@ def test_planted_effects_are_named_with_their_numbers(correlation):
         assert number.ci95[0] < truth[cause.effect] < number.ci95[1]
         assert cause.probability > 0.99
     assert np.mean(joint.named.heldout**2) < 0.5 * np.mean(joint.base.heldout**2)
+
+
+class TwoAtOnce(ToyJoint):
+    """Friction of which the regressor holds a spring as well: without the candidate for a spring it fits nothing."""
+
+    effects = tuple(effect for effect in ToyJoint.effects if effect.name in ("coulomb_friction", "spring"))
+
+    def _part(self, files, truth, *others):
+        samples, regressors = super()._part(files, {}, *others)
+        regressors = regressors[[0, 1, 2, 4]]
+        regressors[2] += 15.0 * regressors[3]
+        numbers = [truth.get(effect.name, 0.0) for effect in self.effects]
+        return replace(samples, output=samples.output + numbers @ regressors[2:]), regressors
+
+
+def test_two_effects_are_named_of_which_neither_is_asked_for_alone():
+    joint = TwoAtOnce(truth={"coulomb_friction": 0.3, "spring": -4.5})
+    search = Search(joint, prior_odds(joint, {}, 0))
+    assert search.grown(search.base) is search.base
+    (found,) = _found(joint)
+    assert sorted(_names(found)) == ["coulomb_friction", "spring"]
+    assert _names(_found(TwoAtOnce())[0]) == []
+
+
+def test_what_the_law_of_a_joint_cannot_tell_apart_stands_beside_its_cause():
+    class Ambiguous(ToyJoint):
+        def same_by_law(self, values):
+            assert values[[e.name for e in self.effects].index("spring") + len(self.base)] == pytest.approx(
+                0.5, rel=0.1
+            )
+            return {"spring": ("viscous_friction", "nothing")}
+
+    truth = {"coulomb_friction": 0.3, "spring": 0.5}
+    plain, ambiguous = (_found(kind(truth=truth))[0] for kind in (ToyJoint, Ambiguous))
+    assert {c.effect: c.confused_with for c in plain.causes} == {"coulomb_friction": (), "spring": ()}
+    assert {c.effect: c.confused_with for c in ambiguous.causes} == {
+        "coulomb_friction": (),
+        "spring": ("viscous_friction",),
+    }
 
 
 def test_what_no_effect_describes_gets_no_name():
@@ -135,7 +175,7 @@ def test_what_the_prediction_settles_by_itself_has_its_price():
 def test_what_takes_little_off_the_error_joins_no_set_however_significant(stiffness, names):
     joint = ToyJoint(truth={"spring": stiffness}, seed=3)
     search = Search(joint, prior_odds(joint, {}, 0))
-    reached = search.run()
+    reached = searched(search)
     assert search.gain(search.grown_by(search.base, "spring"), search.base) > 10.0
     assert sorted(reached.names) == names
 

@@ -13,6 +13,7 @@ from hqpipe.identify.base_solution import base_solution
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.left_out import left_out_square
 from hqpipe.identify.model import Effect, Parameter, positions
+from hqpipe.identify.rounds import searched
 from hqpipe.identify.search import Search
 
 
@@ -143,7 +144,7 @@ def test_a_corner_that_the_data_resolve_is_found_however_little_was_known_of_it(
 
         scatter = 0.02 * np.random.default_rng(3).standard_normal(10_000)
 
-    found = _search(Limited()).run()
+    found = searched(_search(Limited()))
     assert found.names == {"flow_saturation"}
     assert found.solution.values == pytest.approx([2.0, 0.2, 2.5], rel=3e-3)
 

@@ -48,7 +48,7 @@ class ToyJoint:
             parts.append((np.full(len(time), k), time, q, v, acceleration))
         trial, clock, q, v, acceleration = (np.concatenate(column) for column in zip(*parts, strict=True))
         regressors = np.stack([acceleration, np.ones_like(q), np.sign(v), v, q, q**3, v * np.abs(v)])
-        names = [p.name for p in self.base] + [e.name for e in self.effects]
+        names = [p.name for p in ToyJoint.base] + [e.name for e in ToyJoint.effects]
         numbers = np.array([truth.get(name, 1.0 if name == "inertia" else 0.0) for name in names])
         white = rng.normal(0.0, noise * np.sqrt(1.0 - correlation**2), len(q))
         for k in range(1, len(white)):

@@ -11,7 +11,7 @@ from hqpipe.benchmark.cases.planted import Built, Numbers, one_setting
 NOTABLE_SLOPE = 0.1  # of the oil's stiffness over the free motion: below it a slope is not listed; assumption
 STIFF_LINK = 8.0  # times the oil's stiffness: above it a link is not listed as compliant; assumption
 NOTABLE_DELAY = 4.0e-4  # s, of a valve's dead time; assumption
-NOTABLE_RATIO = 0.01  # of unequal areas; assumption
+NOTABLE_RATIO = 1e-3  # of unequal areas: the torque at equal pressures is then off by as much as noise of a good sensor
 
 
 def _cold(machine: LeggedMachine, j: int, size: float, rng: np.random.Generator) -> Built:

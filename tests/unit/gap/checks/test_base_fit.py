@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from planted_logs import STEPS, logs_of
 
-from hqpipe.gap.checks.base_fit import BaseFit
-from hqpipe.layers.actuator.record import MOST_WINDOWS
+from hqpipe.gap.checks.base_fit import MOST_WINDOWS, BaseFit
 
 NOISE = 3.0
 K1, K2, K3 = 0.12, 0.02, 4.0

@@ -82,6 +82,24 @@ def test_an_offset_beyond_a_tenth_of_the_largest_torque_is_none_of_a_sensor(mode
     assert model.beyond(values) == (("torque_bias",) if beyond else ())
 
 
+@pytest.mark.parametrize("share,offset,same", [(1.1, 0.01, True), (0.9, 0.01, False), (1.1, 0.0, False)])
+def test_an_offset_beside_an_orifice_may_be_unequal_areas(model, share, offset, same):
+    orifice, torque_bias = placed(model, "orifice_flow", "effort_max_nm"), placed(model, "torque_bias", "nm")
+    values = neutral(model)
+    assert model.same_by_law(values) == {}
+    values[orifice] = share * all_parameters(model)[orifice].least
+    values[torque_bias] = offset / values[orifice]
+    assert model.same_by_law(values) == ({"torque_bias": ("direction_asymmetry",)} if same else {})
+
+
+@pytest.mark.parametrize("added,beyond", [(0.0, False), (0.05, True), (0.3, False)])
+def test_an_integrator_that_hardly_integrates_is_none(model, added, beyond):
+    longest = np.diff(model.records[0].signals.bounds).max() * model.dt / model.per_row
+    values = neutral(model)
+    values[placed(model, "integral_action", "ki")] = added / longest
+    assert model.beyond(values) == (("integral_action",) if beyond else ())
+
+
 def test_every_effect_and_every_shape_does_something(model):
     expected = model.error(neutral(model))
     for effect in model.effects:

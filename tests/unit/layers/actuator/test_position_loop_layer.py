@@ -13,7 +13,8 @@ from hqpipe.errors import IdentificationError
 from hqpipe.identify.identify import identify
 from hqpipe.identify.model import parameter_names
 from hqpipe.layers.actuator import Actuator
-from hqpipe.layers.actuator.record import MOST_SAMPLES, MOST_WINDOWS, record_of
+from hqpipe.layers.actuator.excerpts import FEWEST_RUNS, LEAD, MOST_WINDOWS, excerpts_of
+from hqpipe.layers.actuator.record import MOST_SAMPLES, record_of
 from hqpipe.layers.actuator.sizes import sizes_of
 from hqpipe.logs.trajectory import Excerpt, Trial
 
@@ -114,16 +115,39 @@ def test_held_out_trials_shorter_than_a_window_hold_no_samples(logs):
     assert joint.error(neutral(joint), True).shape == (0,) == joint.heldout.time.shape
 
 
-def test_long_logs_are_thinned_evenly():
+def test_long_logs_are_judged_in_runs_all_over_them():
     trials = [Trial(f"t{i}.parquet", "fit", None, swinging(30.0, seed=i)) for i in range(2)]
     record = record_of(trials, 0, 100, (np.ones(1), np.ones(1)))
     assert record.windows == MOST_WINDOWS and record.judged.size <= MOST_SAMPLES
-    assert len(np.unique(record.signals.first)) == MOST_WINDOWS
-    gaps = np.diff(record.signals.first)
-    assert gaps.min() >= 100 and gaps.max() <= 201  # of each two windows one at least, none twice
-    assert record.step[-1] == 100 and np.all(np.diff(record.step) == record.step[0])
+    s, run = record.signals, MOST_WINDOWS // FEWEST_RUNS
+    assert len(s.bounds) == FEWEST_RUNS + 1 and s.bounds[-1] == len(s.command) == len(s.time)
+    assert len(s.command) == FEWEST_RUNS * ((LEAD + run) * 100 + 1)
+    first = s.first.reshape(FEWEST_RUNS, run)
+    assert np.array_equal(first[:, 0] - s.bounds[:-1], np.full(FEWEST_RUNS, 100 * LEAD)) and np.all(
+        np.diff(first) == 100
+    )
+    for k, (at, trial) in enumerate(zip(first[:, 0], record.trial[::run], strict=True)):
+        whole, now = trials[trial].trajectory, int(round(s.time[at] * 1e3))
+        assert np.array_equal(s.command[at : at + 100], whole.position_command[now : now + 100, 0]), k
+        assert np.array_equal(s.target[:, k * run], whole.effort[now : now + 101, 0])
     samples = record.samples()
-    assert abs(np.mean(samples.trial) - 0.5) < 0.02 and samples.time.max() > 29.5
+    assert abs(np.mean(samples.trial) - 0.5) < 0.02 and samples.time.min() < 6.0 and samples.time.max() > 24.0
+
+
+def test_runs_of_windows_that_lie_far_apart_are_followed_one_by_one():
+    starts = np.concatenate([np.arange(0, 20_000, 100), np.arange(40_000, 60_000, 100)])
+    parts = excerpts_of([60_001], [starts], 100)
+    assert sum(len(part.first) for part in parts) == MOST_WINDOWS
+    assert all(part.stop - part.start <= (MOST_WINDOWS // FEWEST_RUNS + LEAD) * 100 + 1 for part in parts)
+    assert parts[-1].stop <= 60_001 and not any(20_100 < part.start < 40_000 - 100 * LEAD for part in parts)
+
+
+def test_every_trial_has_two_runs_as_far_as_they_are_long_enough():
+    starts = [np.arange(0, 9_900, 100)] * 9
+    parts = excerpts_of([10_000] * 9, starts, 100)
+    assert [part.trial for part in parts] == sorted([*range(9)] * 2)
+    many = excerpts_of([10_000] * 60, [starts[0]] * 60, 100)
+    assert sum(len(part.first) for part in many) == MOST_WINDOWS and len({part.trial for part in many}) == 24
 
 
 def test_short_logs_are_not_thinned():
