@@ -62,7 +62,7 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
             progress(done, len(models), models[j].joint)
 
     with JointPool([JointSearch(model, prior_odds) for model in models], workers) as pool:
-        present = pool.each("first", report=report)
+        present = pool.each("first", [(len(models) == 1,)] * len(models), report)
         if len(models) > 1:
             reached = pool.each("reached")
             told = [(others_of(present, j), others_of(reached, j)) for j in range(len(models))]

@@ -43,10 +43,10 @@ class JointSearch:
         fitter = Fitter(self._model)
         fitter.error(fitter.neutral)
 
-    def first(self) -> Names:
-        """Effects that the joint asks for by itself."""
+    def first(self, alone: bool) -> Names:
+        """Effects that the joint asks for by itself; alone: whether the machine has no other joint."""
         self._search = Search(self._model, self._odds(self._model, {}, 0))
-        self._known = searched(self._search)
+        self._known = searched(self._search, alone)
         return self._known.names
 
     def answered(self) -> JointFound:

@@ -1,5 +1,5 @@
-"""Rounds of additions, exchanges and removals, until no change of one effect, nor the addition of two, makes the logs more
-probable."""
+"""Rounds of additions, exchanges and removals, until no change of one effect makes the logs more probable; in a joint that has
+no others to learn from, nor the addition of two."""
 
 from __future__ import annotations
 
@@ -8,25 +8,32 @@ from hqpipe.identify.screening import Known
 from hqpipe.identify.search import MOST_EFFECTS, Search
 
 _ROUNDS = 3  # assumption: what still changes then is a draw
-_FIRSTS, _SECONDS = (
-    2,
-    2,
-)  # of two effects that join at once: those that leave least alone, and what promises most beside each
+_FIRSTS = 2  # of the sets with one effect more, those that err least, to which a second one is added; assumption
+_SECONDS = 2  # of the effects that promise most beside each of these; assumption
 _EXPLAINED = 1.5
 """Of the squared error that noise leaves, up to which nothing is looked for that no single effect shows; assumption."""
 
 
-def searched(search: Search) -> Known:
-    """The set that is reached from the base, or from what the model offers to begin with."""
+def searched(search: Search, alone: bool) -> Known:
+    """The set that is reached from the base, or from what the model offers to begin with.
+
+    Args:
+        alone: whether the machine has no other joint. Joints that have others try what these have reached, which costs
+            less than to add two effects at once and mostly does the same.
+    """
     best = _begun_with(search)
     for _ in range(_ROUNDS):
         before = best.names
-        best = search.settled(search.improved(search.grown(best)))
+        best = _improved(search, best)
+        if best.names == before and alone:
+            best = _improved(search, _with_two(search, best))
         if best.names == before:
-            best = search.settled(search.improved(search.grown(_with_two(search, best))))
-            if best.names == before:
-                break
+            break
     return best
+
+
+def _improved(search: Search, best: Known) -> Known:
+    return search.settled(search.improved(search.grown(best)))
 
 
 def _begun_with(search: Search) -> Known:

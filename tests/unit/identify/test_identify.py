@@ -175,7 +175,7 @@ def test_what_the_prediction_settles_by_itself_has_its_price():
 def test_what_takes_little_off_the_error_joins_no_set_however_significant(stiffness, names):
     joint = ToyJoint(truth={"spring": stiffness}, seed=3)
     search = Search(joint, prior_odds(joint, {}, 0))
-    reached = searched(search)
+    reached = searched(search, alone=False)
     assert search.gain(search.grown_by(search.base, "spring"), search.base) > 10.0
     assert sorted(reached.names) == names
 
@@ -277,7 +277,7 @@ def _under_two_names():
 
 def test_a_joint_that_takes_the_name_of_the_others_still_tells_its_own():
     joint = JointSearch(_under_two_names(), prior_odds)
-    (before,) = joint.first()
+    (before,) = joint.first(alone=False)
     (other,) = {"spring", "belt"} - {before}
     (cause,) = joint.renamed(Step(before, other)).causes
     assert cause.effect == other and cause.confused_with == (before,)
@@ -304,7 +304,7 @@ def _driven_by_two_together():
 def test_a_joint_takes_over_what_another_has_reached_where_its_own_steps_do_not_lead():
     both = frozenset({"belt", "clutch"})
     joint = JointSearch(_driven_by_two_together(), prior_odds)
-    assert not joint.first() & both
+    assert not joint.first(alone=False) & both
     names, _ = joint.weighed_again([both] * 2, [{"belt": np.array([1.0]), "clutch": np.array([0.3])}] * 2)
     assert both <= names
     assert np.prod([number[0] for number in joint.reached().values()]) == pytest.approx(0.5, rel=0.05)
@@ -312,7 +312,7 @@ def test_a_joint_takes_over_what_another_has_reached_where_its_own_steps_do_not_
 
 def test_a_joint_that_lacks_what_another_has_reached_goes_on_without_it():
     joint = JointSearch(_driven_by_two_together(), prior_odds)
-    joint.first()
+    joint.first(alone=False)
     foreign, longer = {"backlash": np.array([0.01])}, {"belt": np.array([1.0, 2.0]), "clutch": np.array([0.5])}
     names, _ = joint.weighed_again([frozenset(foreign), frozenset(longer)], [foreign, longer])
     assert "backlash" not in names
@@ -328,7 +328,7 @@ def test_a_likelier_set_that_was_passed_over_for_a_larger_one_is_taken_when_that
 
 def test_joints_that_agree_on_a_name_do_not_make_it_surer_than_one_that_is_as_good():
     joint = JointSearch(_under_two_names(), prior_odds)
-    joint.told([joint.first()] * 11)
+    joint.told([joint.first(alone=False)] * 11)
     (cause,) = joint.answered().causes
     assert len(cause.confused_with) == 1 and cause.probability == pytest.approx(0.5, abs=0.05)
 

@@ -144,7 +144,7 @@ def test_a_corner_that_the_data_resolve_is_found_however_little_was_known_of_it(
 
         scatter = 0.02 * np.random.default_rng(3).standard_normal(10_000)
 
-    found = searched(_search(Limited()))
+    found = searched(_search(Limited()), alone=False)
     assert found.names == {"flow_saturation"}
     assert found.solution.values == pytest.approx([2.0, 0.2, 2.5], rel=3e-3)
 
