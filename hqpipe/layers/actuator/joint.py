@@ -41,8 +41,8 @@ MOST_OFFSET = 0.1
 pressure sensors say 1 % of full scale, and none is used that is off by ten times that; assumption. Unequal areas of the piston
 do to the torque what a larger offset would."""
 LEAST_INTEGRATED = 0.1
-"""Of the error that an integrator is given, what it must add to it in the longest excerpt of the logs: one that adds less is an
-offset which each excerpt may choose. Assumption; the cost: an integrator that a few seconds show no better is not named."""
+"""Of the error that an integrator is given, what it must add to it in the longest run of windows: one that adds less is an
+offset which each run may choose. Assumption; the cost: an integrator that a few seconds show no better is not named."""
 LATE = 0.5  # rows by which the mean speed of a step belongs later than the row where it begins
 
 

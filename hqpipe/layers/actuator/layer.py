@@ -113,8 +113,8 @@ class Actuator:
         if reason := at_rest([t.trajectory for t in log_set.fit], j):
             return reason
         size = self._sizes(log_set, j, draws[0])
-        excerpts = len(records[0].signals.bounds) - 1
-        effects, places = effects_of(size, len(log_set.joints), excerpts, log_set.effort_source, barred)
+        runs = len(records[0].signals.bounds) - 1
+        effects, places = effects_of(size, len(log_set.joints), runs, log_set.effort_source, barred)
         units = (unit_of("N·m", kind), unit_of("rad", kind))
         row = self._neutral(log_set.joints[j], size, dt / per_row)
 

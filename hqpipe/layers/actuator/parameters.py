@@ -46,12 +46,12 @@ def base_parameters(first: Mapping[str, float], size: Sizes, per_row: int = 1) -
 
 
 def effects_of(
-    size: Sizes, joints: int, excerpts: int, effort_source: str | None, barred: Collection[str]
+    size: Sizes, joints: int, runs: int, effort_source: str | None, barred: Collection[str]
 ) -> tuple[tuple[Effect, ...], tuple[tuple[str, str], ...]]:
     """The candidates that logs of this kind can show, and owner and name of each of their parameters in the loops' row.
 
     Args:
-        joints: of the machine. excerpts: of the trials to fit. barred: effects left out.
+        joints: of the machine. runs: of windows in the trials to fit, see `window_runs`. barred: effects left out.
     """
     found: list[Effect] = []
     places: list[tuple[str, str]] = []
@@ -67,7 +67,7 @@ def effects_of(
         if effect.reads("demand"):  # from the supply, as speeds or as openings tell it
             parameters.append(Parameter(BY_OPENING, "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0), shape=True))
             places.append((name, BY_OPENING))
-        settled = excerpts * sum(isinstance(state.start, scales.Balanced) for state in effect.states)
+        settled = runs * sum(isinstance(state.start, scales.Balanced) for state in effect.states)
         excluded = {*effect.excludes, *(other.name for other in EFFECTS.values() if name in other.excludes)}
         found.append(
             Effect(

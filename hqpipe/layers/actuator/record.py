@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from hqpipe.identify.model import Samples
-from hqpipe.layers.actuator.excerpts import excerpts_of
+from hqpipe.layers.actuator.window_runs import window_runs
 from hqpipe.logs.differentiate import step_speed
 from hqpipe.logs.end_stops import judged_windows
 from hqpipe.logs.finer_clock import between, held
@@ -27,7 +27,7 @@ class Record:
     Attributes:
         files: names of the trials. trial: (W,) index into them.
         signals: for the loops on the clock of the controller, with the speed from one position to the next; command and
-            position as they were logged last. Of long trials excerpts, each bounded like a trial.
+            position as they were logged last. Of long trials runs of windows, each bounded like a trial.
         moving: (T,) command and position on smooth curves between rows, the same where the controller is no faster than the
             log. logged: (T,) speed as it was logged. by_speed, by_opening: (T,) flow that all joints draw, as their speeds and
             as the errors of their positions tell it, rad/s.
@@ -116,18 +116,18 @@ def record_of(
     logs = [trial.trajectory for trial in trials]
     if not logs:
         return _empty(steps * per_row)
-    parts = excerpts_of([t.samples for t in logs], [window_starts(t, j, steps) for t in logs], steps)
-    bounds = np.cumsum([0, *(part.samples(per_row) for part in parts)])
+    runs = window_runs([t.samples for t in logs], [window_starts(t, j, steps) for t in logs], steps)
+    bounds = np.cumsum([0, *(run.samples(per_row) for run in runs)])
     first = np.concatenate(
-        [(part.first - part.start) * per_row + begun for part, begun in zip(parts, bounds, strict=False)]
+        [(run.first - run.start) * per_row + begun for run, begun in zip(runs, bounds, strict=False)]
     ).astype(np.int64)
     names = [recording_of(trial) for trial in trials]
     files = tuple(dict.fromkeys(names))
-    trial = np.repeat([files.index(names[part.trial]) for part in parts], [len(part.first) for part in parts])
+    trial = np.repeat([files.index(names[run.trial]) for run in runs], [len(run.first) for run in runs])
 
     def joined(pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:
-        whole = {k: np.asarray(pick(logs[k]), dtype=np.float64) for k in dict.fromkeys(part.trial for part in parts)}
-        return np.concatenate([part.of(whole[part.trial], per_row) for part in parts])
+        whole = {k: np.asarray(pick(logs[k]), dtype=np.float64) for k in dict.fromkeys(run.trial for run in runs)}
+        return np.concatenate([run.of(whole[run.trial], per_row) for run in runs])
 
     def kept(pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:
         return joined(lambda t: held(pick(t), per_row))

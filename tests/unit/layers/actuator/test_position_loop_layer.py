@@ -13,9 +13,9 @@ from hqpipe.errors import IdentificationError
 from hqpipe.identify.identify import identify
 from hqpipe.identify.model import parameter_names
 from hqpipe.layers.actuator import Actuator
-from hqpipe.layers.actuator.excerpts import FEWEST_RUNS, LEAD, MOST_WINDOWS, excerpts_of
 from hqpipe.layers.actuator.record import MOST_SAMPLES, record_of
 from hqpipe.layers.actuator.sizes import sizes_of
+from hqpipe.layers.actuator.window_runs import FEWEST_RUNS, LEAD, MOST_WINDOWS, window_runs
 from hqpipe.logs.trajectory import Excerpt, Trial
 
 
@@ -136,7 +136,7 @@ def test_long_logs_are_judged_in_runs_all_over_them():
 
 def test_runs_of_windows_that_lie_far_apart_are_followed_one_by_one():
     starts = np.concatenate([np.arange(0, 20_000, 100), np.arange(40_000, 60_000, 100)])
-    parts = excerpts_of([60_001], [starts], 100)
+    parts = window_runs([60_001], [starts], 100)
     assert sum(len(part.first) for part in parts) == MOST_WINDOWS
     assert all(part.stop - part.start <= (MOST_WINDOWS // FEWEST_RUNS + LEAD) * 100 + 1 for part in parts)
     assert parts[-1].stop <= 60_001 and not any(20_100 < part.start < 40_000 - 100 * LEAD for part in parts)
@@ -144,9 +144,9 @@ def test_runs_of_windows_that_lie_far_apart_are_followed_one_by_one():
 
 def test_every_trial_has_two_runs_as_far_as_they_are_long_enough():
     starts = [np.arange(0, 9_900, 100)] * 9
-    parts = excerpts_of([10_000] * 9, starts, 100)
+    parts = window_runs([10_000] * 9, starts, 100)
     assert [part.trial for part in parts] == sorted([*range(9)] * 2)
-    many = excerpts_of([10_000] * 60, [starts[0]] * 60, 100)
+    many = window_runs([10_000] * 60, [starts[0]] * 60, 100)
     assert sum(len(part.first) for part in many) == MOST_WINDOWS and len({part.trial for part in many}) == 24
 
 

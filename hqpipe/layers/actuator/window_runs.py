@@ -19,8 +19,8 @@ LEAD = 5  # windows before a run from which it is followed: the memory of all th
 
 
 @dataclass(frozen=True, eq=False)
-class Excerpt:
-    """A part of one trial.
+class WindowRun:
+    """The part of one trial that windows which follow each other need.
 
     Attributes:
         trial: its number. start, stop: first row, and the one behind the last. first: (W,) rows at which windows begin.
@@ -40,7 +40,7 @@ class Excerpt:
         return (self.stop - 1 - self.start) * per_row + 1
 
 
-def excerpts_of(rows: Sequence[int], starts: Sequence[np.ndarray], steps: int) -> list[Excerpt]:
+def window_runs(rows: Sequence[int], starts: Sequence[np.ndarray], steps: int) -> list[WindowRun]:
     """Whole trials, or runs of windows evenly over all of them where these hold more than `MOST_WINDOWS`.
 
     There are two runs in a trial, as far as none is shorter than `SHORTEST_RUN`.
@@ -51,15 +51,15 @@ def excerpts_of(rows: Sequence[int], starts: Sequence[np.ndarray], steps: int) -
     trial = np.repeat(np.arange(len(starts)), [len(s) for s in starts])
     first = np.concatenate(starts)
     if len(first) <= MOST_WINDOWS:
-        return [Excerpt(k, 0, n, starts[k]) for k, n in enumerate(rows)]
+        return [WindowRun(k, 0, n, starts[k]) for k, n in enumerate(rows)]
     runs = int(np.clip(2 * len(rows), FEWEST_RUNS, MOST_WINDOWS // SHORTEST_RUN))
     length = MOST_WINDOWS // runs
     begin = np.round((np.arange(runs) + 0.5) * len(first) / runs - 0.5 * length).astype(int)
     kept = (begin[:, None] + np.arange(length)).ravel()
-    found: list[Excerpt] = []
+    found: list[WindowRun] = []
     for k in np.unique(trial[kept]):
         own = first[kept[trial[kept] == k]]
         # Windows further apart than what leads to them belong to different runs.
         for run in np.split(own, np.flatnonzero(np.diff(own) > (1 + LEAD) * steps) + 1):
-            found.append(Excerpt(int(k), max(int(run[0]) - LEAD * steps, 0), int(run[-1]) + steps + 1, run))
+            found.append(WindowRun(int(k), max(int(run[0]) - LEAD * steps, 0), int(run[-1]) + steps + 1, run))
     return found
