@@ -13,6 +13,7 @@ from hqpipe.machine import EFFECTS
 from hqpipe.machine.bases.hydraulic import HYDRAULIC
 from hqpipe.machine.chain import loops
 from hqpipe.machine.layout import FIELDS, neutral_row
+from hqpipe.machine.moment_arm import PARAMETERS as ARM
 
 _SETTINGS = {
     "sample_time": "s",
@@ -23,6 +24,7 @@ _SETTINGS = {
     "flow_per_opening": "1/s",
     "speed_late": "samples",
     "held": "s",
+    **ARM,
 }
 _ANY = 1e12  # bound of numbers that may have either sign
 OF_THE_LOG = tuple(name for name, effect in EFFECTS.items() if effect.of_the_log)
@@ -37,7 +39,7 @@ def _field(owner: str, name: str) -> ParameterField:
     if owner == "base":
         return ParameterField(HYDRAULIC.parameters[name], lower=0.0)
     if owner == "setting":
-        lower = -_ANY if name in ("middle", "speed_late", "held") else 0.0
+        lower = -_ANY if name in ("middle", "speed_late", "held", *ARM) else 0.0
         return ParameterField(_SETTINGS[name], lower, may_be_infinite=name == "effort_limit", certain=True)
     effect = EFFECTS[owner]
     parameter = next(p for p in effect.parameters if p.name == name)

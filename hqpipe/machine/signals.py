@@ -18,6 +18,7 @@ NEUTRAL: dict[str, float | str] = {
     "oil": 0.0,  # stiffness of the oil, N·m/rad; 0 for a drive without any
     "passed": 1.0,  # flow per opening, relative to an unloaded valve at full supply
     "leak": 0.0,  # share of the torque that leaks away within a sample
+    "arm": 1.0,  # moment arm, relative to that in the middle of the motion
     "speed": "velocity",  # as the oil feels it, rad/s
     "stiff": 1.0,  # relative stiffness, which multiplies the change of torque
     "wound": 0.0,  # torque of the hydraulics on a tight chain, N·m: the state of the base model

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,13 +23,17 @@ from hqpipe.machine import EFFECTS
 from hqpipe.machine.chain import Signals, residual_windows
 from hqpipe.machine.direction_asymmetry import LEAST_UNEQUAL
 from hqpipe.machine.layout import BASE, slot
+from hqpipe.machine.moment_arm import PARAMETERS as ARM
+from hqpipe.machine.moment_arm import relative_arm
 
 _LOGGED, _SPEED_LATE = BASE_NAMES.index(LOGGED_SPEED), BASE_NAMES.index(SPEED_LATE)
 _PRESLIDING = [BASE_NAMES.index(p.name) for _, p in OF_FRICTION]
+_ARM = [BASE_NAMES.index(name) for name in ARM]
 _LEAK = BASE.index("k2")
 _BASE = [slot("base", name) for name in BASE]
 _TURN, _LATE = [slot(owner, p.name) for owner, p in OF_FRICTION], slot("setting", "speed_late")
-_STEP = slot("setting", "sample_time")
+_ARM_SLOTS = [slot("setting", name) for name in ARM]
+_STEP, _MIDDLE = slot("setting", "sample_time"), slot("setting", "middle")
 _ORIFICE, _AREAS = ("orifice_flow", "effort_max_nm"), ("direction_asymmetry", "areas")
 _OFFSET, _INTEGRAL = ("torque_bias", "nm"), ("integral_action", "ki")
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
@@ -43,6 +47,8 @@ do to the torque what a larger offset would."""
 LEAST_INTEGRATED = 0.1
 """Of the error that an integrator is given, what it must add to it in the longest run of windows: one that adds less is an
 offset which each run may choose. Assumption; the cost: an integrator that a few seconds show no better is not named."""
+NOTABLE_ARM = 0.05  # of the largest moment arm, by which the least one differs from it for a remark; assumption
+_PLACES = 41  # of the positions, over which the arm is looked at
 LATE = 0.5  # rows by which the mean speed of a step belongs later than the row where it begins
 
 
@@ -205,6 +211,21 @@ class ActuatorJoint:
             found.append(_INTEGRAL[0])
         return tuple(found)
 
+    def remarks(self, effects: Collection[str], values: np.ndarray) -> tuple[str, ...]:
+        """That the moment arm changes with the position, where it does so by more than `NOTABLE_ARM`.
+
+        Args:
+            effects: the causes. values: (P,) as in `error`.
+        """
+        places = np.quantile(self.fit.position, np.linspace(0.0, 1.0, _PLACES))
+        slope, curve = values[_ARM]
+        arm = np.array([relative_arm(place, self.neutral[_MIDDLE], slope, curve) for place in places])
+        if arm.min() > (1.0 - NOTABLE_ARM) * arm.max():
+            return ()
+        low, high = (f"{places[k]:.2f} {self.units[1]}" for k in (arm.argmin(), arm.argmax()))
+        share = f"{100.0 * arm.min() / arm.max():.0f} %"
+        return (f"its moment arm at {low} is {share} of that at {high}, which a simulator with one arm does not show",)
+
     def same_by_law(self, values: np.ndarray) -> Mapping[str, tuple[str, ...]]:
         """The areas of a piston that do what an offset of the torque sensor does, see `hqpipe.machine.direction_asymmetry`."""
         return {} if self._is_straight(values) or not self._share_of_offset(values) else {_OFFSET[0]: (_AREAS[0],)}
@@ -225,6 +246,7 @@ class ActuatorJoint:
         row, opening = self.neutral.copy(), self._by_opening(values)
         row[_BASE] = values[: len(BASE)]
         row[_TURN] = values[_PRESLIDING]
+        row[_ARM_SLOTS] = values[_ARM]
         row[_LATE] = self.per_row * (LATE * (1.0 - values[_LOGGED]) + values[_SPEED_LATE])
         row[_FLOW] = (1.0 - opening) * self.draws[0], opening * self.draws[1]
         row[self._columns] = values[self._owned]
@@ -241,8 +263,9 @@ class ActuatorJoint:
         parameters = all_parameters(self)
         values = np.array([parameter.neutral for parameter in parameters], dtype=np.float64)
         known = np.ones(len(values), dtype=bool)
-        known[[_LOGGED, _SPEED_LATE, *_PRESLIDING, *range(len(BASE_NAMES), len(self.base))]] = False
+        known[[_LOGGED, _SPEED_LATE, *_PRESLIDING, *_ARM, *range(len(BASE_NAMES), len(self.base))]] = False
         values[: len(BASE)] = row[_BASE]
+        values[_ARM] = np.nan_to_num(row[_ARM_SLOTS])
         values[_PRESLIDING] = np.where(np.isfinite(row[_TURN]), row[_TURN], values[_PRESLIDING])
         values[self._owned] = row[self._columns]
         if self._opening >= 0:

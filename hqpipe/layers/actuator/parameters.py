@@ -12,18 +12,22 @@ from hqpipe.layers.actuator.sizes import Sizes
 from hqpipe.machine import EFFECTS
 from hqpipe.machine import effect as scales
 from hqpipe.machine.layout import BASE
+from hqpipe.machine.moment_arm import PARAMETERS as ARM
 
 LOGGED_SPEED, SPEED_LATE, BY_OPENING = "logged_speed", "speed_late", "by_opening"
 MOVING = ("moving_command", "moving_position")
 OF_FRICTION = tuple((name, p) for name, e in EFFECTS.items() for p in e.parameters if p.search.beside == "friction")
 """Owner and number of how friction turns round."""
-BASE_NAMES = (*BASE, LOGGED_SPEED, SPEED_LATE, *(p.name for _, p in OF_FRICTION))
+BASE_NAMES = (*BASE, LOGGED_SPEED, SPEED_LATE, *(p.name for _, p in OF_FRICTION), *ARM)
 """Base parameters in their order; those of `MOVING` come last where the controller is faster than the log."""
+_ARM_SPREAD = {"arm_slope": 0.3, "arm_curve": 0.5}
+"""A lever changes by cot φ per radian, 0.3 at 17° from where it is longest, and curves by a half; assumption."""
+_ARM_MOST = 4.0  # of both: at the ends of half a radian the arm has gone or is twice as long; assumption
 FROM_NOTHING = 0.1  # share of the unit, or a quarter of the upper bound, of a number that starts at its neutral value
 
 
 def base_parameters(first: Mapping[str, float], size: Sizes, per_row: int = 1) -> tuple[Parameter, ...]:
-    """The four coefficients, which speed the log's is, and the travel in which friction turns round.
+    """The four coefficients, which speed the log's is, the travel in which friction turns round, and the moment arm.
 
     The speed from one position to the next adds up to the travel however coarse the encoder is; the logged one is right where
     the controller computes with it. `logged_speed` is the share of the second, and `speed_late` by how many rows the
@@ -41,6 +45,7 @@ def base_parameters(first: Mapping[str, float], size: Sizes, per_row: int = 1) -
         Parameter(LOGGED_SPEED, "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0)),
         Parameter(SPEED_LATE, "1", 0.0, 0.25, -0.5, 0.5),
         *(replace(p, spread=3.0 * p.neutral, starts=()) for p in (_parameter(p, size) for _, p in OF_FRICTION)),
+        *(Parameter(name, unit, 0.0, _ARM_SPREAD[name], -_ARM_MOST, _ARM_MOST) for name, unit in ARM.items()),
         *(Parameter(name, "1", 0.0, 1.0, 0.0, 1.0, (0.0, 1.0)) for name in MOVING if per_row > 1),
     )
 

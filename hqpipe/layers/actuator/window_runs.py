@@ -43,7 +43,8 @@ class WindowRun:
 def window_runs(rows: Sequence[int], starts: Sequence[np.ndarray], steps: int) -> list[WindowRun]:
     """Whole trials, or runs of windows evenly over all of them where these hold more than `MOST_WINDOWS`.
 
-    There are two runs in a trial, as far as none is shorter than `SHORTEST_RUN`.
+    There are two runs for each trial, as far as none is shorter than `SHORTEST_RUN`. They go from the first window to the last,
+    and so move through trials that are alike.
 
     Args:
         rows: of each trial. starts: first rows of its windows, in their order. steps: rows of a window.
@@ -54,7 +55,7 @@ def window_runs(rows: Sequence[int], starts: Sequence[np.ndarray], steps: int) -
         return [WindowRun(k, 0, n, starts[k]) for k, n in enumerate(rows)]
     runs = int(np.clip(2 * len(rows), FEWEST_RUNS, MOST_WINDOWS // SHORTEST_RUN))
     length = MOST_WINDOWS // runs
-    begin = np.round((np.arange(runs) + 0.5) * len(first) / runs - 0.5 * length).astype(int)
+    begin = np.linspace(0, len(first) - length, runs).round().astype(int)
     kept = (begin[:, None] + np.arange(length)).ravel()
     found: list[WindowRun] = []
     for k in np.unique(trial[kept]):

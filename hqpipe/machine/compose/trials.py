@@ -145,6 +145,7 @@ def balance_arrays(chain: Chain, arrays: Arrays, link) -> list[str]:
         chain.plain,
         link.starts[link.balance][1],
     ]
+    calls += [x.undo for x in chain.behind if "measured" in x.writes and x.undo]
     read = {ref.name for made in calls for ref in made.args if ref.kind in (SIGNAL, STATE)} - {link.balance}
     states = {out.name for out in link.outs if out.kind == STATE}
     return sorted(((read & arrays.along) - own - states) | {"opening", "error"})
@@ -166,13 +167,13 @@ def _missing(source: Source, chain: Chain, arrays: Arrays, link) -> None:
             if (when := arrays.when(name)) is not None:
                 source.add(f"on_{name} = {present(when)}")
         links = [x for x in chain.ahead[at:] if x.call is not None and not x.only_delays]
-        source.add(f"m_{state} = start", "total, end = 0.0, first")
+        source.add(f"m_{state} = start", "total, begun, end = 0.0, 0.0, first")
         source.add(*(f"m_{name} = 0.0" for x in links for name in x.starts if name != state))
         with source.under("for k in range(first, last - stride + 1, stride):"):
             _fetch(source, arrays, names, "k")
             code = Straight(source, chain, names)
             code.unmeasured("s.effort[k]")
-            source.add("inner, effort, wound = behind, behind, behind")
+            source.add("begun = behind if k == first else begun", "inner, effort, wound = behind, behind, behind")
             code.known |= {"inner", "effort", "wound"}
             for x in links:
                 if own := {name: start for name, start in x.starts.items() if name != state}:
@@ -186,7 +187,10 @@ def _missing(source: Source, chain: Chain, arrays: Arrays, link) -> None:
             source.add("total += stride * (following - behind)", "end = k + stride")
             with source.under(f"if abs(m_{state}) >= most and k - first >= s.steps:"):
                 source.add("break")
-        source.add("return s.effort[end] - s.effort[first] - total, end - first")
+        _fetch(source, arrays, names, "end")
+        code = Straight(source, chain, names)
+        code.unmeasured("s.effort[end]")
+        source.add("return behind - begun - total, end - first")
 
 
 def _balance(source: Source, chain: Chain, arrays: Arrays, link) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from hqpipe.machine.effect import Balanced, Base, Block, Constants, Delay, Effect, Law, State
+from hqpipe.machine.moment_arm import MOMENT_ARM, PARAMETERS
 from hqpipe.machine.signals import BEHIND, FEEDBACK, INPUTS, NEUTRAL
 
 SETTING = {
@@ -21,11 +22,12 @@ SETTING = {
     "flow_per_opening": 0.0,
     "speed_late": 0.0,
     "held": -1.0,
+    **dict.fromkeys(PARAMETERS, 0.0),
 }
 """What a row was made for, beside its law and effects, and each in a row without any: sample time (s), middle position (rad),
 torque that must come through a tight chain and largest torque (N·m), what speed and position error count in the flow from the
-supply, by how many samples the speed of the friction is late, and for how long the joint had been held before a trial began (s;
-negative where that is not known)."""
+supply, by how many samples the speed of the friction is late, for how long the joint had been held before a trial began (s;
+negative where that is not known), and how the moment arm changes with the position."""
 ALIASES = {"dt": "sample_time"}
 GAIN = "gain"  # of the base, that an opening is multiplied by, whatever its name
 PARAMETER, CONSTANT, SIGNAL, STATE, NUMBER = "parameter", "constant", "signal", "state", "number"
@@ -47,6 +49,9 @@ CONTROLLER = Effect(
     advice="",
     blocks=(Block(difference, ("command", "position"), ("error",), ()),),
 )
+
+
+OF_EVERY_CHAIN = (CONTROLLER, MOMENT_ARM)
 
 
 @dataclass(frozen=True)
@@ -153,7 +158,7 @@ class Chain:
         owned = [*base.constants, *(c for effect in self.effects for c in effect.constants)]
         self._constants = {name for constants in owned for name in constants.names}
         self.constants = self._ordered_constants()
-        links = [link for effect in (CONTROLLER, *self.effects) for link in self._links(effect, effect.name)]
+        links = [link for effect in (*OF_EVERY_CHAIN, *self.effects) for link in self._links(effect, effect.name)]
         reachable = self._reachable(links)
         links = [link for link in links if link.writes & reachable]
         self._links_of = {n: [x for x in links if n in x.writes] for x in links for n in x.writes}
@@ -250,7 +255,7 @@ class Chain:
         return self.fields[column][0] not in ("base", "setting")
 
     def _links(self, effect: Effect, owner: str) -> Iterable[Link]:
-        place = [e.name for e in self.effects].index(owner) if effect is not CONTROLLER else -1
+        place = [e.name for e in self.effects].index(owner) if effect not in OF_EVERY_CHAIN else -1
         for i, block in enumerate(effect.blocks):
             name = f"{owner}_{i}"
             if isinstance(block, Delay):

@@ -12,6 +12,7 @@ from hqpipe.identify.model import all_parameters
 from hqpipe.layers.actuator import Actuator
 from hqpipe.layers.actuator.parameters import BASE_NAMES, LOGGED_SPEED, SPEED_LATE
 from hqpipe.machine.layout import NOT_KNOWN, neutral_row, slot
+from hqpipe.machine.moment_arm import PARAMETERS as ARM
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +39,7 @@ def test_numbers_go_into_a_row_and_come_back(model, by_opening):
     values[BASE_NAMES.index(LOGGED_SPEED)] = values[BASE_NAMES.index(SPEED_LATE)] = 0.0
     found, known = model.values_of(model.row(values))
     np.testing.assert_allclose(found, values, rtol=1e-12)
-    assert [BASE_NAMES[k] for k in np.flatnonzero(~known)] == [LOGGED_SPEED, SPEED_LATE, "presliding_rad"]
+    assert [BASE_NAMES[k] for k in np.flatnonzero(~known)] == [LOGGED_SPEED, SPEED_LATE, "presliding_rad", *ARM]
     np.testing.assert_allclose(model.error(found), model.error(values), atol=1e-7)
 
 

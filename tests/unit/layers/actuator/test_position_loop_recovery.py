@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from position_loop_logs import DT, planted, planted_logs, with_column
+from position_loop_logs import DT, changed, planted, planted_logs, with_column
 
 from hqpipe.identify.identify import identify
 from hqpipe.identify.model import all_parameters, positions
@@ -60,6 +60,37 @@ def test_a_slow_integrator_is_named_too():
     (found,) = identify(Actuator().joints(planted_logs({"integral_action": {"ki": 0.1}}, seed=4))).found
     assert [cause.effect for cause in found.causes] == ["integral_action"]
     assert found.causes[0].numbers[0].value == pytest.approx(0.1, rel=0.2)
+
+
+def on_a_linkage(log_set, slope, curve):
+    """The motions of a log set, moved by forces with an arm that changes with the position."""
+    rng = np.random.default_rng(8)
+
+    def driven(t):
+        arm = 1.0 + slope * t.position + curve * t.position**2
+        error, speed = t.position_command - t.position, np.diff(t.position, axis=0) / DT
+        force = [t.effort[0] / arm[0]]
+        for k in range(t.samples - 1):
+            g, f, e = planted.GAINS, force[-1], error[k]
+            gained = g["k1"] * e - g["k3"] * speed[k] * arm[k] + g["k4"] * np.maximum(-f * np.sign(e), 0.0) * e
+            force.append((1.0 - g["k2"]) * f + gained)
+        return replace(t, effort=np.array(force) * arm + 3.0 * rng.standard_normal(t.effort.shape))
+
+    return changed(log_set, driven)
+
+
+def test_an_arm_that_changes_with_the_position_is_part_of_the_law_and_no_cause():
+    (found,) = identify(Actuator().joints(on_a_linkage(planted_logs({}), 0.5, -0.7))).found
+    assert found.causes == () and found.unexplained < 0.2
+    row, position = found.model.row(found.base.values), found.model.fit.position
+    arm = relative_arm_of(row, position)
+    expected = 1.0 + 0.5 * position - 0.7 * position**2
+    np.testing.assert_allclose(arm / arm.mean(), expected / expected.mean(), atol=0.01)
+
+
+def relative_arm_of(row, position):
+    offset = position - row[slot("setting", "middle")]
+    return 1.0 + row[slot("setting", "arm_slope")] * offset + row[slot("setting", "arm_curve")] * offset**2
 
 
 def every_row(log_set, rows):
