@@ -1,11 +1,11 @@
-"""Rounds of additions, exchanges and removals, until no change of one effect makes the logs more probable; in a joint that has
-no others to learn from, nor the addition of two."""
+"""Rounds of additions, exchanges and removals, until no change of one effect makes the logs more probable, nor two in the place
+of one; in a joint that has no others to learn from, nor the addition of two."""
 
 from __future__ import annotations
 
 from hqpipe.identify.misfit import misfit_noise
 from hqpipe.identify.screening import Known
-from hqpipe.identify.search import MOST_EFFECTS, Search
+from hqpipe.identify.search import HALVED, MOST_EFFECTS, Search
 
 _ROUNDS = 3  # assumption: what still changes then is a draw
 _FIRSTS = 2  # of the sets with one effect more, those that err least, to which a second one is added; assumption
@@ -25,6 +25,8 @@ def searched(search: Search, alone: bool) -> Known:
     for _ in range(_ROUNDS):
         before = best.names
         best = _improved(search, best)
+        if (two := _two_for_one(search, best)) is not None:
+            best = _improved(search, two)
         if best.names == before and alone:
             best = _improved(search, _with_two(search, best))
         if best.names == before:
@@ -43,6 +45,23 @@ def _begun_with(search: Search) -> Known:
         return search.base
     first = search.begun_from(*begin)
     return search.improved(first) if search.gain(first, search.base) > 0.0 else search.base
+
+
+def _two_for_one(search: Search, best: Known) -> Known | None:
+    """A more probable set with two effects in the place of one, which had stood for a part of both; None if there is none."""
+    for name in sorted(best.names):
+        smaller = search.without(best, name)
+        for option in search.replaced(smaller, name):
+            lacking = option.solution.square - best.solution.square
+            if lacking > HALVED * option.solution.square or len(option.names) >= MOST_EFFECTS:
+                continue
+            ranked = search.screening.screened(option, search.addable(option.names))[:1]
+            if not ranked or ranked[0][0] < lacking:
+                continue  # nothing promises to make it err less
+            two = search.grown_by(option, ranked[0][1])
+            if search.preference(two, best) > 0.0:
+                return two
+    return None
 
 
 def _with_two(search: Search, best: Known) -> Known:

@@ -134,9 +134,9 @@ class Search:
         """Drop what is not needed, and exchange single effects while that helps; what ends at its bound is refused, and the set
         is completed without it, for what it closes may be the part of another effect, which it kept out."""
         while True:
-            seen = {best.names}
-            while (better := self._better(best)) is not None and better.names not in seen:
-                seen.add(better.names)
+            passed = [best.names]
+            while (better := self._better(best, passed)) is not None and better.names not in passed:
+                passed.append(better.names)
                 best = better
             best = self.known[best.names]
             odd = [name for name in sorted(best.names) if not self.within_bounds(best, name)]
@@ -277,12 +277,18 @@ class Search:
         (name,) = larger.names - smaller.names
         return 0.0 < self.size(larger, name) < self.effects[name].parameters[0].least
 
-    def _better(self, best: Known) -> Known | None:
-        """A more probable set with one effect less, or another one in its place."""
+    def _better(self, best: Known, passed: Sequence[Names]) -> Known | None:
+        """A more probable set with one effect less, or another one in its place.
+
+        Args:
+            passed: sets that led to this one. A set that lacks an effect has to be more probable than each of them: errors that
+                grow from one removal to the next say ever less, and step by step would let everything go.
+        """
         for name in sorted(best.names):
             smaller = self.without(best, name)
             best = self._kept(best.names, best.solution)
-            if self.gain(best, smaller) <= 0.0:
+            larger = [self.known[names] for names in passed if names > smaller.names]
+            if all(self.gain(known, smaller) <= 0.0 for known in (best, *larger)):
                 return smaller
             for option in self.replaced(smaller, name):
                 if self.preference(option, best) > 0.0:

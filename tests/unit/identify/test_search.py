@@ -1,0 +1,53 @@
+"""Steps of the search that single additions and removals would not find."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from identify.toy_joint import ToyJoint
+
+from hqpipe.identify.prior import prior_odds
+from hqpipe.identify.rounds import searched
+from hqpipe.identify.search import Search
+
+
+def search_of(joint):
+    return Search(joint, prior_odds(joint, {}, 0))
+
+
+def test_effects_that_go_one_by_one_are_not_all_let_go(monkeypatch):
+    """Each removal makes the error larger, so that it says less of the next one."""
+    search = search_of(ToyJoint(truth={"coulomb_friction": 0.3, "spring": 0.5}))
+    best = search.grown(search.base)
+    assert best.names == {"coulomb_friction", "spring"}
+    monkeypatch.setattr(search, "gain", lambda large, small: 5.0 if len(large.names) - len(small.names) > 1 else -1.0)
+    monkeypatch.setattr(search, "replaced", lambda smaller, name: [])
+    assert search.improved(best).names == {"spring"}
+
+
+class Imitated(ToyJoint):
+    """Friction and spring, and a candidate that does what both of them do and a little else."""
+
+    effects = tuple(
+        effect for effect in ToyJoint.effects if effect.name in ("coulomb_friction", "viscous_friction", "spring")
+    )
+
+    def _part(self, files, truth, *others):
+        samples, regressors = super()._part(files, {}, *others)
+        both = 0.3 * regressors[2] + 0.5 * regressors[4]
+        regressors = regressors[:5].copy()
+        regressors[3] = both + 0.03 * regressors[3] ** 2
+        return replace(samples, output=samples.output + both), regressors
+
+
+def test_one_effect_in_the_place_of_two_gives_way_to_both(monkeypatch):
+    joint = Imitated()
+    search = search_of(joint)
+    one = search.begun_at({"viscous_friction": np.ones(1)})
+    smaller = search.without(one, "viscous_friction")
+    assert all(search.preference(option, one) < 0.0 for option in search.replaced(smaller, "viscous_friction"))
+    assert search.improved(one).names == one.names
+    joint.begin = one.names, one.solution.values
+    monkeypatch.setattr(Search, "grown", lambda search, best: best)
+    assert searched(search_of(joint), alone=False).names == {"coulomb_friction", "spring"}
