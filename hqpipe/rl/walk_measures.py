@@ -6,6 +6,7 @@ Rows are samples at equal distances of time; callers leave out the first `SETTLI
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -89,6 +90,54 @@ def swing_lifts(height: np.ndarray, contact: np.ndarray, rate_hz: float) -> list
 def clearance(height: np.ndarray, contact: np.ndarray, rate_hz: float) -> float:
     """m, the lift of a typical swing (median) of the foot that is lifted least; NaN if a foot never swings."""
     return min(float(np.median(lifts)) if lifts.size else np.nan for lifts in swing_lifts(height, contact, rate_hz))
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """When the feet of a steady gait touch the ground.
+
+    Attributes:
+        frequency: strides per second, mean over the feet. duty: (F,) share of the time on the ground.
+        phase: (F,) of the touch-downs, in strides of the first foot, within [0, 1); a trot of LF, RF, LH, RH has 0, ½, ½, 0.
+        regularity: (F,) 1 where each stride has the same phase, 0 where it is random.
+    """
+
+    frequency: float
+    duty: np.ndarray
+    phase: np.ndarray
+    regularity: np.ndarray
+
+
+def contact_schedule(contact: np.ndarray, rate_hz: float) -> Schedule:
+    """Schedule of (T, F) bool; what lasts less than `SWING_S` is a bounce. Phases are NaN where a foot makes no stride."""
+    steady = np.stack(
+        [_without_bounces(on, round(SWING_S * rate_hz)) for on in np.asarray(contact, dtype=bool).T], axis=1
+    )
+    touches = [np.flatnonzero(~on[:-1] & on[1:]) for on in steady.T]
+    strides = touches[0]
+    mean = np.full(len(touches), np.nan, dtype=complex)
+    for foot, touch in enumerate(touches):
+        within = touch[(touch >= strides[0]) & (touch < strides[-1])] if len(strides) > 1 else touch[:0]
+        if within.size:
+            number = np.searchsorted(strides, within, side="right") - 1
+            share = (within - strides[number]) / (strides[number + 1] - strides[number])
+            mean[foot] = np.exp(2j * np.pi * share).mean()
+    return Schedule(
+        frequency=float(np.mean([len(touch) for touch in touches])) * rate_hz / len(steady),
+        duty=steady.mean(axis=0),
+        phase=np.angle(mean) / (2.0 * np.pi) % 1.0,
+        regularity=np.abs(mean),
+    )
+
+
+def _without_bounces(on: np.ndarray, least: int) -> np.ndarray:
+    """(T,) bool without changes that are taken back in fewer than `least` samples."""
+    steady = on.copy()
+    change = np.flatnonzero(np.diff(on)) + 1
+    for start, stop in zip(change[:-1], change[1:], strict=True):
+        if stop - start < least:
+            steady[start:stop] = steady[start - 1]
+    return steady
 
 
 def impact(force: np.ndarray, weight: float) -> dict[str, float]:

@@ -49,6 +49,38 @@ def test_turning_is_counted_over_full_circles():
     assert found["velocity_error"] == pytest.approx(0.05)
 
 
+def feet(*offsets: float, frequency: float = 2.0, duty: float = 0.6) -> np.ndarray:
+    """(1000, F) bool at 100 Hz of feet that touch down `offsets` of a stride after the first."""
+    time = np.arange(1000)[:, None] * 0.01
+    return (frequency * time - np.array([0.0, *offsets])) % 1.0 < duty
+
+
+def test_a_trot_has_its_diagonal_feet_together_and_half_a_stride_apart():
+    found = measures.contact_schedule(feet(0.5, 0.5, 0.0), 100.0)
+    assert found.frequency == pytest.approx(2.0, rel=0.06)
+    np.testing.assert_allclose(found.duty, 0.6, atol=0.01)
+    np.testing.assert_allclose(found.phase[1:3], 0.5, atol=0.01)
+    np.testing.assert_allclose(np.cos(2.0 * np.pi * found.phase[[0, 3]]), 1.0, atol=0.01)
+    np.testing.assert_allclose(found.regularity, 1.0, atol=0.01)
+
+
+def test_a_bounce_is_no_stride():
+    contact = feet(0.5)
+    contact[10:12] = True, False
+    contact[30:980:50, 1] ^= True
+    found = measures.contact_schedule(contact, 100.0)
+    assert found.frequency == pytest.approx(2.0, rel=0.06)
+    assert found.phase[1] == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_foot_that_never_steps_has_no_phase():
+    contact = feet(0.5)
+    contact[:, 1] = True
+    found = measures.contact_schedule(contact, 100.0)
+    assert found.duty[1] == 1.0 and np.isnan(found.phase[1])
+    assert np.isnan(measures.contact_schedule(contact[:, ::-1], 100.0).phase).all(), "of a first foot without strides"
+
+
 def steps(lift: float, touch_down: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """(1000,) m and bool at 1 kHz: swings of 0.2 s between stances of 0.2 s, each ending `touch_down` higher."""
     part = np.arange(1000) % 400
