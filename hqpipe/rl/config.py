@@ -62,6 +62,8 @@ class CommandConfig:
         vx, vy: ranges, m/s; wz: range, rad/s. The paper walks at 0.4 and 1.0 m/s, turns and steps sideways.
         standing_share: of the draws that command zero velocity; assumption.
         straight_share: of the moving draws with vy = ω = 0; assumption.
+        in_place_share: of the moving draws, half that only turn and half that only step sideways. A trot does so from the
+            start; a gait that is learned needs to see it.
         resample_s: mean time between draws, s; assumption.
     """
 
@@ -70,6 +72,7 @@ class CommandConfig:
     wz: tuple[float, float] = (-0.5, 0.5)
     standing_share: float = 0.08
     straight_share: float = 0.3
+    in_place_share: float = 0.0
     resample_s: float = 4.0
 
 
@@ -175,6 +178,9 @@ class RewardConfig:
     mean_speed: float = -1.0
     mean_yaw: float = -0.5
     gait_match: float = 0.3
+    lift: float = 0.0
+    late: float = 0.0
+    diagonal: float = 0.0
     orientation: float = -2.0
     angular_motion: float = -0.05
 
@@ -226,6 +232,7 @@ class PPOConfig:
         target_kl: where the learning rate is held, by halving above twice and raising below half of it.
         critic_learning_rate: fixed; a critic that shared the actor's rate would learn slowest when it is worst; recipe.
         estimator_learning_rate: of the supervised loss (Ji et al. 2022, concurrent training).
+        estimator_epochs: in how many of the passes the estimator learns, too.
         critic_warmup: iterations in which only critic and estimator learn; a first update with an untrained critic
             moves a good prior in a random direction; recipe.
     """
@@ -242,6 +249,7 @@ class PPOConfig:
     max_grad_norm: float = 1.0
     critic_learning_rate: float = 1e-3
     estimator_learning_rate: float = 1e-3
+    estimator_epochs: int = 5
     critic_warmup: int = 3
 
 
@@ -325,6 +333,12 @@ class TrainConfig:
         if size % batch:
             text = f"ppo.batch_size: {batch} does not divide num_envs × ppo.n_steps = {size}"
             raise CombinationError(text, ("ppo.batch_size", *together), "change one of the three")
+        shares = self.command.straight_share + self.command.in_place_share
+        if shares > 1.0:
+            names = ("command.straight_share", "command.in_place_share")
+            raise CombinationError(
+                f"{' and '.join(names)} add up to {shares:g}, expected at most 1", names, "lower one of them"
+            )
         robots, commands = self.evaluation.num_envs, len(self.evaluation.commands)
         if robots % commands:
             text = f"evaluation.num_envs: {robots}, expected a multiple of the {commands} commands"

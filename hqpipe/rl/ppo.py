@@ -49,18 +49,20 @@ class ConcurrentPPO(PPO):
         self.policy.set_training_mode(True)
         data = self._flat_buffer()
         size, batch = len(data["advantages"]), self.config.batch_size
+        passes = min(self.config.estimator_epochs, self.config.n_epochs)
         sums: dict[str, float] = {}
-        for _ in range(self.config.n_epochs):
+        for epoch in range(self.config.n_epochs):
             order = torch.randperm(size)
             for start in range(0, size, batch):
-                rows = order[start : start + batch]
-                parts = self._gradient_step({key: value[rows] for key, value in data.items()})
-                for key, value in parts.items():
-                    sums[key] = sums.get(key, 0.0) + value
+                rows = {key: value[order[start : start + batch]] for key, value in data.items()}
+                for key, value in self._gradient_step(rows).items():
+                    sums[key] = sums.get(key, 0.0) + value / self.config.n_epochs
+                if epoch < passes:
+                    loss = self._estimator_step(rows)
+                    sums["estimator_loss"] = sums.get("estimator_loss", 0.0) + loss / passes
         self._n_updates += self.config.n_epochs
-        steps = self.config.n_epochs * (size // batch)
         for key, value in sums.items():
-            self.logger.record(f"train/{key}", value / steps)
+            self.logger.record(f"train/{key}", value / (size // batch))
         values, returns = data["values"], data["returns"]
         unexplained = (returns - values).var() / returns.var().clamp_min(1e-12)
         self.logger.record("train/explained_variance", float(1.0 - unexplained))
@@ -101,9 +103,7 @@ class ConcurrentPPO(PPO):
         surrogate = -torch.min(ratio * rows["advantages"], clipped * rows["advantages"]).mean()
         surrogate = surrogate - c.ent_coef * entropy.mean()
         value_loss = nn.functional.mse_loss(values.flatten(), rows["returns"])
-        estimator_loss = policy.networks.estimator_loss(*policy.split(observations))
         self._descend(policy.critic_optimizer, value_loss)
-        self._descend(policy.estimator_optimizer, estimator_loss)
         if self._n_updates >= c.critic_warmup * c.n_epochs:
             self._descend(policy.optimizer, surrogate)
         outside = (ratio - 1.0).abs() > c.clip_range
@@ -113,8 +113,12 @@ class ConcurrentPPO(PPO):
             "policy_gradient_loss": surrogate.item(),
             "value_loss": value_loss.item(),
             "entropy_loss": -entropy.mean().item(),
-            "estimator_loss": estimator_loss.item(),
         }
+
+    def _estimator_step(self, rows: dict[str, Tensor]) -> float:
+        loss = self.policy.networks.estimator_loss(*self.policy.split(rows["observations"]))
+        self._descend(self.policy.estimator_optimizer, loss)
+        return loss.item()
 
     def _descend(self, optimizer: torch.optim.Optimizer, loss: Tensor) -> None:
         optimizer.zero_grad()

@@ -18,6 +18,8 @@ from hqpipe.rl.config import RewardConfig
 
 # Commands are drawn, so a zero command is exactly zero; the margin only covers float32.
 ZERO_COMMAND = 1e-6
+# Of a gait: half a cycle at 1.7 Hz in the air, a whole one on the ground.
+LONGEST_SWING_S, LONGEST_STANCE_S = 0.3, 0.6
 
 
 @dataclass
@@ -38,7 +40,8 @@ class Step:
         foot_velocity: (N, L, 3) world, m/s. foot_height: (N, L) sole above ground, m.
         previous_clearance: (N, L) foot clearance 1 of the last period.
         foot_force: (N, 3, L) magnitude of the ground reaction now and in the last two periods, newest first, N.
-        clearance_target: m. scheduled_stance: (N, L) bool of the clock, or None without one.
+        clearance_target: m. opposite: (L,) number of the foot diagonally opposite.
+        scheduled_stance: (N, L) bool of the clock, or None without one.
     """
 
     command: np.ndarray
@@ -66,6 +69,7 @@ class Step:
     previous_clearance: np.ndarray
     foot_force: np.ndarray
     clearance_target: float
+    opposite: np.ndarray
     scheduled_stance: np.ndarray | None = None
 
     @property
@@ -218,6 +222,27 @@ def gait_match(s: Step) -> np.ndarray:
     return (s.contact == wanted).mean(axis=1)
 
 
+def lift(s: Step) -> np.ndarray:
+    """Σ min(h / h_tar, 1) of the feet that have been in the air for less than 0.3 s, while two feet or more stand.
+
+    0 while standing is commanded. It leads from standing to stepping, and because of the two feet not to hopping.
+    """
+    paid = (s.contact.sum(axis=1) >= 2) & ~s.standing
+    swinging = ~s.contact & (s.air_time < LONGEST_SWING_S) & paid[:, None]
+    return (swinging * np.clip(s.foot_height / s.clearance_target, 0.0, 1.0)).sum(axis=1)
+
+
+def late(s: Step) -> np.ndarray:
+    """Number of feet that have been in the air for 0.3 s or on the ground for 0.6 s, unless standing is commanded."""
+    overdue = (s.air_time >= LONGEST_SWING_S) | (s.stance_time >= LONGEST_STANCE_S)
+    return (overdue & ~s.standing[:, None]).sum(axis=1).astype(float)
+
+
+def diagonal(s: Step) -> np.ndarray:
+    """Share of the feet that stand or swing together with the foot diagonally opposite: 1 in a trot."""
+    return (s.contact == s.contact[:, s.opposite]).mean(axis=1)
+
+
 def orientation(s: Step) -> np.ndarray:
     """‖g_xy‖², the squared tilt of the base."""
     return _square(s.gravity[:, :2])
@@ -260,6 +285,9 @@ TERMS: dict[str, RewardTerm] = {
     "mean_speed": RewardTerm(mean_speed),
     "mean_yaw": RewardTerm(mean_yaw),
     "gait_match": RewardTerm(gait_match),
+    "lift": RewardTerm(lift),
+    "late": RewardTerm(late),
+    "diagonal": RewardTerm(diagonal),
     "orientation": RewardTerm(orientation),
     "angular_motion": RewardTerm(angular_motion),
 }

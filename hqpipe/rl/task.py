@@ -73,6 +73,7 @@ class LocomotionTask:
         self._mass = total_mass(robot)
         self._has_clock = self.layout.has("clock")
         self._noise = noise_half_width(self.layout, config.noise)
+        self._diagonal = gait.diagonal_feet(robot.feet)
         self._offsets = gait.leg_offsets(robot.feet)
         self._episode_steps = round(config.episode_s / CONTROL_PERIOD_S)
         n, joints, feet = self.count, len(robot.joints), len(robot.feet)
@@ -172,6 +173,7 @@ class LocomotionTask:
             previous_clearance=self.previous_clearance,
             foot_force=self.foot_force,
             clearance_target=self.config.reward.clearance_target,
+            opposite=self._diagonal,
             scheduled_stance=self._scheduled_stance(),
         )
 

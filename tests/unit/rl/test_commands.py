@@ -16,3 +16,12 @@ def test_commands_stay_in_range_and_keep_the_shares():
     straight = (drawn[:, 1:] == 0.0).all(axis=1) & ~standing
     assert standing.mean() == pytest.approx(0.2, abs=0.01)
     assert straight.mean() == pytest.approx(0.4, abs=0.01)
+
+
+def test_some_robots_only_turn_and_as_many_only_step_sideways():
+    config = CommandConfig(standing_share=0.2, straight_share=0.25, in_place_share=0.5)
+    moves = sample_commands(config, 20_000, np.random.default_rng(0)) != 0.0
+    turning, sideways = ((moves == only).all(axis=1).mean() for only in ((False, False, True), (False, True, False)))
+    assert turning == pytest.approx(0.2, abs=0.01)
+    assert sideways == pytest.approx(0.2, abs=0.01)
+    assert moves.all(axis=1).mean() == pytest.approx(0.2, abs=0.01)

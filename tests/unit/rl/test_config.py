@@ -32,6 +32,10 @@ def test_mapping_survives_json():
         ({"ppo": 3}, "ppo: expected a mapping"),
         ({"gait": {"prior": "trot"}}, "gait.prior: 'trot'"),
         ({"ppo": {"batch_size": 7}}, "ppo.batch_size: 7 does not divide"),
+        (
+            {"command": {"straight_share": 0.6, "in_place_share": 0.5}},
+            "command.in_place_share add up to 1.1, expected at most 1",
+        ),
         ({"evaluation": {"num_envs": 5}}, "evaluation.num_envs: 5"),
     ],
 )

@@ -40,6 +40,7 @@ def step(**changes) -> rewards.Step:
         "previous_clearance": np.zeros((1, 2)),
         "foot_force": np.zeros((1, 3, 2)),
         "clearance_target": 0.1,
+        "opposite": np.array([1, 0]),
     }
     rows = {k: np.array(v) if isinstance(v, list) else v for k, v in changes.items()}
     return rewards.Step(**{**values, **rows})
@@ -128,6 +129,25 @@ CASES = [
     ),
     ("gait_match", {"scheduled_stance": np.array([[False, False]])}, 1.0),
     ("gait_match", {}, 0.0),
+    *(
+        (
+            "lift",
+            {"command": WALK, "contact": [[True, True, False, False]], "foot_height": [[0.0, 0.0, 0.05, 0.2]], **more},
+            paid,
+        )
+        for more, paid in (
+            ({"air_time": [[0.0, 0.0, 0.1, 0.29]]}, 1.5),
+            ({"air_time": [[0.0, 0.0, 0.1, 0.31]]}, 0.5),  # held up, no swing
+            ({"air_time": [[0.0, 0.0, 0.1, 0.1]], "command": [[0.0, 0.0, 0.0]]}, 0.0),
+            ({"air_time": [[0.0, 0.2, 0.1, 0.1]], "contact": [[True, False, False, False]]}, 0.0),  # hops
+        )
+    ),
+    ("late", {"command": WALK, "air_time": [[0.3, 0.0]], "stance_time": [[0.0, 0.6]]}, 2.0),
+    ("late", {"command": WALK, "air_time": [[0.29, 0.0]], "stance_time": [[0.0, 0.59]]}, 0.0),
+    ("late", {}, 0.0),
+    ("diagonal", {"contact": [[True, True]]}, 1.0),
+    ("diagonal", {"contact": [[True, False]]}, 0.0),
+    ("diagonal", {"contact": [[True, False, True, True]], "opposite": np.array([3, 2, 1, 0])}, 0.5),
     ("orientation", {"gravity": [[0.3, -0.4, -sqrt(0.75)]]}, 0.25),
     ("angular_motion", {"angular_velocity": [[0.3, 0.4, 7.0]]}, 0.25),
 ]

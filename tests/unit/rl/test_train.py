@@ -45,6 +45,19 @@ def test_actor_waits_for_the_critic(result):
     assert result.rows[-1]["train/approx_kl"] > 0.0
 
 
+def test_the_estimator_learns_in_as_many_passes_as_it_is_told(robot, actuator, small):
+    config = replace(small, ppo=replace(small.ppo, estimator_epochs=1))
+    options = {"control_mode": "position", "scratch": None, "report": None, "posterior": None, "stiffness": None}
+    trainer = training.Trainer(robot, actuator, config, workers=1, **options)
+    trainer.run()
+    policy, batches = trainer.model.policy, small.iterations * small.rollout_size // small.ppo.batch_size
+    estimator, critic = (
+        int(next(iter(optimizer.state.values()))["step"])
+        for optimizer in (policy.estimator_optimizer, policy.critic_optimizer)
+    )
+    assert (estimator, critic) == (batches, small.ppo.n_epochs * batches)
+
+
 def test_best_evaluation_belongs_to_the_returned_networks(result):
     scores = {row["iteration"]: row["eval/score"] for row in result.rows if "eval/score" in row}
     assert result.best_iteration == min(scores, key=scores.get)
