@@ -11,7 +11,7 @@ from hqpipe.rl import gait, rewards
 from hqpipe.rl.commands import sample_commands
 from hqpipe.rl.config import CONTROL_PERIOD_S, TrainConfig
 from hqpipe.rl.contact_timer import ContactTimer
-from hqpipe.rl.initial_state import InitialState, nominal_state, random_state
+from hqpipe.rl.initial_state import InitialState, random_state, trial_state
 from hqpipe.rl.leg import total_mass
 from hqpipe.rl.observation import (
     build_observation,
@@ -223,7 +223,7 @@ class LocomotionTask:
             self.command[indices] = sample_commands(self.config.command, n, self.rng)
             self.phase[indices] = self.rng.random(n)
         else:
-            start = nominal_state(self.robot, n)
+            start = trial_state(self.robot, self.geometry, n)
             self.phase[indices] = 0.0
         self.world.reset(
             indices,
