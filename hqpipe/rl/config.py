@@ -61,6 +61,8 @@ class CommandConfig:
     Attributes:
         vx, vy: ranges, m/s; wz: range, rad/s. The paper walks at 0.4 and 1.0 m/s, turns and steps sideways.
         standing_share: of the draws that command zero velocity; assumption.
+        standing_at_once: whether standing is commanded before the curriculum has reached its end. A gait that is learned
+            from standing takes the first step on the spot sooner without.
         straight_share: of the moving draws with vy = ω = 0; assumption.
         in_place_share: of the moving draws, half that only turn and half that only step sideways. A trot does so from the
             start; a gait that is learned needs to see it.
@@ -71,6 +73,7 @@ class CommandConfig:
     vy: tuple[float, float] = (-0.3, 0.3)
     wz: tuple[float, float] = (-0.5, 0.5)
     standing_share: float = 0.08
+    standing_at_once: bool = True
     straight_share: float = 0.3
     in_place_share: float = 0.0
     resample_s: float = 4.0
@@ -178,11 +181,12 @@ class RewardConfig:
     mean_speed: float = -1.0
     mean_yaw: float = -0.5
     gait_match: float = 0.3
+    orientation: float = -2.0
+    angular_motion: float = -0.05
+    # Terms of ours that lead from standing to a trot, for a policy that is given none
     lift: float = 0.0
     late: float = 0.0
     diagonal: float = 0.0
-    orientation: float = -2.0
-    angular_motion: float = -0.05
 
 
 @dataclass(frozen=True)

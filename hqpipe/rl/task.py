@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -220,7 +220,7 @@ class LocomotionTask:
         n = len(indices)
         if self.training:
             start: InitialState = random_state(self.robot, self.geometry, self.config.randomisation, n, self.rng)
-            self.command[indices] = sample_commands(self.config.command, n, self.rng)
+            self.command[indices] = self._sample_commands(n)
             self.phase[indices] = self.rng.random(n)
         else:
             start = trial_state(self.robot, self.geometry, n)
@@ -244,7 +244,13 @@ class LocomotionTask:
 
     def _draw_commands(self) -> None:
         due = self.rng.random(self.count) < CONTROL_PERIOD_S / self.config.command.resample_s
-        self.command[due] = sample_commands(self.config.command, int(due.sum()), self.rng)
+        self.command[due] = self._sample_commands(int(due.sum()))
+
+    def _sample_commands(self, count: int) -> np.ndarray:
+        commands = self.config.command
+        if self.curriculum < 1.0 and not commands.standing_at_once:
+            commands = replace(commands, standing_share=0.0)
+        return sample_commands(commands, count, self.rng)
 
     def _push(self) -> None:
         r = self.config.randomisation

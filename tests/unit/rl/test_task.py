@@ -109,6 +109,17 @@ def test_evaluation_is_free_of_randomness(robot, spec, still_world, small):
     assert not still_world.pushes
 
 
+@pytest.mark.parametrize(
+    ("at_once", "curriculum", "stands"), [(True, 0.5, True), (False, 0.5, False), (False, 1.0, True)]
+)
+def test_standing_may_be_commanded_later_than_all_else(robot, spec, still_world, small, at_once, curriculum, stands):
+    config = replace(small, command=replace(small.command, standing_share=1.0, standing_at_once=at_once))
+    task = LocomotionTask(robot, spec, still_world, config, training=True, seed=3)
+    task.curriculum = curriculum
+    task.reset()
+    assert (task.command == 0.0).all(axis=1).tolist() == [stands] * 3
+
+
 def test_same_seed_same_numbers(robot, spec, still_world, small):
     runs = []
     for _ in range(2):
