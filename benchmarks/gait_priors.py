@@ -1,82 +1,181 @@
-"""How many environment steps a policy needs until it walks, by what it is given: the paper's observation, a clock, a trot.
+"""How many environment steps a policy needs until it walks, and with which gait, by what it is given: the paper's
+observation, a clock, a trot.
 
-Every few iterations 32 robots that differ as in training, in another draw, walk at 1.0 m/s for 30 s with noise and without
-pushes, steered by nobody. A policy walks when none of them falls and their mean speed is within 5 %; the training ends there
-or with its budget. The first row of each prior is the zero action.
+Every few iterations 32 robots that differ as in training, in another draw, walk under each of four commands for 30 s, with
+noise and without pushes, steered by nobody. A policy walks when none of them falls and their mean motion is within 0.05 m/s
+and 0.05 rad/s of the command. The first rows of each prior are the zero action.
 
 Run: python benchmarks/gait_priors.py [--priors none clock trot_residual] [--steps 4000000] [--engine mujoco] [--actuator DIR]
-     [--csv FILE]
+     [--seed 1] [--set JSON] [--until-it-walks] [--csv FILE] [--policies DIR]
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import json
 import os
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from training import reference_actuator
 
 from hqpipe.actuators.base import ActuatorModel
 from hqpipe.actuators.files import load_actuator
-from hqpipe.rl.config import CONTROL_PERIOD_S, PRIORS, CommandConfig, TrainConfig, from_mapping
+from hqpipe.rl.config import CONTROL_PERIOD_S, PRIORS, TrainConfig, from_mapping
 from hqpipe.rl.evaluate import Actor, network_actor, zero_actor
+from hqpipe.rl.policy_io import save_policy
 from hqpipe.rl.task import LocomotionTask
 from hqpipe.rl.train import Trainer
-from hqpipe.rl.walk_measures import SETTLING_S
+from hqpipe.rl.walk_measures import SETTLING_S, clearance, contact_schedule
 from hqpipe.rl.worlds import training_world
 from hqpipe.robots import RobotSpec, load_robot
 
-ROBOTS, SECONDS, SPEED, TOLERANCE = 32, 30.0, 1.0, 0.05
-# Without a trot to start from, exploration has to be wide and the penalties have to come late.
-_FROM_NOTHING = {"policy": {"initial_log_std": -1.0, "final_log_std": -1.0}, "curriculum": {"iterations": 150}}
-RECIPES = {
-    "none": {**_FROM_NOTHING, "reward": {"airtime": 0.3, "gait_match": 0.0}},
-    "clock": _FROM_NOTHING,
-    "trot_residual": {},
+TOLERANCE = 0.05  # m/s and rad/s
+COMMANDS = ((0.4, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.5), (0.0, 0.3, 0.0))
+RATE_HZ = 1.0 / CONTROL_PERIOD_S
+# A gait that is learned from standing: exploration is wide at first and narrows, some commands only turn or only step
+# sideways, and a few terms tell a trot from shaking. What each of them does: docs/theory/training.md.
+_FROM_STANDING: dict[str, Any] = {
+    "policy": {"hidden": [128, 128], "initial_log_std": -0.7},
+    "curriculum": {"iterations": 150},
+    "ppo": {"estimator_epochs": 2, "ent_coef": 0.003},
+    "randomisation": {"push_speed": 0.8},
 }
+_REWARD = {"airtime": 1.0, "late": -0.2, "diagonal": 0.5, "flight": -1.0, "slip": -0.1, "mean_speed": -2.0}
+_RANGES = {"vy": [-0.4, 0.4], "wz": [-0.6, 0.6]}
+LEARNED: dict[str, Any] = {
+    **_FROM_STANDING,
+    "command": {**_RANGES, "in_place_share": 0.35, "standing_at_once": False},
+    "policy": {**_FROM_STANDING["policy"], "final_log_std": -2.3},
+    "reward": {**_REWARD, "lift": 1.0, "gait_match": 0.0, "tracking_yaw": 1.0, "mean_yaw": -1.5},
+}
+WITH_CLOCK: dict[str, Any] = {
+    **_FROM_STANDING,
+    "command": {**_RANGES, "in_place_share": 0.25},
+    "policy": {**_FROM_STANDING["policy"], "final_log_std": -3.0},
+    "reward": {**_REWARD, "lift": 0.5, "gait_match": 1.0, "mean_yaw": -1.0},
+}
+RECIPES: dict[str, dict[str, Any]] = {"none": LEARNED, "clock": WITH_CLOCK, "trot_residual": {}}
 
 
 @dataclass(frozen=True)
 class Walk:
-    """What the robots of one exam did; speed in m/s, the mean over those that stayed upright, or over all if none did."""
+    """What the robots with one command did: the mean over those that stayed upright, or over all if none did.
 
+    Attributes:
+        command, velocity: vx, vy (m/s), ω (rad/s).
+        robots, falls: counts.
+        error: mean over the robots of the distance of the mean velocity from the command, m/s; yaw_error: likewise, rad/s.
+        lift: m, see `hqpipe.rl.walk_measures.clearance`.
+        duty, frequency: share of the time that a foot stands, and strides per second.
+        phase, regularity: of the feet, see `hqpipe.rl.walk_measures.Schedule`; mean over the robots on the circle.
+    """
+
+    command: tuple[float, float, float]
+    velocity: tuple[float, float, float]
+    robots: int
     falls: int
-    speed: float
+    error: float
+    yaw_error: float
+    lift: float
+    duty: float
+    frequency: float
+    phase: tuple[float, ...]
+    regularity: tuple[float, ...]
 
     @property
     def passed(self) -> bool:
-        return self.falls == 0 and abs(self.speed / SPEED - 1.0) <= TOLERANCE
+        miss = np.subtract(self.velocity, self.command)
+        return self.falls == 0 and np.hypot(*miss[:2]) <= TOLERANCE and abs(miss[2]) <= TOLERANCE
+
+    def row(self) -> dict[str, Any]:
+        """As columns of a table."""
+        row: dict[str, Any] = {}
+        for name, value in vars(self).items():
+            several = isinstance(value, tuple)
+            row |= {f"{name}_{i}": each for i, each in enumerate(value)} if several else {name: value}
+        return row
+
+    def __str__(self) -> str:
+        told = " ".join(f"{v:5.2f}" for v in self.velocity)
+        feet = " ".join(f"{p:.2f}±{1.0 - r:.2f}" for p, r in zip(self.phase[1:], self.regularity[1:], strict=True))
+        return (
+            f"{self.command!s:17s} {self.falls:>2} of {self.robots} fell, {told}, error {self.error:.3f} {self.yaw_error:.3f}, "
+            f"lift {100.0 * self.lift:4.1f} cm, duty {self.duty:.2f}, {self.frequency:.2f} Hz, phases {feet}"
+        )
 
 
 class Exam:
     """The robots that a policy has to walk with."""
 
-    def __init__(self, robot: RobotSpec, actuator: ActuatorModel, trainer: Trainer, workers: int) -> None:
-        straight = CommandConfig((SPEED, SPEED), (0.0, 0.0), (0.0, 0.0), standing_share=0.0, straight_share=1.0)
+    def __init__(
+        self, robot: RobotSpec, actuator: ActuatorModel, trainer: Trainer, robots: int, seconds: float, workers: int
+    ) -> None:
         calm = replace(trainer.config.randomisation, push_interval_s=0.0)
-        config = replace(trainer.config, command=straight, randomisation=calm, episode_s=2.0 * SECONDS)
-        self.seed = config.seed + 1000
-        world = training_world(robot, actuator, config, num_envs=ROBOTS, workers=workers, seed=self.seed)
+        config = replace(trainer.config, randomisation=calm, episode_s=2.0 * seconds)
+        self.seed, self.robots, self.periods = config.seed + 1000, robots, round(seconds * RATE_HZ)
+        self.commands = np.repeat(np.array(COMMANDS), robots, axis=0)
+        world = training_world(robot, actuator, config, num_envs=len(self.commands), workers=workers, seed=self.seed)
         self.task = LocomotionTask(robot, trainer.spec, world, config, training=True, seed=self.seed)
 
-    def hold(self, actor: Actor) -> Walk:
+    def hold(self, actor: Actor) -> list[Walk]:
         """Walk with `actor`: always the same starts and the same noise."""
-        task = self.task
+        task, count = self.task, len(self.commands)
         task.rng = np.random.default_rng(self.seed)
-        observation, fell = task.reset(), np.zeros(ROBOTS, dtype=bool)
-        speeds = []
-        for step in range(round(SECONDS / CONTROL_PERIOD_S)):
+        told = task.layout.part("velocity_command")
+        observation, fell = task.reset(), np.zeros(count, dtype=bool)
+        velocity = np.zeros((self.periods, count, 3))
+        height, contact = np.zeros((self.periods, count, 4)), np.zeros((self.periods, count, 4), dtype=bool)
+        for period in range(self.periods):
+            task.set_commands(self.commands)  # whatever the training would draw
+            observation[:, told] = self.commands
             outcome = task.step(actor(observation))
             observation = outcome.observation
             fell |= outcome.fell
-            if step * CONTROL_PERIOD_S >= SETTLING_S:
-                speeds.append(task.base_velocity()[:, 0])
-        upright = ~fell if not fell.all() else np.ones(ROBOTS, dtype=bool)
-        return Walk(int(fell.sum()), float(np.mean(speeds, axis=0)[upright].mean()))
+            velocity[period], height[period] = task.base_velocity(), task.foot_height()
+            contact[period] = task.world.state.foot_contact
+        steady = slice(round(SETTLING_S * RATE_HZ), None)
+        walks = []
+        for command, rows in zip(COMMANDS, np.split(np.arange(count), len(COMMANDS)), strict=True):
+            upright = rows[~fell[rows]] if not fell[rows].all() else rows
+            seen = (values[steady, upright] for values in (velocity, height, contact))
+            walks.append(_walk(command, int(fell[rows].sum()), self.robots, *seen))
+        return walks
+
+
+def _walk(
+    command: tuple[float, float, float],
+    falls: int,
+    robots: int,
+    velocity: np.ndarray,
+    height: np.ndarray,
+    contact: np.ndarray,
+) -> Walk:
+    """Of (T, N, 3) velocities, (T, N, L) m of the soles and (T, N, L) contacts of the N robots that count."""
+    mean = velocity.mean(axis=0)
+    miss = mean - command
+    schedules = [contact_schedule(feet, RATE_HZ) for feet in contact.transpose(1, 0, 2)]
+    lifts = [
+        clearance(*both, RATE_HZ) for both in zip(height.transpose(1, 0, 2), contact.transpose(1, 0, 2), strict=True)
+    ]
+    turns = np.mean([s.regularity * np.exp(2j * np.pi * s.phase) for s in schedules], axis=0)
+    return Walk(
+        command=command,
+        velocity=tuple(float(v) for v in mean.mean(axis=0)),
+        robots=robots,
+        falls=falls,
+        error=float(np.hypot(miss[:, 0], miss[:, 1]).mean()),
+        yaw_error=float(np.abs(miss[:, 2]).mean()),
+        lift=float(np.mean(lifts)),
+        duty=float(np.mean([s.duty for s in schedules])),
+        frequency=float(np.mean([s.frequency for s in schedules])),
+        phase=tuple(float(p) for p in np.angle(turns) / (2.0 * np.pi) % 1.0),
+        regularity=tuple(float(r) for r in np.abs(turns)),
+    )
 
 
 def main() -> None:
@@ -95,39 +194,42 @@ def main() -> None:
 
 
 def learn(robot: RobotSpec, actuator: ActuatorModel, prior: str, arguments: argparse.Namespace) -> list[dict]:
-    """Train with `prior` until the exam is passed or the budget spent; a row per exam."""
-    chosen = {
+    """Train with `prior`; a row per exam and command."""
+    plan = {
         "total_steps": arguments.steps,
         "engine": arguments.engine,
         "gait": {"prior": prior},
         "checkpoint_interval": arguments.steps,
         "evaluation": {"interval": arguments.steps},
     }
-    recipe = RECIPES[prior]
-    policy = {**recipe.get("policy", {}), "symmetric": prior != "none"}  # the paper's policy prefers a side if it likes
-    config = replace(from_mapping(TrainConfig(), {**chosen, **recipe, "policy": policy}), seed=arguments.seed)
+    config = from_mapping(replace(TrainConfig(), seed=arguments.seed), plan)
+    for changes in (RECIPES[prior], json.loads(arguments.set)):
+        config = from_mapping(config, changes)
     options = {"control_mode": "position", "scratch": None, "report": None, "posterior": None, "stiffness": None}
     trainer = Trainer(robot, actuator, config, workers=arguments.workers, **options)
-    exam = Exam(robot, actuator, trainer, arguments.workers)
+    exam = Exam(robot, actuator, trainer, arguments.robots, arguments.seconds, arguments.workers)
     size, rows, began = trainer.spec.observation.size, [], time.perf_counter()
 
     def examine(actor: Actor, steps: int) -> bool:
-        walk = exam.hold(actor)
+        walks = exam.hold(actor)
         seconds = time.perf_counter() - began
-        rows.append({"prior": prior, "steps": steps, "falls": walk.falls, "speed": walk.speed, "seconds": seconds})
-        told = f"{walk.falls:>3} of {ROBOTS} fell, {walk.speed:5.2f} m/s"
-        print(f"{prior:14s}{steps:>10,} steps  {told}  {seconds:6.0f} s{'  walks' if walk.passed else ''}", flush=True)
-        return walk.passed
+        rows.extend({"prior": prior, "steps": steps, "seconds": seconds, **walk.row()} for walk in walks)
+        passed = all(walk.passed for walk in walks)
+        print(f"{prior}, {steps:,} steps, {seconds:.0f} s{', walks' if passed else ''}", *walks, sep="\n  ", flush=True)
+        return passed
 
     try:
         examine(zero_actor(len(robot.joints)), 0)
         progress = trainer._begin()
+        networks = trainer.model.policy.networks
         while progress.iteration < config.iterations:
             trainer._iterate(progress)
             due = progress.iteration % arguments.interval == 0 or progress.iteration == config.iterations
             steps = progress.iteration * config.rollout_size
-            if due and examine(network_actor(trainer.model.policy.networks, size), steps):
+            if due and examine(network_actor(networks, size), steps) and arguments.until_it_walks:
                 break
+        if arguments.policies:
+            save_policy(arguments.policies / prior, trainer.spec, networks)
     finally:
         trainer.close()
         exam.task.world.close()
@@ -138,12 +240,19 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--priors", nargs="+", choices=PRIORS, default=list(PRIORS))
     parser.add_argument("--steps", type=int, default=4_000_000, help="budget of each prior")
-    parser.add_argument("--interval", type=int, default=12, help="iterations of 9,600 steps between two exams")
+    parser.add_argument("--interval", type=int, default=100, help="iterations of 9,600 steps between two exams")
+    parser.add_argument("--robots", type=int, default=32, help="per command")
+    parser.add_argument("--seconds", type=float, default=30.0, help="of a walk")
     parser.add_argument("--engine", default="mujoco")
     parser.add_argument("--actuator", type=Path, help="folder of a model; default: the coefficients of training.py")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--set", default="{}", help="fields of TrainConfig as JSON, on top of the recipe")
+    parser.add_argument(
+        "--until-it-walks", action="store_true", help="end a training with the first exam that is passed"
+    )
     parser.add_argument("--csv", type=Path)
+    parser.add_argument("--policies", type=Path, help="folder for the last policy of each prior")
     return parser.parse_args()
 
 

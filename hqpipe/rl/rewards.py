@@ -1,4 +1,4 @@
-"""Rewards of the paper's two tables, and seven terms of ours.
+"""Rewards of the paper's two tables, and ten terms of ours.
 
 A term is a function of the step, (N,) without its coefficient. The total is
 
