@@ -195,12 +195,13 @@ def main() -> None:
 
 def learn(robot: RobotSpec, actuator: ActuatorModel, prior: str, arguments: argparse.Namespace) -> list[dict]:
     """Train with `prior`; a row per exam and command."""
+    never = arguments.steps // TrainConfig().rollout_size + 1  # iterations
     plan = {
         "total_steps": arguments.steps,
         "engine": arguments.engine,
         "gait": {"prior": prior},
-        "checkpoint_interval": arguments.steps,
-        "evaluation": {"interval": arguments.steps},
+        "checkpoint_interval": never,
+        "evaluation": {"interval": never},
     }
     config = from_mapping(replace(TrainConfig(), seed=arguments.seed), plan)
     for changes in (RECIPES[prior], json.loads(arguments.set)):

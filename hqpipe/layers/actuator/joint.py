@@ -47,7 +47,9 @@ do to the torque what a larger offset would."""
 LEAST_INTEGRATED = 0.1
 """Of the error that an integrator is given, what it must add to it in the longest run of windows: one that adds less is an
 offset which each run may choose. Assumption; the cost: an integrator that a few seconds show no better is not named."""
-NOTABLE_ARM = 0.05  # of the largest moment arm, by which the least one differs from it for a remark; assumption
+NOTABLE_ARM = (
+    0.05  # of the largest moment arm, in steps of which a remark tells how far the least one is below it; assumption
+)
 _PLACES = 41  # of the positions, over which the arm is looked at
 LATE = 0.5  # rows by which the mean speed of a step belongs later than the row where it begins
 
@@ -220,11 +222,11 @@ class ActuatorJoint:
         places = np.quantile(self.fit.position, np.linspace(0.0, 1.0, _PLACES))
         slope, curve = values[_ARM]
         arm = np.array([relative_arm(place, self.neutral[_MIDDLE], slope, curve) for place in places])
-        if arm.min() > (1.0 - NOTABLE_ARM) * arm.max():
+        change = round((1.0 - arm.min() / arm.max()) / NOTABLE_ARM) * NOTABLE_ARM  # so that like joints share a remark
+        if change == 0.0:
             return ()
-        low, high = (f"{places[k]:.2f} {self.units[1]}" for k in (arm.argmin(), arm.argmax()))
-        share = f"{100.0 * arm.min() / arm.max():.0f} %"
-        return (f"its moment arm at {low} is {share} of that at {high}, which a simulator with one arm does not show",)
+        told = f"its moment arm changes by about {100.0 * change:.0f} % over the logged positions"
+        return (f"{told}, which a simulator with one arm does not show",)
 
     def same_by_law(self, values: np.ndarray) -> Mapping[str, tuple[str, ...]]:
         """The areas of a piston that do what an offset of the torque sensor does, see `hqpipe.machine.direction_asymmetry`."""

@@ -10,6 +10,7 @@ from position_loop_logs import DT, changed, neutral
 
 from hqpipe.identify.model import all_parameters
 from hqpipe.layers.actuator import Actuator
+from hqpipe.layers.actuator.parameters import BASE_NAMES
 from hqpipe.logs.joint_kinds import PRISMATIC
 from hqpipe.machine import EFFECTS
 
@@ -224,3 +225,13 @@ def test_sensitivities_that_the_joint_gives_are_those_of_differences(model):
             np.testing.assert_allclose((model.error(moved) - before) / 0.5, exact, rtol=1e-6, atol=1e-6)
             given += 1
     assert given == sum(len(effect.parameters) for effect in model.effects if not effect.named)
+
+
+def test_a_moment_arm_that_changes_is_told_in_a_remark(model):
+    values, slope = neutral(model), BASE_NAMES.index("arm_slope")
+    assert model.remarks((), values) == ()
+    values[slope] = 0.2 / np.ptp(model.fit.position)  # a fifth of the arm in the middle, from one end to the other
+    (remark,) = model.remarks((), values)
+    assert "changes by about 20 %" in remark
+    values[slope] *= 0.1
+    assert model.remarks((), values) == ()
