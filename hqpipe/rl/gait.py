@@ -20,13 +20,15 @@ from hqpipe.rl.leg import LegGeometry, constant
 _LOAD_RAMP = 0.1
 # Keeps the shares defined in the moment when no foot is scheduled to carry.
 _LEAST_LOAD = 0.01
-_DIAGONAL = {"LF": "RH", "RH": "LF", "RF": "LH", "LH": "RF"}
 _OFFSET = {"LF": 0.0, "RF": 0.5, "LH": 0.5, "RH": 0.0}
 
 
 def diagonal_feet(feet: tuple[str, ...]) -> np.ndarray:
     """(L,) number of the foot diagonally opposite of each, which swings with it in a trot."""
-    return np.array([feet.index(_DIAGONAL[foot]) for foot in feet])
+    offsets = leg_offsets(feet)
+    return np.array(
+        [next(k for k in range(len(feet)) if k != j and offsets[k] == offsets[j]) for j in range(len(feet))]
+    )
 
 
 def leg_offsets(feet: tuple[str, ...]) -> np.ndarray:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hqpipe.rl.config import RewardConfig
+from hqpipe.rl.reward_config import RewardConfig
 
 # Commands are drawn, so a zero command is exactly zero; the margin only covers float32.
 ZERO_COMMAND = 1e-6

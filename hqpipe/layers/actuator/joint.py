@@ -47,9 +47,8 @@ do to the torque what a larger offset would."""
 LEAST_INTEGRATED = 0.1
 """Of the error that an integrator is given, what it must add to it in the longest run of windows: one that adds less is an
 offset which each run may choose. Assumption; the cost: an integrator that a few seconds show no better is not named."""
-NOTABLE_ARM = (
-    0.05  # of the largest moment arm, in steps of which a remark tells how far the least one is below it; assumption
-)
+NOTABLE_ARM = 0.05
+"""Of the largest moment arm: a remark tells in steps of this how far the least one is below it; assumption."""
 _PLACES = 41  # of the positions, over which the arm is looked at
 LATE = 0.5  # rows by which the mean speed of a step belongs later than the row where it begins
 
@@ -214,7 +213,7 @@ class ActuatorJoint:
         return tuple(found)
 
     def remarks(self, effects: Collection[str], values: np.ndarray) -> tuple[str, ...]:
-        """That the moment arm changes with the position, where it does so by more than `NOTABLE_ARM`.
+        """By about how much the moment arm changes over the positions of the fit trials, if by a step of `NOTABLE_ARM`.
 
         Args:
             effects: the causes. values: (P,) as in `error`.

@@ -49,8 +49,6 @@ CONTROLLER = Effect(
     advice="",
     blocks=(Block(difference, ("command", "position"), ("error",), ()),),
 )
-
-
 OF_EVERY_CHAIN = (CONTROLLER, MOMENT_ARM)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hqpipe.rl import rewards
-from hqpipe.rl.config import RewardConfig
+from hqpipe.rl.reward_config import RewardConfig
 
 
 def step(**changes) -> rewards.Step:
