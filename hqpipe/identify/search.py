@@ -98,11 +98,15 @@ class Search:
 
     def likelier(self, one: Known, other: Known) -> bool:
         """Whether a set is more probable than another."""
+        return self.log_odds(one, other) > 0.0
+
+    def log_odds(self, one: Known, other: Known) -> float:
+        """ln of the posterior odds of a set against another; 0 against itself."""
+        if one.names == other.names:
+            return 0.0
         if one.names > other.names:
-            return self.gain(one, other) > 0.0
-        if one.names < other.names:
-            return self.gain(other, one) <= 0.0
-        return self.preference(one, other) > 0.0
+            return self.gain(one, other)
+        return -self.gain(other, one) if one.names < other.names else self.preference(one, other)
 
     def within_bounds(self, known: Known, name: str) -> bool:
         """Whether an effect is not at its bound, nor beyond what there is by its model, where another law must be at work.

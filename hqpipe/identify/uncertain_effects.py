@@ -6,10 +6,13 @@ stands for an offset. The odds of a set do not see that; the numbers do.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.stats import chi2
 
 from hqpipe.identify.least_squares import lengths
+from hqpipe.identify.sampling import covariance
 from hqpipe.identify.search import Known, Search
 from hqpipe.identify.uncertainty import LEVEL
 
@@ -17,17 +20,32 @@ from hqpipe.identify.uncertainty import LEVEL
 def certainty(search: Search, known: Known, name: str) -> float:
     """How far the numbers that say how large an effect is are from neutral, together, over how far they can be told from it
     (Wald 1943); above 1 where the logs say that it is there. Infinite for generic shapes and what both of two records have.
+
+    Its shape is held: an effect without a size has none, and where the logs do not show the shape, slopes would let one number
+    undo what the other does.
     """
     effect = search.effects[name]
     if not effect.named or effect.in_both or not np.isfinite(known.solution.square):
         return np.inf
-    places = search.screening.places(name)[[not parameter.shape for parameter in effect.parameters]]
-    own = np.searchsorted(known.solution.free, places)
-    covariance = known.covariance.robust[np.ix_(own, own)]
-    scale = lengths(covariance)
+    shape = np.array([parameter.shape for parameter in effect.parameters])
+    places = search.screening.places(name)
+    held = ~np.isin(known.solution.free, places[shape])
+    free, places = known.solution.free[held], places[~shape]
+    own = np.searchsorted(free, places)
+    variance = _robust(search, known, held)[np.ix_(own, own)]
+    scale = lengths(variance)
     away = (known.solution.values - search.fitter.neutral)[places] / scale
-    square = away @ np.linalg.pinv(covariance / np.outer(scale, scale), hermitian=True) @ away
+    square = away @ np.linalg.pinv(variance / np.outer(scale, scale), hermitian=True) @ away
     return float(np.sqrt(max(square, 0.0) / chi2.ppf(LEVEL, len(places))))
+
+
+def _robust(search: Search, known: Known, kept: np.ndarray) -> np.ndarray:
+    """Robust covariance of some of the free parameters, the others held; kept: (F,) bool."""
+    if kept.all():
+        return known.covariance.robust
+    solution = known.solution
+    part = replace(solution, free=solution.free[kept], jacobian=solution.jacobian[:, kept])
+    return covariance(search.fitter, part).robust
 
 
 def without_uncertain(search: Search, best: Known) -> Known:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from hqpipe.identify.correlation import correlation_time
-from hqpipe.identify.joint_answer import LEAST_SHARE, floor_of
 from hqpipe.identify.minor_causes import LEAST_OF_UNKNOWN
 from hqpipe.identify.search import Known, Search
+from hqpipe.identify.worth_keeping import LEAST_SHARE, floor_of
 
 UNUSUAL = 3.0  # spreads of the prior beyond which no machine is; as three standard deviations
 

@@ -23,7 +23,7 @@ from hqpipe.gap.residuals.beyond_fit import BeyondFit
 from hqpipe.gap.residuals.joint_scale import pooled
 from hqpipe.gap.residuals.layer_errors import RAN_AWAY, LayerErrors
 from hqpipe.gap.residuals.locate import Place, telling
-from hqpipe.identify.joint_answer import BELIEVED
+from hqpipe.identify.beliefs import BELIEVED
 from hqpipe.identify.model import LayerJoints
 from hqpipe.layers.actuator.changes import MULTIPLIES
 from hqpipe.logs.trajectory import LogSet

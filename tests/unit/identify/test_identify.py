@@ -13,7 +13,6 @@ from hqpipe.identify import uncertain_effects
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.found import JointFound
 from hqpipe.identify.identify import identify
-from hqpipe.identify.joint_answer import _likelier
 from hqpipe.identify.joint_moves import Step
 from hqpipe.identify.joint_search import JointSearch
 from hqpipe.identify.model import Effect, LayerJoints, Parameter
@@ -21,6 +20,7 @@ from hqpipe.identify.prior import prior_odds
 from hqpipe.identify.rounds import searched
 from hqpipe.identify.search import Search
 from hqpipe.identify.uncertain_effects import certainty, without_uncertain
+from hqpipe.identify.worth_keeping import _likelier
 
 
 def _layer(*models):

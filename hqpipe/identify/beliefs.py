@@ -1,0 +1,110 @@
+"""How far each cause of a set is believed, beside the sets without it or with another effect in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hqpipe.identify.search import HALVED, Known, Search
+from hqpipe.identify.worth_keeping import CONFUSED, causes_of, floor_of, with_small, worth_keeping
+
+BELIEVED = 0.5  # probability from which an effect, or one of those that are like it, is more likely there than not
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """In an effect of a set.
+
+    Attributes:
+        probability: that it is there, beside the sets without it or with another in its place. there: that it or one of these
+            others is. sure: the probability if all joints had the name of a rival that is as good: that they all have the same
+            name does not say which. alike: names of those that are as likely, or as good. rival: the most probable set with
+            another one that may take its place; None without any. most: its probability.
+    """
+
+    probability: float
+    there: float
+    sure: float
+    alike: tuple[str, ...]
+    rival: Known | None
+    most: float
+
+
+def with_beliefs(search: Search, best: Known, base: Known) -> tuple[Known, dict[str, Belief]]:
+    """What is worth keeping of a set, with each cause the most probable in its place, and how far each of them is believed.
+
+    Causes are compared beside what is too small for one: without it, the rival that takes a part of it would win.
+    """
+    exchanged = {best.names}
+    core, small = worth_keeping(search, best, base)
+    while True:
+        whole = with_small(search, core, small)
+        found = {name: _believed(search, whole, name) for name in causes_of(search, core, base)}
+        if whole is not core:  # one of the small effects may be what takes the place of a cause
+            found = {name: replace(b, alike=_with_twins(search, core, name, b.alike)) for name, b in found.items()}
+        likelier = [b for b in found.values() if b.most > b.probability and b.rival.names not in exchanged]
+        doubtful = {name: belief.there for name, belief in found.items() if belief.there <= BELIEVED}
+        if likelier:
+            known = max(likelier, key=lambda belief: belief.most).rival
+            exchanged.add(known.names)
+        elif doubtful:
+            known = search.without(whole, min(doubtful, key=lambda name: doubtful[name]))
+        else:
+            return core, found
+        core, small = worth_keeping(search, known, base)
+
+
+def _believed(search: Search, best: Known, name: str) -> Belief:
+    smaller = search.without(best, name)
+    against, options, twins = {"": -search.gain(best, smaller)}, {}, set()
+    for option in (*search.replaced(smaller, name), *search.with_given_up(smaller)):
+        other = next(iter(option.names - smaller.names))
+        against[other], options[other] = search.preference(option, best), option
+        if _is_twin(search, option, best):
+            twins.add(other)
+    weights = {other: _odds(value) for other, value in against.items()}
+    alone = {
+        other: value - (search.odds[other] - search.odds[name] if other in twins else 0.0)
+        for other, value in against.items()
+    }
+    total = 1.0 + sum(weights.values())
+    alike = {other for other, weight in weights.items() if weight / total >= CONFUSED} | twins
+    rivals = [other for other in options if other not in search.given_up]
+    rival = max(rivals, key=lambda other: weights[other], default=None)
+    return Belief(
+        1.0 / total,
+        1.0 - weights[""] / total,
+        1.0 / (1.0 + sum(_odds(value) for value in alone.values())),
+        tuple(o for o in weights if o in alike and o and search.effects[o].named),
+        options.get(rival),
+        weights.get(rival, 0.0) / total,
+    )
+
+
+def _is_twin(search: Search, option: Known, best: Known) -> bool:
+    """Whether a set with another effect in the place of one has as many numbers, and errors as large.
+
+    Then only what a data sheet says of their sizes tells the two apart. What both leave above the noise is of unknown form, and
+    may favour either one by as much as it is.
+    """
+    (other,), (name,) = option.names - best.names, best.names - option.names
+    if search.effects[other].sizes != search.effects[name].sizes:
+        return False
+    if search.telling(option, best) > np.log(CONFUSED):
+        return True
+    left, of_option = (max(search.left_out(known) - floor_of(search), 0.0) for known in (best, option))
+    return left > HALVED * of_option
+
+
+def _with_twins(search: Search, core: Known, name: str, alike: Sequence[str]) -> tuple[str, ...]:
+    """Effects that are like a cause, and those that err as little in its place where nothing small stands beside it."""
+    smaller = search.without(core, name)
+    twins = [option for option in search.replaced(smaller, name) if _is_twin(search, option, core)]
+    found = {*alike, *(other for option in twins for other in option.names - smaller.names)}
+    return tuple(other for other in search.effects if other in found and search.effects[other].named)
+
+
+def _odds(logarithm: float) -> float:
+    return float(np.exp(min(logarithm, 700.0)))
