@@ -63,7 +63,9 @@ def answer(search: Search, best: Known) -> JointFound:
         named=fitted(search, named),
         kept=fitted(search, core),
         full=fitted(search, min(best, core, key=lambda known: known.solution.square)),
-        causes=tuple(JointCause(n, found[n].sure, _numbers(search, core, half, n), found[n].alike) for n in causes),
+        causes=tuple(
+            JointCause(n, found[n].sure, _numbers(search, core, half, n), found[n].alike, found[n].odds) for n in causes
+        ),
         without={name: fitted(search, without[name]) for name in causes},
         probabilities=probabilities,
         gains=dict(search.gains),
@@ -84,14 +86,16 @@ class _Belief:
     Attributes:
         probability: that it is there, beside the sets without it or with another in its place. there: that it or one of these
             others is. sure: the probability if all joints had the name of a rival that is as good: that they all have the same
-            name does not say which. alike: names of those that are as likely, or as good. rival: the most probable set with
-            another one that may take its place; None without any. most: its probability.
+            name does not say which. alike: names of those that are as likely, or as good. odds: of each of these against it,
+            under the same condition. rival: the most probable set with another one that may take its place; None without any.
+            most: its probability.
     """
 
     probability: float
     there: float
     sure: float
     alike: tuple[str, ...]
+    odds: tuple[float, ...]
     rival: Known | None
     most: float
 
@@ -316,11 +320,13 @@ def _believed(search: Search, best: Known, name: str) -> _Belief:
     alike = {other for other, weight in weights.items() if weight / total >= CONFUSED} | twins
     rivals = [other for other in options if other not in search.given_up]
     rival = max(rivals, key=lambda other: weights[other], default=None)
+    told = tuple(o for o in weights if o in alike and o and search.effects[o].named)
     return _Belief(
         1.0 / total,
         1.0 - weights[""] / total,
         1.0 / (1.0 + sum(_odds(value) for value in alone.values())),
-        tuple(o for o in weights if o in alike and o and search.effects[o].named),
+        told,
+        tuple(_odds(alone[o]) for o in told),
         options.get(rival),
         weights.get(rival, 0.0) / total,
     )
