@@ -85,7 +85,7 @@ def _between(fitter: Fitter, known: Known) -> np.ndarray:
     count = np.sum(seen, axis=0)
     mean = np.sum(np.where(seen, steps, 0.0), axis=0) / np.maximum(count, 1)
     away = np.where(seen, np.array(steps) - mean, 0.0)
-    factor = student(count - 1.0) / _NORMAL * np.sqrt((count - 1.0) / np.maximum(count, 1))
+    factor = student(count - 1.0) / _NORMAL * np.sqrt(np.maximum(count - 1.0, 0.0) / np.maximum(count, 1))
     return _scaled(away.T @ away, np.where(count > 1, factor, 0.0))
 
 

@@ -12,6 +12,8 @@ from hqpipe.identify.model import JointModel
 from hqpipe.identify.prior import prior_odds
 from hqpipe.identify.search import Known, Search
 
+_OF_BOUND = 0.1  # of what a coefficient may be at most, that one of 0 may be off by: a usual leakage; assumption
+
 
 def set_numbers(search: Search, known: Known) -> SetNumbers | None:
     """The numbers of a set with the covariance behind their intervals; None where the prediction overflows.
@@ -42,10 +44,12 @@ def prior_deviations(fitter: Fitter, values: np.ndarray, free: np.ndarray) -> np
     """(F,) how far numbers may be from their estimates by what is known without the logs.
 
     That is the size that a data sheet would give, the width of the prior, or what was found if that is more: a number that may
-    as well be none. Of a coefficient about which nothing is known beforehand it is the coefficient itself; assumption.
+    as well be none. Of a coefficient without a prior it is the coefficient itself, or `_OF_BOUND`.
     """
     spread, away = fitter.spread[free], np.abs(values - fitter.neutral)[free]
-    return np.where(np.isfinite(spread), np.maximum(spread, away), np.abs(values[free]))
+    span = (fitter.high - fitter.low)[free]
+    without_prior = np.maximum(np.abs(values[free]), np.where(np.isfinite(span), _OF_BOUND * span, 0.0))
+    return np.where(np.isfinite(spread), np.maximum(spread, away), without_prior)
 
 
 def _idle(model: JointModel, values: np.ndarray) -> tuple[int, ...]:
