@@ -34,8 +34,10 @@ def set_numbers(search: Search, known: Known) -> SetNumbers | None:
 
 
 def base_numbers(model: JointModel) -> SetNumbers | None:
-    """The numbers of a joint without any effect."""
+    """The numbers of a joint without any effect; None where the prediction overflows."""
     search = Search(model, prior_odds(model, {}, 0))
+    if not np.isfinite(search.base.solution.square):
+        return None
     rank_beside(search, search.base)
     return set_numbers(search, search.base)
 
@@ -44,12 +46,13 @@ def prior_deviations(fitter: Fitter, values: np.ndarray, free: np.ndarray) -> np
     """(F,) how far numbers may be from their estimates by what is known without the logs.
 
     That is the size that a data sheet would give, the width of the prior, or what was found if that is more: a number that may
-    as well be none. Of a coefficient without a prior it is the coefficient itself, or `_OF_BOUND`.
+    as well be none. Of a coefficient without a prior that is never negative it is the coefficient itself, or `_OF_BOUND`; one
+    that may have either sign, as an offset, has no such limit.
     """
     spread, away = fitter.spread[free], np.abs(values - fitter.neutral)[free]
-    span = (fitter.high - fitter.low)[free]
-    without_prior = np.maximum(np.abs(values[free]), np.where(np.isfinite(span), _OF_BOUND * span, 0.0))
-    return np.where(np.isfinite(spread), np.maximum(spread, away), without_prior)
+    span, size = (fitter.high - fitter.low)[free], np.where(fitter.low[free] < 0.0, np.inf, np.abs(values[free]))
+    size = np.maximum(size, np.where(np.isfinite(span), _OF_BOUND * span, 0.0))
+    return np.where(np.isfinite(spread), np.maximum(spread, away), size)
 
 
 def _idle(model: JointModel, values: np.ndarray) -> tuple[int, ...]:

@@ -93,10 +93,10 @@ def draws_report(
             if group.ranges
             for joint in group.joints
         }
-    elif mode == "half_range":
-        report["half_range"] = sizes.half_range
         if posterior.choices:
             report["alternatives"] = _alternatives(posterior, len(table), np.random.default_rng(seed))
+    elif mode == "half_range":
+        report["half_range"] = sizes.half_range
     if table is not None:
         names = posterior.fields if mode == "posterior" else actuator.FIELDS
         report["joints"] = {joint: _drawn(actuator, names, j, table[:, j]) for j, joint in enumerate(actuator.joints)}
