@@ -11,7 +11,7 @@ from hqpipe.actuators.base import ActuatorModel, ParameterField
 from hqpipe.errors import ConfigError, UsageError, near_match
 
 _TRIES = (
-    1000  # draws of one set; four means on their bounds need 16 on average, more where their deviations are opposed
+    20_000  # draws of one set; ten means on their bounds need 1000 on average, more where their deviations are opposed
 )
 
 

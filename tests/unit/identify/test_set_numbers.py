@@ -68,6 +68,19 @@ def test_what_the_logs_do_not_determine_varies_by_its_usual_size():
     assert np.sqrt(numbers.covariance[place, place]) == pytest.approx(max(spread, abs(value)))
 
 
+def test_a_coefficient_without_prior_varies_by_a_share_of_itself():
+    """An inertia that two trials tell four times as large and not at all."""
+    model = ToyJoint(truth={"inertia": 2.0}, seed=6)
+    acceleration = model._fit[0]
+    model.fit.output[:] += np.where(model.fit.trial == 1, 2.0, -2.0) * acceleration
+    search, known = searched(model)
+    numbers = set_numbers(search, known)
+    inertia, offset = np.sqrt(np.diag(numbers.covariance))
+    assert half_widths(search, known)[0] > numbers.values[0]
+    assert inertia == pytest.approx(0.3 * numbers.values[0])
+    assert offset == pytest.approx(half_widths(search, known)[1] / Z), "it may have either sign"
+
+
 def test_a_prediction_that_overflows_says_nothing():
     model = ToyJoint()
     model.fit.output[:] = np.inf
