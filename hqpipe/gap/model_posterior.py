@@ -7,8 +7,8 @@ directly or by way of other joints, draw together.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,16 +60,24 @@ def row_numbers(row: np.ndarray, columns: np.ndarray, numbers: SetNumbers | None
     return RowNumbers(row, covariance, lower, upper, trials)
 
 
-def diagnosed_posterior(found: LayerFound, left: Mapping[str, PlainJoint], actuator: Augmented) -> Posterior | None:
+def diagnosed_posterior(
+    found: LayerFound, left: Mapping[str, PlainJoint], actuator: Augmented, listed: Collection[tuple[str, str]]
+) -> Posterior | None:
     """The posterior of all joints of a model; None where nothing is known of any number.
 
     Args:
         found: by a search with `covariances`. left: joints that were not searched. actuator: the model.
+        listed: each cause of the report with each effect that it is confused with; other channels may have settled what the
+            torque alone does not tell.
     """
+    joints = [
+        replace(joint, exchanges=tuple(e for e in joint.exchanges if (e.leaves, e.joins) in listed))
+        for joint in found.found
+    ]
     rows = dict(zip(actuator.joints, actuator.parameters, strict=True))
     own = {name: _numbers(plain.model, base_numbers(plain.model), rows[name]) for name, plain in left.items()}
-    own |= {j.model.joint: _numbers(j.model, j.numbers, rows[j.model.joint]) for j in found.found}
-    batches = [_alternatives(batch, found.found, own) for batch in _together(found.found)]
+    own |= {j.model.joint: _numbers(j.model, j.numbers, rows[j.model.joint]) for j in joints}
+    batches = [_alternatives(batch, joints, own) for batch in _together(joints)]
     every = [sure for batch in batches for _, _, numbers in batch for sure in numbers.values()] + list(own.values())
     columns = _varying(every, own, batches)
     if not columns:

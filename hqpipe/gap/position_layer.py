@@ -64,12 +64,14 @@ def diagnose_position(
     found = identify(joints, workers=workers, progress=progress, reference=then, covariances=then is None)
     left = left_joints(intake, machine, [joint.model.joint for joint in found.found], effort_limit)
     base, augmented = (whole_actuator(_actuator(found, name), left, machine) for name in ("base", "named"))
-    posterior = diagnosed_posterior(found, left, augmented) if augmented is not None and then is None else None
     told += plain_joints(intake, machine, augmented is not None)
     since = _since(found, earlier)
     known = earlier.measured if isinstance(earlier, PositionRecord) else frozenset()
     checked = [check for check in measured(log_set, without) if (check.effect, check.joint) not in known]
     answered = layer_diagnosis(layer, log_set, found, since, intake.left_out, told, checked)
+    listed = {(cause["effect"], rival) for cause in answered.content["causes"] for rival in cause["confused_with"]}
+    has_posterior = augmented is not None and then is None
+    posterior = diagnosed_posterior(found, left, augmented, listed) if has_posterior else None
     models = {"base": base, "augmented": augmented, "posterior": posterior}
     return Diagnosis(answered.content, answered.table, answered.traces, **models, law=answered.content["gap"])
 

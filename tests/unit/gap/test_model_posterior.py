@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +14,11 @@ from planted_logs import logs_of, size
 from hqpipe.actuators.augmented import OF_THE_LOG
 from hqpipe.actuators.files import load_actuator
 from hqpipe.actuators.posterior_file import FILE, load_posterior
+from hqpipe.gap import layer_diagnosis
 from hqpipe.gap.change.since import EarlierLogs
 from hqpipe.gap.diagnosis import diagnose, write_diagnosis
-from hqpipe.gap.model_posterior import AS_FOUND
+from hqpipe.gap.model_posterior import AS_FOUND, _together
+from hqpipe.identify.found import Exchange
 from hqpipe.identify.joint_answer import CONFUSED
 from hqpipe.machine import EFFECTS
 
@@ -70,6 +74,16 @@ def test_draws_are_as_wide_as_the_intervals(biased):
     low, high = cause["parameters"]["half_width"]["ci95"]
     np.testing.assert_allclose(np.quantile(drawn, [0.025, 0.975]), [low, high], atol=0.15 * (high - low))
     assert (table[:, 1, column] == 0.0).all(), "the joint without a cause has none in any robot"
+
+
+def test_an_inverse_is_drawn_as_the_fit_has_it():
+    logs = logs_of([size("orifice_flow")], seconds=4.0)
+    found = diagnose(logs, without=without("orifice_flow"))
+    (cause,) = found.content["causes"]
+    mean, deviation = numbers(found.posterior, logs.joints[0], "orifice_flow_effort_max_nm")
+    ends = [1.0 / (mean + NORMAL * deviation), 1.0 / (mean - NORMAL * deviation)]
+    limit = cause["parameters"]["effort_max_nm"]
+    np.testing.assert_allclose([1.0 / mean, *ends], [limit["value"], *limit["ci95"]], rtol=1e-4)
 
 
 def test_what_the_sensors_show_is_no_part_of_it(biased):
@@ -132,6 +146,33 @@ def test_the_same_logs_give_the_same_posterior_with_any_number_of_workers(tmp_pa
     for workers in (1, 2):
         write_diagnosis(diagnose(logs, without=without(*DELAYS), workers=workers), tmp_path / str(workers))
     assert (tmp_path / "1" / FILE).read_bytes() == (tmp_path / "2" / FILE).read_bytes()
+
+
+def test_what_other_channels_have_settled_is_no_alternative(monkeypatch):
+    """A report that no longer lists a rival: the posterior has what the report says."""
+    logs = logs_of([size("command_delay")] * 2, noise=40.0, seconds=4.0)
+    plain = diagnose(logs, without=without(*DELAYS))
+    assert plain.posterior.choices
+
+    def settled(causes, findings, compared):
+        return [replace(cause, rivals=()) for cause in causes]
+
+    monkeypatch.setattr(layer_diagnosis, "settle_offsets", settled)
+    found = diagnose(logs, without=without(*DELAYS))
+    assert found.posterior.choices == () and len(found.posterior.groups) == 2
+
+
+def exchanging(name, *exchanges):
+    steps = tuple(Exchange(leaves, joins, 1.0, None) for leaves, joins in exchanges)
+    return SimpleNamespace(model=SimpleNamespace(joint=name), exchanges=steps)
+
+
+def test_joints_with_an_exchange_in_common_draw_together_also_by_way_of_others():
+    delay, friction, lag = ("delay", "lag"), ("dry", "viscous"), ("lag", "delay")
+    joints = [exchanging("a", delay), exchanging("b", friction), exchanging("c"), exchanging("d", lag)]
+    assert [[j.model.joint for j in batch] for batch in _together(joints)] == [["a"], ["b"], ["d"]]
+    joints.append(exchanging("e", friction, delay))
+    assert [[j.model.joint for j in batch] for batch in _together(joints)] == [["a", "b", "e"], ["d"]]
 
 
 def test_changes_since_an_earlier_record_have_none():
