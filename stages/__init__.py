@@ -25,7 +25,9 @@ NETS = tuple(
     f"rivals/{prefix}{kind}/{name}" for prefix in ("", "strong_") for kind in ("mlp", "lstm", "gru") for name in MODEL
 )
 MODELS = Input("actuator", "actuator", "--actuator", files=(*MODEL, "posterior.json", *NETS))
-DIAGNOSED = Input("diagnosis", "diagnosis", "--diagnosis", optional=True, files=(*MODEL, "diagnosis.json"))
+DIAGNOSED = Input(
+    "diagnosis", "diagnosis", "--diagnosis", optional=True, files=(*MODEL, "posterior.json", "diagnosis.json")
+)
 POLICY = Input("policy", "policy", "--policy")
 ONNX = Input("onnx", "onnx", "--onnx", also=("--policy",))
 EXPORTED = Input("onnx", "onnx", "--onnx")
@@ -58,14 +60,14 @@ STAGES = StageTable(
               "Find where the gap lies, what causes it and how far it shrinks.", version=30,
               inputs=(LOGS, WALKER, REFERENCE), switches=(STRICT,)),
         Stage("retrain", "policy", "hqpipe.stages.retrain",
-              "Train the policy with the actuator model.", version=4, inputs=(ACTUATOR,)),
+              "Train the policy with the actuator model.", version=5, inputs=(ACTUATOR,)),
         Stage("export", "onnx", "hqpipe.stages.export",
               "Write the policy as ONNX for the robot.", version=2, inputs=(POLICY,), flags=(ONNX_FLAG,)),
         Stage("validate", "validation", "hqpipe.stages.validate",
               "Hold the exported policy against its thresholds; exit 4 if one is missed.", version=3,
               inputs=(ONNX, LOGS, FITTED), switches=(STRICT,)),
         Stage("compare", "comparison", "hqpipe.stages.compare",
-              "Train controllers with every actuator model and walk them on the plant.", version=3,
+              "Train controllers with every actuator model and walk them on the plant.", version=4,
               inputs=(MODELS, DIAGNOSED), alone=True),
         Stage("report", "report", "hqpipe.stages.report",
               "Film a walk of the exported policy, and show the results of the chain on one page.", version=1,

@@ -38,9 +38,12 @@ def actuators_told(report: dict[str, Any]) -> list[str]:
     if report["mode"] == "half_range":
         return [f"actuators: each coefficient within ±{100.0 * report['half_range']:g} % of the model's"]
     lines = [f"actuators: drawn from the posterior of the fit, {report['scale']:g} times its deviations"]
+    for choice in report.get("alternatives", ()):
+        drawn = ", ".join(f"{each['name']} in {each['robots']}" for each in choice["drawn"])
+        lines.append(f"{', '.join(choice['joints'])}: {drawn} of {report['robots']} robots")
     if joints := report["without_sections"]:
         lines.append(
-            f"warning: {', '.join(joints)}: the fit had no two sections of 2 s and more to compare, so that the draws hold "
-            "the error of the estimate only; fit longer logs, or set randomisation.actuator.mode to half_range"
+            f"warning: {', '.join(joints)}: the fit had no two sections of 2 s and more, or trials, to compare, so that the "
+            "draws hold the error of the estimate only; fit longer logs, or set randomisation.actuator.mode to half_range"
         )
     return lines

@@ -40,7 +40,8 @@ def _field(owner: str, name: str) -> ParameterField:
         return ParameterField(HYDRAULIC.parameters[name], lower=0.0)
     if owner == "setting":
         lower = -_ANY if name in ("middle", "speed_late", "held", *ARM) else 0.0
-        return ParameterField(_SETTINGS[name], lower, may_be_infinite=name == "effort_limit", certain=True)
+        limit = name == "effort_limit"
+        return ParameterField(_SETTINGS[name], lower, may_be_infinite=limit, certain=name not in ARM)
     effect = EFFECTS[owner]
     parameter = next(p for p in effect.parameters if p.name == name)
     unit = "rad" if parameter.unit == "command" else parameter.unit

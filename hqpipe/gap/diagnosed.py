@@ -17,14 +17,14 @@ from hqpipe.errors import IdentificationError
 from hqpipe.gap.diagnosis import LARGEST
 from hqpipe.gap.fitted_joints import FittedJoints
 from hqpipe.gap.intake import take_in
-from hqpipe.identify.found import Fitted, JointFound
+from hqpipe.identify.found import JointFound
 from hqpipe.identify.free_run import WINDOW_S, require_channels, window_samples
 from hqpipe.identify.identify import identify
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.misfit import misfit_noise
 from hqpipe.identify.model import JointModel, LayerJoints, parameter_names, positions
 from hqpipe.identify.paper_model.fit_actuator import PerJoint, per_joint
-from hqpipe.identify.passing import PassingJoint
+from hqpipe.identify.passing import PassingJoint, modelled
 from hqpipe.identify.windows import common_dt
 from hqpipe.layers.actuator import Actuator
 from hqpipe.layers.actuator.joint import ActuatorJoint
@@ -155,7 +155,7 @@ def _refitted(found: JointFound, model: ActuatorJoint) -> tuple[np.ndarray, np.n
     Twice: with the speed that suits the torque, and with the logged one. The speed of the positions is noisier in a prediction
     than in the fit, which knows the next position.
     """
-    fitter, free = Fitter(model), positions(model, _chosen(found).effects)
+    fitter, free = Fitter(model), positions(model, modelled(found).effects)
     start, noise = _same_values(found, model, fitter.neutral), misfit_noise(model)[0] ** 2
     fitted = fitter.fit(free, [start], noise).values
     logged = BASE_NAMES.index(LOGGED_SPEED)
@@ -166,14 +166,9 @@ def _refitted(found: JointFound, model: ActuatorJoint) -> tuple[np.ndarray, np.n
     return fitted, fitter.fit(free[free != logged], [start], noise).values
 
 
-def _chosen(found: JointFound) -> Fitted:
-    """The joint with the effects that act all the time."""
-    return found.base if isinstance(found.model, PassingJoint) else found.named
-
-
 def _same_values(found: JointFound, model: JointModel, neutral: np.ndarray) -> np.ndarray:
     """(P,) numbers of the base and the chosen effects in the order of another model of the joint, the others `neutral`."""
-    chosen, values = _chosen(found), neutral.copy()
+    chosen, values = modelled(found), neutral.copy()
     known = dict(zip(parameter_names(found.model), chosen.values, strict=True))
     for k, (effect, name) in enumerate(parameter_names(model)):
         if (effect in chosen.effects or not effect) and (effect, name) in known:
@@ -193,8 +188,8 @@ def _misfit(model: FittedJoints, log_set: LogSet, steps: int) -> np.ndarray:
 
 
 def _effects(found: Sequence[JointFound]) -> Effects:
-    named = dict.fromkeys(name for joint in found for name in _chosen(joint).effects)
-    return {name: tuple(joint.model.joint for joint in found if name in _chosen(joint).effects) for name in named}
+    named = dict.fromkeys(name for joint in found for name in modelled(joint).effects)
+    return {name: tuple(joint.model.joint for joint in found if name in modelled(joint).effects) for name in named}
 
 
 def _left_out(found: Sequence[JointFound]) -> list[str]:

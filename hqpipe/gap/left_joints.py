@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,48 +13,64 @@ from hqpipe.gap.intake import Intake
 from hqpipe.identify.base_solution import base_solution
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.layers.actuator import Actuator
+from hqpipe.layers.actuator.joint import ActuatorJoint
 from hqpipe.logs.trajectory import LogSet
 
 
-def whole_actuator(
-    actuator: Augmented, intake: Intake, joints: Sequence[str], effort_limit: np.ndarray | None = None
-) -> Augmented | None:
-    """The actuator with the joints that were left out: without effects, fitted to what is sound of their logs.
+@dataclass(frozen=True, eq=False)
+class PlainJoint:
+    """A joint that was left out, without effects.
+
+    Attributes:
+        model: of its logs. values: (P,) of its parameters, see `hqpipe.identify.model.all_parameters`.
+    """
+
+    model: ActuatorJoint
+    values: np.ndarray
+
+
+def left_joints(
+    intake: Intake, joints: Sequence[str], known: Collection[str], effort_limit: np.ndarray | None = None
+) -> dict[str, PlainJoint]:
+    """The joints that were left out, fitted to what is sound of their logs; those without any are not in it.
 
     Args:
-        actuator: of the joints that were answered. intake: of their logs. joints: of the machine, in order.
-        effort_limit: (J,) N·m, of `joints`.
-
-    Returns:
-        None where a joint has no sound logs, mended or of other trials, to fit it to.
+        intake: of the logs. joints: of the machine, in order. known: those that were answered. effort_limit: (J,) N·m, of
+            `joints`.
     """
-    rows = _all_rows(dict(zip(actuator.joints, actuator.parameters, strict=True)), intake, joints, effort_limit)
-    return None if rows is None else Augmented(tuple(joints), rows, actuator.dt)
-
-
-def _all_rows(
-    known: dict[str, np.ndarray], intake: Intake, joints: Sequence[str], effort_limit: np.ndarray | None
-) -> np.ndarray | None:
-    """(J, WIDTH) of all joints of the machine, see `whole_actuator`; known: joint → its row."""
     limits = {} if effort_limit is None else dict(zip(joints, map(float, effort_limit), strict=True))
-    rows = []
+    found = {}
     for joint in joints:
-        row = known.get(joint)
-        if row is None and (logs := intake.spare.get(joint)) is not None:
-            row = _base_row(logs, intake.window.seconds, limits)
-        if row is None:
-            return None
-        rows.append(row)
-    return np.array(rows)
+        if joint not in known and (logs := intake.spare.get(joint)) is not None:
+            plain = _plain_joint(logs, intake.window.seconds, limits)
+            if plain is not None:
+                found[joint] = plain
+    return found
 
 
-def _base_row(logs: LogSet, window_s: float, limits: dict[str, float]) -> np.ndarray | None:
-    """(WIDTH,) the base of the only joint of the logs; None where it cannot be judged."""
+def _plain_joint(logs: LogSet, window_s: float, limits: dict[str, float]) -> PlainJoint | None:
+    """The only joint of the logs; None where it cannot be judged."""
     try:
         (joint,) = Actuator(limits).joints(logs, window_s).models
     except IdentificationError:
         return None
-    return joint.row(base_solution(Fitter(joint)).values)
+    return PlainJoint(joint, base_solution(Fitter(joint)).values)
+
+
+def whole_actuator(actuator: Augmented, left: Mapping[str, PlainJoint], joints: Sequence[str]) -> Augmented | None:
+    """The actuator with the joints that were left out.
+
+    Args:
+        actuator: of the joints that were answered. left: of `left_joints`. joints: of the machine, in order.
+
+    Returns:
+        None where a joint has no sound logs, mended or of other trials, to fit it to.
+    """
+    rows = dict(zip(actuator.joints, actuator.parameters, strict=True))
+    rows = {name: plain.model.row(plain.values) for name, plain in left.items()} | rows
+    if not all(joint in rows for joint in joints):
+        return None
+    return Augmented(tuple(joints), np.array([rows[joint] for joint in joints]), actuator.dt)
 
 
 def plain_joints(intake: Intake, joints: Sequence[str], written: bool) -> list[str]:

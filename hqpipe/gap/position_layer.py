@@ -17,12 +17,13 @@ from hqpipe.gap.change.since import EarlierModel
 from hqpipe.gap.fitted_joints import FittedJoints
 from hqpipe.gap.intake import LONGER, Intake
 from hqpipe.gap.layer_diagnosis import Since, familiar_errors, known_then, layer_diagnosis
-from hqpipe.gap.left_joints import plain_joints, whole_actuator
+from hqpipe.gap.left_joints import left_joints, plain_joints, whole_actuator
+from hqpipe.gap.model_posterior import diagnosed_posterior
 from hqpipe.identify.change import Changed, KnownJoint
 from hqpipe.identify.found import JointFound, LayerFound
 from hqpipe.identify.identify import Progress, identify
 from hqpipe.identify.model import LayerJoints
-from hqpipe.identify.passing import PassingJoint
+from hqpipe.identify.passing import modelled
 from hqpipe.layers.actuator import Actuator
 from hqpipe.layers.actuator.joint import ActuatorJoint
 
@@ -60,16 +61,19 @@ def diagnose_position(
     joints, then = _beside(joints, earlier)
     if not joints.models:
         return Diagnosis(not_identifiable(log_set, [*joints.left.values(), *told], LONGER, record, intake.left_out))
-    found = identify(joints, workers=workers, progress=progress, reference=then)
-    base, augmented = (
-        whole_actuator(_actuator(found, name), intake, machine, effort_limit) for name in ("base", "named")
-    )
+    found = identify(joints, workers=workers, progress=progress, reference=then, covariances=then is None)
+    left = left_joints(intake, machine, [joint.model.joint for joint in found.found], effort_limit)
+    base, augmented = (whole_actuator(_actuator(found, name), left, machine) for name in ("base", "named"))
     told += plain_joints(intake, machine, augmented is not None)
     since = _since(found, earlier)
     known = earlier.measured if isinstance(earlier, PositionRecord) else frozenset()
     checked = [check for check in measured(log_set, without) if (check.effect, check.joint) not in known]
     answered = layer_diagnosis(layer, log_set, found, since, intake.left_out, told, checked)
-    return Diagnosis(answered.content, answered.table, answered.traces, base, augmented, law=answered.content["gap"])
+    listed = {(cause["effect"], rival) for cause in answered.content["causes"] for rival in cause["confused_with"]}
+    has_posterior = augmented is not None and then is None
+    posterior = diagnosed_posterior(found, left, augmented, listed) if has_posterior else None
+    models = {"base": base, "augmented": augmented, "posterior": posterior}
+    return Diagnosis(answered.content, answered.table, answered.traces, **models, law=answered.content["gap"])
 
 
 def _beside(
@@ -112,4 +116,4 @@ def _numbers(joint: JointFound, name: str) -> tuple[ActuatorJoint, np.ndarray]:
     if isinstance(model, Changed):
         numbers = model.then_values(values) if name == "base" else model.now_values(values, OF_THE_LOG)
         return model.both.now, numbers
-    return model, joint.base.values if isinstance(model, PassingJoint) else values
+    return model, modelled(joint).values if name == "named" else values

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,14 +19,16 @@ class Belief:
     Attributes:
         probability: that it is there, beside the sets without it or with another in its place. there: that it or one of these
             others is. sure: the probability if all joints had the name of a rival that is as good: that they all have the same
-            name does not say which. alike: names of those that are as likely, or as good. rival: the most probable set with
-            another one that may take its place; None without any. most: its probability.
+            name does not say which. alike: names of those that are as likely, or as good. odds: of each of these against it,
+            under the same condition. rival: the most probable set with another one that may take its place; None without any.
+            most: its probability.
     """
 
     probability: float
     there: float
     sure: float
     alike: tuple[str, ...]
+    odds: tuple[float, ...]
     rival: Known | None
     most: float
 
@@ -43,7 +44,7 @@ def with_beliefs(search: Search, best: Known, base: Known) -> tuple[Known, dict[
         whole = with_small(search, core, small)
         found = {name: _believed(search, whole, name) for name in causes_of(search, core, base)}
         if whole is not core:  # one of the small effects may be what takes the place of a cause
-            found = {name: replace(b, alike=_with_twins(search, core, name, b.alike)) for name, b in found.items()}
+            found = {name: _with_twins(search, core, name, belief) for name, belief in found.items()}
         likelier = [b for b in found.values() if b.most > b.probability and b.rival.names not in exchanged]
         doubtful = {name: belief.there for name, belief in found.items() if belief.there <= BELIEVED}
         if likelier:
@@ -65,19 +66,18 @@ def _believed(search: Search, best: Known, name: str) -> Belief:
         if _is_twin(search, option, best):
             twins.add(other)
     weights = {other: _odds(value) for other, value in against.items()}
-    alone = {
-        other: value - (search.odds[other] - search.odds[name] if other in twins else 0.0)
-        for other, value in against.items()
-    }
+    alone = {o: value - (_said_by_others(search, o, name) if o in twins else 0.0) for o, value in against.items()}
     total = 1.0 + sum(weights.values())
     alike = {other for other, weight in weights.items() if weight / total >= CONFUSED} | twins
     rivals = [other for other in options if other not in search.given_up]
     rival = max(rivals, key=lambda other: weights[other], default=None)
+    told = tuple(o for o in weights if o in alike and o and search.effects[o].named)
     return Belief(
         1.0 / total,
         1.0 - weights[""] / total,
         1.0 / (1.0 + sum(_odds(value) for value in alone.values())),
-        tuple(o for o in weights if o in alike and o and search.effects[o].named),
+        told,
+        tuple(_odds(alone[o]) for o in told),
         options.get(rival),
         weights.get(rival, 0.0) / total,
     )
@@ -98,12 +98,19 @@ def _is_twin(search: Search, option: Known, best: Known) -> bool:
     return left > HALVED * of_option
 
 
-def _with_twins(search: Search, core: Known, name: str, alike: Sequence[str]) -> tuple[str, ...]:
-    """Effects that are like a cause, and those that err as little in its place where nothing small stands beside it."""
-    smaller = search.without(core, name)
-    twins = [option for option in search.replaced(smaller, name) if _is_twin(search, option, core)]
-    found = {*alike, *(other for option in twins for other in option.names - smaller.names)}
-    return tuple(other for other in search.effects if other in found and search.effects[other].named)
+def _with_twins(search: Search, core: Known, name: str, belief: Belief) -> Belief:
+    """A belief with those effects as well that err as little in the place of a cause where nothing small stands beside it."""
+    smaller, alike = search.without(core, name), dict(zip(belief.alike, belief.odds, strict=True))
+    for option in search.replaced(smaller, name):
+        (other,) = option.names - smaller.names
+        if search.effects[other].named and _is_twin(search, option, core):
+            alike.setdefault(other, _odds(search.preference(option, core) - _said_by_others(search, other, name)))
+    return replace(belief, alike=tuple(alike), odds=tuple(alike.values()))
+
+
+def _said_by_others(search: Search, other: str, name: str) -> float:
+    """What the other joints say for one of two effects, ln of odds."""
+    return search.odds[other] - search.odds[name]
 
 
 def _odds(logarithm: float) -> float:

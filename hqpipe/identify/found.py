@@ -46,13 +46,46 @@ class JointCause:
 
     Attributes:
         probability: of the effect, all sets together. numbers: its parameters. confused_with: effects that take its place in
-            sets that the logs cannot rule out.
+            sets that the logs cannot rule out. odds: of each of these sets against the one with the cause, those that fit as
+            well being as likely beforehand; not of effects that no log could tell apart.
     """
 
     effect: str
     probability: float
     numbers: tuple[Number, ...]
     confused_with: tuple[str, ...] = ()
+    odds: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class SetNumbers:
+    """How sure the numbers of one set of effects are: a normal distribution within bounds.
+
+    Attributes:
+        values: (P,) of all parameters, see `hqpipe.identify.model.all_parameters`. free: (F,) places of those of the set.
+        covariance: (F, F). low, high: (F,) bounds.
+    """
+
+    values: np.ndarray
+    free: np.ndarray
+    covariance: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Exchange:
+    """One effect in the place of a cause, in all joints of the machine that have the cause.
+
+    Attributes:
+        leaves, joins: the cause and the other effect. odds: of the second against the first, the same in all these joints.
+        numbers: of this joint with the second.
+    """
+
+    leaves: str
+    joins: str
+    odds: float
+    numbers: SetNumbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +109,7 @@ class JointFound:
         drifts: numbers that differ between trials by more than chance, as sentences.
         withdrawn: effects that the fit trials ask for and that do not show in the held-out ones. minor: effects that
             they ask for and that are small beside what is left unexplained.
+        numbers: how sure those of a simulator's model are; None where nobody asked. exchanges: other sets that it may have.
     """
 
     model: JointModel
@@ -95,6 +129,8 @@ class JointFound:
     drifts: tuple[str, ...] = ()
     withdrawn: tuple[str, ...] = ()
     minor: tuple[str, ...] = ()
+    numbers: SetNumbers | None = None
+    exchanges: tuple[Exchange, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

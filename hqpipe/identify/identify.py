@@ -7,13 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from hqpipe.identify.change import KnownJoint, changes_between, changes_since
+from hqpipe.identify.exchanges import rivals_of, with_numbers
 from hqpipe.identify.found import JointFound, LayerFound
 from hqpipe.identify.joint_moves import others_of, settled_together
 from hqpipe.identify.joint_pool import JointPool
 from hqpipe.identify.joint_search import MOST_JOINTS, JointSearch
 from hqpipe.identify.minor_causes import without_minor_causes
 from hqpipe.identify.model import JointModel, LayerJoints
-from hqpipe.identify.passing import with_passing
+from hqpipe.identify.passing import modelled, with_passing
 from hqpipe.identify.prior import prior_odds
 from hqpipe.identify.same_by_law import with_the_same_by_law
 from hqpipe.identify.screening import Names
@@ -28,6 +29,7 @@ def identify(
     workers: int = 1,
     progress: Progress | None = None,
     reference: LayerJoints | Mapping[str, KnownJoint] | None = None,
+    covariances: bool = False,
 ) -> LayerFound:
     """Find the effects of every joint.
 
@@ -40,6 +42,7 @@ def identify(
         progress: called with (done, total, text).
         reference: the same joints in an earlier record of the machine, its logs or what a model of it says; then causes are
             what changed since.
+        covariances: whether to say how sure the numbers are, for a posterior; not beside a reference.
     """
     if isinstance(reference, Mapping):
         return changes_since(reference, joints, lambda models: _searched(models, workers, progress))
@@ -48,11 +51,15 @@ def identify(
         return changes_between(
             reference, joints, lambda models: _searched(models, workers, _half(progress, next(starts)))
         )
-    found = _searched(joints.models, workers, progress)
-    return LayerFound(joints, with_passing(found, joints.window_s, lambda models: _searched(models, workers, None)))
+    found = _searched(joints.models, workers, progress, covariances)
+    return LayerFound(
+        joints, with_passing(found, joints.window_s, lambda models: _searched(models, workers, None, covariances))
+    )
 
 
-def _searched(models: Sequence[JointModel], workers: int, progress: Progress | None) -> tuple[JointFound, ...]:
+def _searched(
+    models: Sequence[JointModel], workers: int, progress: Progress | None, covariances: bool = False
+) -> tuple[JointFound, ...]:
     done = 0
 
     def report(j: int) -> None:
@@ -80,10 +87,19 @@ def _searched(models: Sequence[JointModel], workers: int, progress: Progress | N
         answers = without_minor_causes(answers, lambda least: pool.some("without", least))
         sets = [(frozenset(joint.kept.effects), frozenset(joint.base.effects)) for joint in answers]
         visible = pool.each("visible", sets)
-    return tuple(
-        with_the_same_by_law(replace(joint, model=model, visible=seen))
-        for joint, model, seen in zip(answers, models, visible, strict=True)
-    )
+        found = [
+            with_the_same_by_law(replace(joint, model=model, visible=seen))
+            for joint, model, seen in zip(answers, models, visible, strict=True)
+        ]
+        if not covariances:
+            return tuple(found)
+        rivals = rivals_of(found)
+        asked = [
+            (frozenset(modelled(joint).effects), [rival.step for rival in rivals if j in rival.joints])
+            for j, joint in enumerate(found)
+        ]
+        numbers = pool.each("numbers", asked)
+    return tuple(with_numbers(joint, *own, rivals) for joint, own in zip(found, numbers, strict=True))
 
 
 def _others(present: Sequence[Names]) -> list[tuple[list[Names]]]:

@@ -8,7 +8,7 @@
   model averaging, Hoeting et al. 1999). What closes too little to be a cause is still a way in which the law is wrong.
 
 The first two have a Student factor each, the third that of a normal distribution. The half widths add up in squares, as those
-of independent errors do.
+of independent errors do, and so do the covariances behind them.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from hqpipe.identify.sampling import BLOCK, blocks
 from hqpipe.identify.search import Known, Search
 from hqpipe.identify.uncertainty import LEVEL, student, uncertainty
 
+_NORMAL = float(norm.ppf(0.5 + LEVEL / 2.0))  # half width of a 95 % interval over the deviation
 _FAR = 50.0  # ln of odds beyond which nothing changes
 _PRIOR_HOLDS = (
     0.5  # of the variance beforehand, that samples leave at most if they say something of a number; assumption
@@ -39,26 +40,33 @@ def half_widths(search: Search, known: Known) -> np.ndarray:
 
     Call `rank_beside` before: what else the logs may ask for counts.
     """
-    free = known.solution.free
     if not np.isfinite(known.solution.square):
-        return np.full(len(free), np.inf)
-    within = _within(search.fitter, known)
-    return np.sqrt(within**2 + _between(search.fitter, known) ** 2 + _law(search, known) ** 2)
+        return np.full(len(known.solution.free), np.inf)
+    return _NORMAL * np.sqrt(np.diag(normal_covariance(search, known)))
+
+
+def normal_covariance(search: Search, known: Known) -> np.ndarray:
+    """(F, F) covariance of the normal distribution of the free parameters whose 95 % intervals are those of `half_widths`.
+
+    Call `rank_beside` before. The prediction must not overflow.
+    """
+    return _within(search.fitter, known) + _between(search.fitter, known) + _law(search, known)
 
 
 def _within(fitter: Fitter, known: Known) -> np.ndarray:
-    """(F,) from errors that are correlated in time, block by block."""
+    """(F, F) from errors that are correlated in time, block by block."""
     solution, samples = known.solution, fitter.model.fit
     length = min(BLOCK * correlation_time(solution.error, samples), len(solution.error) / _FEWEST_BLOCKS)
     block, all_of_them = blocks(samples, length), np.ones(len(solution.free), dtype=bool)
     at = NormalEquations.of(solution.jacobian, solution.error, block, int(block.max()) + 1, all_of_them)
     spread, noise = fitter.spread[solution.free], known.covariance.noise
     prior = np.where(np.isfinite(spread), noise / spread**2, 0.0)
-    return uncertainty(at, all_of_them, np.stack([prior, noise * prior])).half_widths
+    found = uncertainty(at, all_of_them, np.stack([prior, noise * prior]))
+    return _scaled(found.covariance, student(found.freedom) / _NORMAL)
 
 
 def _between(fitter: Fitter, known: Known) -> np.ndarray:
-    """(F,) from the scatter of fits without one of the trials.
+    """(F, F) from the scatter of fits without one of the trials.
 
     A fit says nothing of a number that the rest of the trials leave as uncertain as it was beforehand, as of one that only one
     trial shows; where fewer than two fits say something of a number, its scatter is not known and counts as 0.
@@ -66,7 +74,7 @@ def _between(fitter: Fitter, known: Known) -> np.ndarray:
     solution, trial = known.solution, fitter.model.fit.trial
     present = np.unique(trial)
     if len(present) < 2:
-        return np.zeros(len(solution.free))
+        return np.zeros((len(solution.free), len(solution.free)))
     columns, error, values = solution.jacobian, solution.error, solution.values
     steps, seen = [], []
     for left_out in present:
@@ -76,20 +84,25 @@ def _between(fitter: Fitter, known: Known) -> np.ndarray:
         seen.append(shown)
     count = np.sum(seen, axis=0)
     mean = np.sum(np.where(seen, steps, 0.0), axis=0) / np.maximum(count, 1)
-    square = np.sum(np.where(seen, (np.array(steps) - mean) ** 2, 0.0), axis=0)
-    half = student(count - 1.0) * np.sqrt((count - 1.0) / np.maximum(count, 1) * square)
-    return np.where(count > 1, half, 0.0)
+    away = np.where(seen, np.array(steps) - mean, 0.0)
+    factor = student(count - 1.0) / _NORMAL * np.sqrt(np.maximum(count - 1.0, 0.0) / np.maximum(count, 1))
+    return _scaled(away.T @ away, np.where(count > 1, factor, 0.0))
 
 
 def _law(search: Search, known: Known) -> np.ndarray:
-    """(F,) from sets with one effect or shape more, those that are barred or refused among them."""
+    """(F, F) from sets with one effect or shape more, those that are barred or refused among them."""
     free, values = known.solution.free, known.solution.values
-    variance = np.zeros(len(free))
+    covariance = np.zeros((len(free), len(free)))
     for larger in sets_beside(search, known):
         probability = 1.0 / (1.0 + np.exp(-np.clip(search.gain(larger, known), -_FAR, _FAR)))
         move = _share(search, known, larger) * (larger.solution.values - values)[free]
-        variance += probability * move**2
-    return float(norm.ppf(0.5 + LEVEL / 2.0)) * np.sqrt(variance)
+        covariance += probability * np.outer(move, move)
+    return covariance
+
+
+def _scaled(covariance: np.ndarray, factor: np.ndarray) -> np.ndarray:
+    """(F, F) with each deviation multiplied by its factor (F,)."""
+    return covariance * np.outer(factor, factor)
 
 
 def _share(search: Search, known: Known, larger: Known) -> float:

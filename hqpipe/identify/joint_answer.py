@@ -48,7 +48,9 @@ def answer(search: Search, best: Known) -> JointFound:
         named=fitted(search, named),
         kept=fitted(search, core),
         full=fitted(search, min(best, core, key=lambda known: known.solution.square)),
-        causes=tuple(JointCause(n, found[n].sure, _numbers(search, core, half, n), found[n].alike) for n in causes),
+        causes=tuple(
+            JointCause(n, found[n].sure, _numbers(search, core, half, n), found[n].alike, found[n].odds) for n in causes
+        ),
         without={name: fitted(search, without[name]) for name in causes},
         probabilities=probabilities,
         gains=dict(search.gains),

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hqpipe.identify.found import JointFound
+from hqpipe.identify.found import JointFound, SetNumbers
 from hqpipe.identify.isolability import Isolability, isolability
 from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.joint_moves import Step, Worths
@@ -16,6 +16,7 @@ from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel
 from hqpipe.identify.rounds import searched
 from hqpipe.identify.search import Known, Names, Search
+from hqpipe.identify.set_numbers import set_numbers
 from hqpipe.identify.visible import least_visible
 
 MOST_JOINTS = 0.5  # share of joints from which on what more of them say is what the machine has: their majority
@@ -168,3 +169,21 @@ class JointSearch:
     def visible(self, kept: Names, base: Names) -> dict[str, float]:
         """See `hqpipe.identify.visible.least_visible`; kept, base: effects of the sets of an answer."""
         return least_visible(self._search, self._search.known[kept], self._search.known[base])
+
+    def numbers(self, effects: Names, steps: Sequence[Step]) -> tuple[SetNumbers | None, dict[Step, SetNumbers]]:
+        """How sure the numbers of a set of the answer are, and those of the set after each step that it can take.
+
+        Args:
+            effects: of the set. steps: one effect of the set leaves and another joins.
+        """
+        search, known, found = self._search, self._search.known[effects], {}
+        for step in steps:
+            if step.leaves not in effects or step.joins in effects or step.joins not in search.effects:
+                continue
+            smaller = search.without(known, step.leaves)
+            if search.effects[step.joins].excludes & smaller.names:
+                continue
+            numbers = set_numbers(search, search.grown_by(smaller, step.joins))
+            if numbers is not None:
+                found[step] = numbers
+        return set_numbers(search, search.known[effects]), found

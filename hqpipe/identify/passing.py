@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.identify.found import JointFound
+from hqpipe.identify.found import Fitted, JointFound
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel, all_parameters, positions
 from hqpipe.identify.search import HALVED, LEAST_GAIN
@@ -76,6 +76,11 @@ class PassingJoint:
         if last is None or last[0] != key:
             last = self._last[heldout] = key, self._error(values, heldout)
         return last[1]
+
+
+def modelled(joint: JointFound) -> Fitted:
+    """The set of a simulator's model: that of the causes, or of the base where they act for some time only."""
+    return joint.base if isinstance(joint.model, PassingJoint) else joint.named
 
 
 def with_passing(found: Sequence[JointFound], window_s: float, searched: Searched) -> tuple[JointFound, ...]:

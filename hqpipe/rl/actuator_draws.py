@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from hqpipe.errors import ConfigError
 from hqpipe.rl.config import ActuatorRandomisationConfig
 
 _QUANTILES = (0.025, 0.975)
+_TO_COMPARE = 2  # sections or trials, without which nothing tells how a joint differs from one to the next
 
 
 def actuator_mode(actuator: ActuatorModel, sizes: ActuatorRandomisationConfig, posterior: Posterior | None) -> str:
@@ -24,7 +25,7 @@ def actuator_mode(actuator: ActuatorModel, sizes: ActuatorRandomisationConfig, p
     if sizes.mode == "posterior" and posterior is None:
         raise ConfigError(
             "randomisation.actuator.mode is posterior, but the actuator model has no posterior.json beside it: run "
-            "hqpipe fit-actuator on more data, or set randomisation.actuator.mode to half_range"
+            "hqpipe fit-actuator or diagnose on more data, or set randomisation.actuator.mode to half_range"
         )
     mode = sizes.mode if sizes.mode != "auto" else "half_range" if posterior is None else "posterior"
     size = {"posterior": sizes.scale, "half_range": sizes.half_range, "none": 0.0}[mode]
@@ -71,36 +72,56 @@ def draws_report(
     sizes: ActuatorRandomisationConfig,
     posterior: Posterior | None,
     table: np.ndarray | None,
+    seed: int | Sequence[int],
 ) -> dict[str, Any]:
     """JSON-able: how the actuators of a training differ, and what was drawn of each coefficient of each joint.
 
     Args:
-        table: of `drawn_parameters`.
+        table: of `drawn_parameters`, with the same `seed`.
     """
     mode = actuator_mode(actuator, sizes, posterior)
     report: dict[str, Any] = {"mode": mode, "robots": 0 if table is None else len(table)}
     if mode == "posterior":
         report["scale"] = sizes.scale
-        groups = [g for g in posterior.groups if set(g.joints) & set(actuator.joints)]
-        report["without_sections"] = [joint for g in groups if g.between is None for joint in g.joints]
+        groups = [g for g in posterior.held if set(g.joints) & set(actuator.joints)]
+        report["without_sections"] = [
+            joint for g in groups if g.between is None and g.sections < _TO_COMPARE for joint in g.joints
+        ]
         report["not_identified"] = {
             joint: {name: {"low": r.low, "high": r.high, "reason": r.reason} for name, r in group.ranges.items()}
             for group in groups
             if group.ranges
             for joint in group.joints
         }
+        if posterior.choices:
+            report["alternatives"] = _alternatives(posterior, len(table), np.random.default_rng(seed))
     elif mode == "half_range":
         report["half_range"] = sizes.half_range
     if table is not None:
-        report["joints"] = {joint: _drawn(actuator, j, table[:, j]) for j, joint in enumerate(actuator.joints)}
+        names = posterior.fields if mode == "posterior" else actuator.FIELDS
+        report["joints"] = {joint: _drawn(actuator, names, j, table[:, j]) for j, joint in enumerate(actuator.joints)}
     return report
 
 
-def _drawn(actuator: ActuatorModel, joint: int, table: np.ndarray) -> dict[str, Any]:
-    """Coefficient → the model's value, and the range of 95 % of its draws (N, P)."""
+def _alternatives(posterior: Posterior, count: int, rng: np.random.Generator) -> list[dict[str, Any]]:
+    """Of each choice its joints, and how many of `count` robots had which alternative."""
+    return [
+        {
+            "joints": list(choice.joints),
+            "drawn": [
+                {"name": alternative.name, "probability": alternative.weight, "robots": int(np.sum(picked == number))}
+                for number, alternative in enumerate(choice.alternatives)
+            ],
+        }
+        for choice, picked in zip(posterior.choices, posterior.chosen(count, rng), strict=True)
+    ]
+
+
+def _drawn(actuator: ActuatorModel, names: Collection[str], joint: int, table: np.ndarray) -> dict[str, Any]:
+    """Coefficient, of `names`, → the model's value, and the range of 95 % of its draws (N, P)."""
     found = {}
     for column, (name, field) in enumerate(actuator.FIELDS.items()):
-        if not field.certain:
+        if name in names and not field.certain:
             low, high = np.quantile(table[:, column], _QUANTILES)
             value = float(actuator.parameters[joint, column])
             found[name] = {"unit": field.unit, "model": value, "low": float(low), "high": float(high)}

@@ -29,7 +29,7 @@ from hqpipe.rl.policy import LocomotionPolicy
 from hqpipe.rl.policy_spec import PolicySpec
 from hqpipe.rl.ppo import ConcurrentPPO
 from hqpipe.rl.task import LocomotionTask
-from hqpipe.rl.worlds import evaluation_world, training_actuators, training_world
+from hqpipe.rl.worlds import actuator_seed, evaluation_world, training_actuators, training_world
 from hqpipe.robots import RobotSpec
 
 Report = Callable[[int, int, str], None]
@@ -124,7 +124,9 @@ class Trainer:
         options = {"num_envs": config.num_envs, "seed": config.seed, "posterior": posterior}
         table = training_actuators(robot, actuator, config, **options)
         model = actuator.for_joints(robot.joints)
-        self.actuators = draws_report(model, config.randomisation.actuator, posterior, table)
+        self.actuators = draws_report(
+            model, config.randomisation.actuator, posterior, table, actuator_seed(config.seed)
+        )
         self.fingerprint = _fingerprint(robot, actuator, config, self.spec, table)
         world = training_world(robot, actuator, config, workers=workers, **options)
         self.task = LocomotionTask(robot, self.spec, world, config, training=True, seed=config.seed)

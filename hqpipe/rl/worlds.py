@@ -64,7 +64,12 @@ def training_actuators(
 ) -> np.ndarray | None:
     """(num_envs, J, P) tables of the actuators in `training_world`; None where all have the model's own."""
     model = actuator.for_joints(robot.joints)
-    return drawn_parameters(model, num_envs, config.randomisation.actuator, posterior, [seed, 1])
+    return drawn_parameters(model, num_envs, config.randomisation.actuator, posterior, actuator_seed(seed))
+
+
+def actuator_seed(seed: int) -> list[int]:
+    """Of what `training_actuators` draws in a training with this seed."""
+    return [seed, 1]
 
 
 def evaluation_world(robot: RobotSpec, actuator: ActuatorModel, config: TrainConfig, *, workers: int) -> BatchedWorld:

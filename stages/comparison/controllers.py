@@ -106,7 +106,9 @@ def _controller(context: Any, robot: Any, name: str, nets: NetKind) -> Controlle
         posterior = load_posterior(folder, load_actuator(folder))
         return Controller(name, "position", model_at(folder, robot.joints), posterior)
     if name == DIAGNOSED:
-        return Controller(name, "position", model_at(context.inputs[DIAGNOSIS], robot.joints, "--diagnosis"))
+        folder = context.inputs[DIAGNOSIS]
+        posterior = load_posterior(folder, load_actuator(folder))
+        return Controller(name, "position", model_at(folder, robot.joints, "--diagnosis"), posterior)
     net = model_at(_net_folder(folder, name, nets), robot.joints)
     return Controller(name, "position", net, stiffness=_loop_stiffness(folder, robot.joints))
 

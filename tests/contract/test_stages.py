@@ -47,4 +47,8 @@ def test_what_is_read_of_an_actuator_is_what_counts():
     assert MODEL == (files.FILE, weights_file.FILE)
     assert ACTUATOR.files == (*MODEL, posterior_file.FILE) and FITTED.files == (*MODEL, FIT)
     nets = {f"rivals/{folder}/{name}" for folder in ACTUATOR_FOLDERS.values() for name in MODEL}
-    assert set(MODELS.files) == {*MODEL, posterior_file.FILE, *nets} and DIAGNOSED.files == (*MODEL, diagnosis.FILE)
+    assert set(MODELS.files) == {*MODEL, posterior_file.FILE, *nets} and set(DIAGNOSED.files) == {
+        *MODEL,
+        posterior_file.FILE,
+        diagnosis.FILE,
+    }

@@ -1,4 +1,4 @@
-"""The content of a diagnosis and its files: diagnosis.json, residuals.csv, traces.json, actuator.json."""
+"""The content of a diagnosis and its files: diagnosis.json, residuals.csv, traces.json, actuator.json, posterior.json."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from typing import Any
 
 from hqpipe.actuators.base import ActuatorModel
 from hqpipe.actuators.files import save_actuator
+from hqpipe.actuators.posterior import Posterior
+from hqpipe.actuators.posterior_file import save_posterior
 from hqpipe.errors import ConfigError
 from hqpipe.files.documents import read_table
 from hqpipe.gap.answer.schema import FIX, validate_diagnosis
@@ -45,6 +47,7 @@ class Diagnosis:
         traces: measured and predicted torque round the worst window of each joint.
         base, augmented: the actuator model of all joints without and with the effects found, those that were left out
             without any; None outside position mode, or where a joint has no sound logs.
+        posterior: of the parameters of `augmented`; None without it, and beside an earlier record.
         law: gap of the actuator layer as in diagnosis.json, also where the content has none because nothing can be said of it.
     """
 
@@ -53,6 +56,7 @@ class Diagnosis:
     traces: dict[str, Any] = field(default_factory=dict)
     base: ActuatorModel | None = None
     augmented: ActuatorModel | None = None
+    posterior: Posterior | None = None
     law: dict[str, Any] | None = None
 
     @property
@@ -61,7 +65,7 @@ class Diagnosis:
 
 
 def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> None:
-    """Write diagnosis.json, residuals.csv, traces.json and actuator.json; equal diagnoses give equal bytes."""
+    """Write diagnosis.json, residuals.csv, traces.json, actuator.json and posterior.json; equal diagnoses give equal bytes."""
     folder.mkdir(parents=True, exist_ok=True)
     validate_diagnosis(diagnosis.content)
     _write_json(folder / FILE, diagnosis.content, indent=2)
@@ -69,6 +73,8 @@ def write_diagnosis(diagnosis: Diagnosis, folder: Path) -> None:
         _write_json(folder / TRACES, diagnosis.traces)
     if diagnosis.augmented is not None:
         save_actuator(diagnosis.augmented, folder)
+    if diagnosis.posterior is not None:
+        save_posterior(diagnosis.posterior, diagnosis.augmented, folder)
     columns = ("joint", "family", "regime", "samples", "rmse", "share", "share_low", "share_high")
     with (folder / TABLE).open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")

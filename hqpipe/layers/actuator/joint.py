@@ -177,6 +177,16 @@ class ActuatorJoint:
         return first, areas, all_parameters(self)[first].least
 
     @property
+    def columns(self) -> np.ndarray:
+        """(P,) column of the loops' row, see `hqpipe.machine.layout`, that holds each parameter; −1 for what is the log's alone
+        or has no column of its own."""
+        found = np.full(len(self._neutral), -1, dtype=np.int64)
+        found[: len(BASE)] = _BASE
+        found[_PRESLIDING], found[_ARM] = _TURN, _ARM_SLOTS
+        found[self._owned] = self._columns
+        return found
+
+    @property
     def per_row(self) -> int:
         """Samples of the controller from one row of the log to the next."""
         return round(self.dt / self.neutral[_STEP])

@@ -21,7 +21,7 @@ from safetensors.numpy import load_file, save_file
 
 from hqpipe.actuators.files import FILE, load_actuator, save_actuator
 from hqpipe.actuators.hydraulic import Hydraulic
-from hqpipe.actuators.posterior import Group, Posterior, Range
+from hqpipe.actuators.posterior import Alternative, Choice, Group, Posterior, Range
 from hqpipe.actuators.posterior_file import FILE as POSTERIOR
 from hqpipe.actuators.posterior_file import load_posterior, save_posterior
 from hqpipe.actuators.weights_file import FILE as WEIGHTS
@@ -42,8 +42,9 @@ def folder(fitted, tmp_path):
     scatter = np.diag(SPREAD**2)
     upper = np.array([np.inf, 1.0, np.inf, np.inf])
     ranges = {"k4": Range(0.0, 8.0, "no impacts")}
-    group = Group(JOINTS, MEAN, scatter, scatter, 4, np.zeros(4), upper, ranges)
-    save_posterior(Posterior("hydraulic", ("k1", "k2", "k3", "k4"), (group,)), fitted, tmp_path)
+    first, second = (Group((joint,), MEAN, scatter, scatter, 4, np.zeros(4), upper, ranges) for joint in JOINTS)
+    choice = Choice((Alternative("as diagnosed", 0.75, (second,)), Alternative("another law", 0.25, (second,))))
+    save_posterior(Posterior("hydraulic", ("k1", "k2", "k3", "k4"), (first,), (choice,)), fitted, tmp_path)
     return tmp_path
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from hqpipe.actuators.hydraulic import Hydraulic
-from hqpipe.actuators.posterior import Group, Posterior, Range
-from hqpipe.actuators.posterior_file import FILE, load_posterior, save_posterior
+from hqpipe.actuators.posterior import Alternative, Choice, Group, Posterior, Range
+from hqpipe.actuators.posterior_file import FILE, FORMAT, MIXTURE, load_posterior, save_posterior
 from hqpipe.errors import ConfigError, UsageError
 
 FIELDS = ("k1", "k2", "k3", "k4")
@@ -36,6 +36,17 @@ def model(*groups):
 
 def draws(posterior, actuator, count=20_000, seed=0, scale=1.0):
     return posterior.draw(actuator, count, np.random.default_rng(seed), scale)
+
+
+def mixture(weight=0.75):
+    """Joints a and b, which both have the doubled coefficients of another law or none of them, and joint c."""
+    means = {"as diagnosed": MEAN, "another law": 2.0 * MEAN}
+    alternatives = tuple(
+        Alternative(name, share, (group(("a",), mean), group(("b",), mean, 4.0 * SCATTER)))
+        for (name, mean), share in zip(means.items(), (weight, 1.0 - weight), strict=True)
+    )
+    actuator, posterior = model(*alternatives[0].groups, group(("c",)))
+    return actuator, replace(posterior, groups=posterior.groups[2:], choices=(Choice(alternatives),))
 
 
 def test_whole_sets_are_drawn_with_their_correlations():
@@ -81,6 +92,30 @@ def test_what_logs_do_not_determine_comes_from_its_range():
     assert k4.min() >= 0.0 and k4.max() <= 8.0 and k4.mean() == pytest.approx(4.0, rel=0.05)
 
 
+def test_alternatives_are_drawn_with_their_weights_for_all_of_their_joints():
+    actuator, posterior = mixture()
+    table = draws(posterior, actuator)[..., :4]
+    (number,) = posterior.chosen(len(table), np.random.default_rng(0))
+    assert np.mean(number == 1) == pytest.approx(0.25, abs=0.015)
+    other = table[:, :, 0] > 1.5 * MEAN[0]
+    np.testing.assert_array_equal(other[:, 0], number == 1)
+    np.testing.assert_array_equal(other[:, 1], number == 1)
+    assert not other[:, 2].any(), "a joint without alternatives"
+
+
+def test_numbers_of_two_alternatives_are_never_mixed_in_a_joint():
+    actuator, posterior = mixture()
+    table = draws(posterior, actuator)[..., :4]
+    (number,) = posterior.chosen(len(table), np.random.default_rng(0))
+    for k, factor in enumerate((1.0, 2.0)):
+        for joint, size in enumerate((1.0, 2.0)):
+            drawn = table[number == k, joint]
+            np.testing.assert_allclose(drawn.mean(axis=0), factor * MEAN, rtol=0.01)
+            np.testing.assert_allclose(drawn.std(axis=0), size * DEVIATION, rtol=0.04)
+            np.testing.assert_allclose(np.corrcoef(drawn.T), CORRELATION, atol=0.04)
+            assert (np.abs(drawn - factor * MEAN) < 0.5 * MEAN).all(), "each of its numbers is of the same law"
+
+
 def test_joints_are_matched_by_name():
     actuator, posterior = model(group(("a",)), group(("b",), mean=2.0 * MEAN, scatter=SCATTER))
     table = draws(posterior, actuator.for_joints(("b", "a")), 500)
@@ -102,6 +137,17 @@ def test_the_file_gives_back_the_same_draws(tmp_path):
     again = load_posterior(tmp_path, actuator)
     np.testing.assert_array_equal(draws(again, actuator, 50), draws(posterior, actuator, 50))
     assert save_posterior(again, actuator, tmp_path).read_bytes() == first
+
+
+def test_the_file_of_a_mixture_gives_back_the_same_draws(tmp_path):
+    actuator, posterior = mixture()
+    first = save_posterior(posterior, actuator, tmp_path).read_bytes()
+    again = load_posterior(tmp_path, actuator)
+    np.testing.assert_array_equal(draws(again, actuator, 50), draws(posterior, actuator, 50))
+    assert save_posterior(again, actuator, tmp_path).read_bytes() == first
+    assert json.loads(first)["format"] == MIXTURE
+    save_posterior(replace(posterior, groups=posterior.held, choices=()), actuator, tmp_path)
+    assert json.loads((tmp_path / FILE).read_text(encoding="utf-8"))["format"] == FORMAT
 
 
 def test_a_folder_without_the_file_has_no_posterior(tmp_path):
@@ -132,3 +178,59 @@ def test_a_broken_file_is_named_with_field_and_mend(tmp_path, change, message):
     with pytest.raises(ConfigError, match=message) as caught:
         load_posterior(tmp_path, actuator)
     assert FILE in str(caught.value) and "run hqpipe fit-actuator again" in str(caught.value)
+
+
+def alternatives(raw):
+    return raw["choices"][0]["alternatives"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda raw: raw.pop("choices"), "missing field 'choices'"),
+        (lambda raw: raw.update(format=FORMAT), "unknown field 'choices'"),
+        (lambda raw: raw["choices"].clear(), "choices: expected at least 1 elements"),
+        (lambda raw: alternatives(raw).pop(), r"alternatives: expected at least 2 elements"),
+        (lambda raw: alternatives(raw)[1].update(weight=0.5), "alternatives: expected weights that add up to 1"),
+        (lambda raw: alternatives(raw)[1].update(weight=-0.5), r"alternatives\[1\].weight: is -0.5, expected 0 to 1"),
+        (lambda raw: alternatives(raw)[1].pop("name"), r"alternatives\[1\]: missing field 'name'"),
+        (lambda raw: alternatives(raw)[1]["groups"].pop(), "joints are a, those of the first alternative a, b"),
+        (lambda raw: alternatives(raw).reverse(), "the mean of joint 'a' is not what actuator.json holds"),
+        (
+            lambda raw: alternatives(raw)[1]["groups"][0]["lower"].__setitem__(0, -1.0),
+            "'k1' may be -1 to inf, expected 0",
+        ),
+        (lambda raw: raw["groups"].clear(), "joints are a, b, those of actuator.json a, b, c"),
+        (lambda raw: raw["groups"].append(alternatives(raw)[0]["groups"][0]), "joints are c, a, a, b, those of"),
+    ],
+)
+def test_a_broken_mixture_is_named_with_field_and_remedy(tmp_path, change, message):
+    actuator, posterior = mixture()
+    path = save_posterior(posterior, actuator, tmp_path)
+    raw = json.loads(path.read_text(encoding="utf-8"))
+    change(raw)
+    path.write_text(json.dumps(raw), encoding="utf-8")
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_posterior(tmp_path, actuator)
+    assert FILE in str(caught.value) and "run hqpipe fit-actuator again" in str(caught.value)
+
+
+def test_a_setting_may_differ_between_alternatives_and_does_not_vary(tmp_path):
+    actuator, posterior = mixture()
+    names = (*FIELDS, "sprocket_radius")
+
+    def with_radius(part):
+        numbers = {"mean": np.append(part.mean, 0.06), "scatter": np.pad(part.scatter, (0, 1))}
+        return replace(part, **numbers, lower=np.append(part.lower, 0.06), upper=np.append(part.upper, 0.06))
+
+    laws = [replace(a, groups=tuple(map(with_radius, a.groups))) for a in posterior.choices[0].alternatives]
+    groups = tuple(map(with_radius, posterior.groups))
+    path = save_posterior(Posterior("hydraulic", names, groups, (Choice(tuple(laws)),)), actuator, tmp_path)
+    assert load_posterior(tmp_path, actuator).fields == names
+    raw = json.loads(path.read_text(encoding="utf-8"))
+    raw["groups"][0]["scatter"][4][4] = 1.0
+    path.write_text(json.dumps(raw), encoding="utf-8")
+    with pytest.raises(
+        ConfigError, match="scatter: varies 'sprocket_radius', which is no fitted parameter, expected 0"
+    ):
+        load_posterior(tmp_path, actuator)

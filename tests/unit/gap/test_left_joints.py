@@ -13,7 +13,7 @@ from hqpipe.gap.checks.left_out import of_joints
 from hqpipe.gap.diagnosis import diagnose
 from hqpipe.gap.fitted_joints import FittedJoints
 from hqpipe.gap.intake import take_in
-from hqpipe.gap.left_joints import plain_joints, whole_actuator
+from hqpipe.gap.left_joints import left_joints, plain_joints, whole_actuator
 from hqpipe.layers.actuator import Actuator
 from hqpipe.machine.layout import slot
 
@@ -42,7 +42,7 @@ def intake(logs):
 
 
 def test_a_joint_that_was_left_out_gets_the_base_of_its_sound_logs(logs, two, intake):
-    whole = whole_actuator(two, intake, logs.joints, LIMIT)
+    whole = whole_actuator(two, left_joints(intake, logs.joints, two.joints, LIMIT), logs.joints)
     assert whole.joints == logs.joints and whole.dt == two.dt
     np.testing.assert_array_equal(whole.parameters[[0, 2]], two.parameters)
     found = [whole.parameters[1, slot("base", name)] for name in planted.GAINS]
@@ -57,12 +57,14 @@ def test_no_actuator_without_sound_logs(logs, two, intake):
     short = of_joints(logs, [logs.joints[1]])
     trials = tuple(replace(t, trajectory=t.trajectory.section(0, 500)) for t in short.trials)
     for spare in (None, replace(short, trials=trials), replace(short, control_mode="torque", trials=_unread(short))):
-        assert whole_actuator(two, replace(intake, spare={logs.joints[1]: spare}), logs.joints) is None
+        lacking = replace(intake, spare={logs.joints[1]: spare})
+        assert whole_actuator(two, left_joints(lacking, logs.joints, two.joints), logs.joints) is None
     assert "no actuator.json" in plain_joints(intake, logs.joints, False)[0]
 
 
 def test_a_whole_machine_stays_as_it_is(logs, two, intake):
-    np.testing.assert_array_equal(whole_actuator(two, intake, two.joints).parameters, two.parameters)
+    left = left_joints(intake, two.joints, two.joints)
+    np.testing.assert_array_equal(whole_actuator(two, left, two.joints).parameters, two.parameters)
     assert plain_joints(intake, two.joints, True) == []
 
 
@@ -74,6 +76,9 @@ def test_a_diagnosis_writes_joints_that_it_left_out(logs):
     np.testing.assert_array_equal(found.augmented.parameters[2], found.base.parameters[2])
     assert found.augmented.parameters[2, slot("base", "k1")] == pytest.approx(planted.GAINS["k1"], rel=0.05)
     assert any("without effects" in text for text in found.content["warnings"])
+    (group,) = (group for group in found.posterior.held if logs.joints[2] in group.joints)
+    k1 = found.posterior.fields.index("k1")
+    assert 0.0 < group.scatter[k1, k1] < group.mean[k1] ** 2
 
 
 def _unread(logs):

@@ -13,6 +13,8 @@ from pydantic import ValidationError
 from hqpipe.actuators.files import save_actuator
 from hqpipe.actuators.hydraulic import Hydraulic
 from hqpipe.actuators.mlp import MLP
+from hqpipe.actuators.posterior import Group, Posterior
+from hqpipe.actuators.posterior_file import save_posterior
 from hqpipe.errors import DivergedError, UsageError
 from hqpipe.rl import train as training
 from hqpipe.robots import load_robot, robot_folder
@@ -132,6 +134,20 @@ def test_a_net_is_trained_under_the_gait_prior_of_the_fitted_model(models, tmp_p
     fitted, net = found
     assert fitted.stiffness is None
     np.testing.assert_allclose(net.stiffness, 1.0e5 * 0.06**2 / 0.06)
+
+
+def test_each_fitted_model_brings_the_posterior_beside_it(models, tmp_path):
+    spread, upper = np.diag([1e3, 1e-3, 1e2, 1.0]) ** 2, np.array([np.inf, 1.0, np.inf, np.inf])
+    for folder, k2 in (("actuator", 0.06), ("diagnosis", 0.05)):
+        model = hydraulic(k2)
+        mean = model.parameters[0, :4]
+        groups = tuple(Group((joint,), mean, spread, None, 2, np.zeros(4), upper) for joint in model.joints)
+        save_posterior(Posterior("hydraulic", ("k1", "k2", "k3", "k4"), groups), model, models / folder)
+    found, _ = read_controllers(context(models, tmp_path / "out"), ["stiff_pd", "fitted", "diagnosed"], "strong")
+    means = [each.posterior and each.posterior.groups[0].mean[1] for each in found]
+    assert means == [None, 0.06, 0.05]
+    reads = {given.name: given.files for given in STAGES["compare"].inputs}
+    assert "posterior.json" in reads["diagnosis"]
 
 
 def test_what_has_no_model_is_left_out_or_refused_before_a_training(models, tmp_path, monkeypatch, capsys):

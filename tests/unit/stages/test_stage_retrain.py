@@ -9,11 +9,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from hqpipe.actuators.augmented import Augmented
 from hqpipe.actuators.files import save_actuator
 from hqpipe.actuators.hydraulic import Hydraulic
-from hqpipe.actuators.posterior import Group, Posterior
+from hqpipe.actuators.posterior import Alternative, Choice, Group, Posterior
 from hqpipe.actuators.posterior_file import FILE, save_posterior
 from hqpipe.errors import ConfigError
+from hqpipe.machine.layout import FIELDS as layout
+from hqpipe.machine.layout import neutral_row
 from hqpipe.robots import load_robot, robot_folder
 from hqpipe.stages.inputs.training import RANDOMISATION
 from hqpipe.stages.retrain import Params, actuators_told, run
@@ -70,6 +73,39 @@ def test_the_posterior_beside_the_model_is_drawn_from_and_reported(fitted, tmp_p
     said = " ".join(capsys.readouterr().err.split())
     assert "drawn from the posterior of the fit, 1.5 times its deviations" in said
     assert "the draws hold the error of the estimate only" in said
+
+
+def test_the_model_of_a_diagnosis_is_drawn_with_its_alternatives(tmp_path, capsys):
+    """A deadband or the lag of a valve in the first joint."""
+    joints = load_robot("hydraulic_quadruped").joints
+    names = ("k1", "valve_deadband_half_width", "valve_lag_time_constant_s")
+    rows = np.tile(neutral_row(), (len(joints), 1))
+    rows[:, [layout.index(("base", name)) for name in ("k1", "k2", "k3")]] = 540.0, 0.05, 21.6
+    rows[0, layout.index(("valve_deadband", "half_width"))] = 0.01
+
+    def group(joint, *sizes):
+        scatter = np.diag(np.array([10.0, 0.0, 0.0]) ** 2)
+        return Group((joint,), np.array([540.0, *sizes]), scatter, None, 2, np.zeros(3), np.full(3, 1e3))
+
+    laws = (
+        Alternative("as diagnosed", 0.5, (group(joints[0], 0.01, 0.0),)),
+        Alternative("valve_lag in place of valve_deadband", 0.5, (group(joints[0], 0.0, 0.005),)),
+    )
+    model = Augmented(joints, rows, 1e-3)
+    others = tuple(group(joint, 0.0, 0.0) for joint in joints[1:])
+    save_actuator(model, tmp_path / "diagnosis")
+    save_posterior(Posterior("augmented", names, others, (Choice(laws),)), model, tmp_path / "diagnosis")
+    metrics = retrained(tmp_path / "diagnosis", tmp_path / "policy")
+    report = json.loads((tmp_path / "policy" / RANDOMISATION).read_text(encoding="utf-8"))
+    (choice,) = report["alternatives"]
+    assert choice["joints"] == [joints[0]] and sum(each["robots"] for each in choice["drawn"]) == 4
+    assert metrics["actuator_randomisation"]["alternatives"] == report["alternatives"]
+    said = " ".join(capsys.readouterr().err.split())
+    counts = [each["robots"] for each in choice["drawn"]]
+    assert f"as diagnosed in {counts[0]}, valve_lag in place of valve_deadband in {counts[1]} of 4 robots" in said
+    assert "hold the error of the estimate only" not in said
+    half = retrained(tmp_path / "diagnosis", tmp_path / "half", mode="half_range")["actuator_randomisation"]
+    assert half == {"mode": "half_range", "robots": 4, "half_range": 0.2}
 
 
 def test_without_posterior_the_half_range_is_used_and_named(fitted, tmp_path):
