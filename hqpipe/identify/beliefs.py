@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hqpipe.identify.search import HALVED, Known, Search
+from hqpipe.identify.search import HALVED, Known, Names, Search
 from hqpipe.identify.worth_keeping import CONFUSED, causes_of, floor_of, with_small, worth_keeping
 
 BELIEVED = 0.5  # probability from which an effect, or one of those that are like it, is more likely there than not
@@ -17,7 +18,7 @@ class Belief:
     """In an effect of a set.
 
     Attributes:
-        probability: that it is there, beside the sets without it or with another in its place. there: that it or one of these
+        probability: that it is there, beside the sets without it or with a rival in its place. there: that it or one of these
             others is. sure: the probability if all joints had the name of a rival that is as good: that they all have the same
             name does not say which. alike: names of those that are as likely, or as good. odds: of each of these against it,
             under the same condition. rival: the most probable set with another one that may take its place; None without any.
@@ -42,10 +43,10 @@ def with_beliefs(search: Search, best: Known, base: Known) -> tuple[Known, dict[
     core, small = worth_keeping(search, best, base)
     while True:
         whole = with_small(search, core, small)
-        found = {name: _believed(search, whole, name) for name in causes_of(search, core, base)}
+        found = {name: _believed(search, whole, name, exchanged) for name in causes_of(search, core, base)}
         if whole is not core:  # one of the small effects may be what takes the place of a cause
             found = {name: _with_twins(search, core, name, belief) for name, belief in found.items()}
-        likelier = [b for b in found.values() if b.most > b.probability and b.rival.names not in exchanged]
+        likelier = [belief for belief in found.values() if belief.most > belief.probability]
         doubtful = {name: belief.there for name, belief in found.items() if belief.there <= BELIEVED}
         if likelier:
             known = max(likelier, key=lambda belief: belief.most).rival
@@ -57,7 +58,12 @@ def with_beliefs(search: Search, best: Known, base: Known) -> tuple[Known, dict[
         core, small = worth_keeping(search, known, base)
 
 
-def _believed(search: Search, best: Known, name: str) -> Belief:
+def _believed(search: Search, best: Known, name: str, tried: Collection[Names]) -> Belief:
+    """The belief in one effect of a set.
+
+    Args:
+        tried: sets of which nothing else was worth keeping than what is compared here: no rivals any more.
+    """
     smaller = search.without(best, name)
     against, options, twins = {"": -search.gain(best, smaller)}, {}, set()
     for option in (*search.replaced(smaller, name), *search.with_given_up(smaller)):
@@ -66,16 +72,18 @@ def _believed(search: Search, best: Known, name: str) -> Belief:
         if _is_twin(search, option, best):
             twins.add(other)
     weights = {other: _odds(value) for other, value in against.items()}
-    alone = {o: value - (_said_by_others(search, o, name) if o in twins else 0.0) for o, value in against.items()}
-    total = 1.0 + sum(weights.values())
-    alike = {other for other, weight in weights.items() if weight / total >= CONFUSED} | twins
-    rivals = [other for other in options if other not in search.given_up]
+    # What is as good may have been more probable by itself, but says no more than the name that was given.
+    alone = {o: min(v - _said_by_others(search, o, name), 0.0) if o in twins else v for o, v in against.items()}
+    open_ones = [o for o in against if not o or options[o].names not in tried]
+    every, total = (1.0 + sum(weights[o] for o in names) for names in (weights, open_ones))
+    alike = {other for other, weight in weights.items() if weight / every >= CONFUSED} | twins
+    rivals = [other for other in open_ones if other and other not in search.given_up]
     rival = max(rivals, key=lambda other: weights[other], default=None)
     told = tuple(o for o in weights if o in alike and o and search.effects[o].named)
     return Belief(
         1.0 / total,
-        1.0 - weights[""] / total,
-        1.0 / (1.0 + sum(_odds(value) for value in alone.values())),
+        1.0 - weights[""] / every,
+        1.0 / (1.0 + sum(_odds(alone[o]) for o in open_ones)),
         told,
         tuple(_odds(alone[o]) for o in told),
         options.get(rival),
@@ -104,7 +112,8 @@ def _with_twins(search: Search, core: Known, name: str, belief: Belief) -> Belie
     for option in search.replaced(smaller, name):
         (other,) = option.names - smaller.names
         if search.effects[other].named and _is_twin(search, option, core):
-            alike.setdefault(other, _odds(search.preference(option, core) - _said_by_others(search, other, name)))
+            odds = search.preference(option, core) - _said_by_others(search, other, name)
+            alike.setdefault(other, _odds(min(odds, 0.0)))
     return replace(belief, alike=tuple(alike), odds=tuple(alike.values()))
 
 
