@@ -1,7 +1,8 @@
 """How far each cause shrinks the gap: Shapley shares over the found set, with block-bootstrap intervals.
 
 The value of a subset of causes is the fall of the held-out RMSE when exactly they are modelled and all other
-coefficients are fitted again. A cause's share is its mean contribution over all orders in which the causes could
+coefficients are fitted again; that of a part of the causes is at least 0, for without the others a prediction may overflow, which
+says nothing of how much they close. A cause's share is its mean contribution over all orders in which the causes could
 be added (Shapley, 1953), so shares add up to the whole fall whatever the causes have in common.
 """
 
@@ -19,6 +20,7 @@ from hqpipe.gap.residuals.bootstrap import block_weights, interval
 MOST_EXACT = 6  # causes; 64 subsets
 ORDERS = 40  # sampled orders beyond that
 SEED = 0
+OVERFLOWED = 1e200  # squared error that stands for an infinite one, so that blocks without weight add nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +44,7 @@ def shapley(count: int, errors: Callable[[frozenset[int]], np.ndarray]) -> Shrin
 
     def value(subset: frozenset[int]) -> np.ndarray:
         if subset not in cache:
-            cache[subset] = errors(subset)
+            cache[subset] = np.minimum(errors(subset), OVERFLOWED)
         return cache[subset]
 
     everything = frozenset(range(count))
@@ -52,7 +54,8 @@ def shapley(count: int, errors: Callable[[frozenset[int]], np.ndarray]) -> Shrin
     def fall(subset: frozenset[int]) -> np.ndarray:
         before = np.sqrt(weights @ value(frozenset()))
         shrunk = 1.0 - np.sqrt(weights @ value(subset)) / np.maximum(before, 1e-300)
-        return np.where(before > 0.0, shrunk, 0.0)  # nothing shrinks where there is no error
+        shrunk = np.where(before > 0.0, shrunk, 0.0)  # nothing shrinks where there is no error
+        return shrunk if subset == everything else np.maximum(shrunk, 0.0)
 
     each = _exact(count, fall) if count <= MOST_EXACT else _sampled(count, fall)
     each = each.reshape(count, len(weights))

@@ -106,3 +106,17 @@ def test_every_subset_is_fitted_once():
 def test_nothing_shrinks_where_there_is_no_error():
     found = shapley(1, lambda subset: np.zeros(BLOCKS))
     assert found.whole == 0.0 and found.whole_ci95 == (0.0, 0.0) and np.all(found.each == 0.0)
+
+
+@pytest.mark.parametrize("count", [3, 8])
+def test_without_a_cause_that_keeps_the_prediction_finite_the_others_close_nothing(count):
+    errors = game(count)
+
+    def overflowing(subset):
+        return np.full(BLOCKS, np.inf) if subset and 0 not in subset else errors(subset)
+
+    found = shapley(count, overflowing)
+    assert found.whole == pytest.approx(fall(errors, frozenset(range(count))))
+    assert found.each.sum() == pytest.approx(found.whole)
+    assert (found.each > 0.0).all() and found.each[0] == found.each.max() <= found.whole
+    assert np.isfinite(found.each_ci95).all()
