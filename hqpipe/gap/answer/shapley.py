@@ -1,8 +1,8 @@
 """How far each cause shrinks the gap: Shapley shares over the found set, with block-bootstrap intervals.
 
 The value of a subset of causes is the fall of the held-out RMSE when exactly they are modelled and all other
-coefficients are fitted again; that of a part of the causes is at least 0, for without the others a prediction may overflow, which
-says nothing of how much they close. A cause's share is its mean contribution over all orders in which the causes could
+coefficients are fitted again; that of a part of the causes is at least 0, for without the others a prediction may overflow,
+which says nothing of how much they close. A cause's share is its mean contribution over all orders in which the causes could
 be added (Shapley, 1953), so shares add up to the whole fall whatever the causes have in common.
 """
 
