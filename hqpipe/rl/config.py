@@ -167,6 +167,8 @@ class PolicyConfig:
     Attributes:
         hidden: units of each hidden layer of actor, critic and estimator (ELU); measured on this machine to be enough.
         action_scale: joint angle for an action of 1, rad.
+        command_scale: of the velocity command as the networks see it, s/m and s/rad. At 1 a command of 1 m/s weighs as
+            much as a joint angle of 0.25 rad.
         standing_scale: factor on the actions while standing is commanded, rising to 1 at gait.standing_speed. What a policy
             learns of walking it does at zero command, too: with 1 it steps on the spot. A fifth of a step leaves the feet
             on the ground, and still leans against a push; recipe.
@@ -179,6 +181,7 @@ class PolicyConfig:
 
     hidden: tuple[int, ...] = (256, 128)
     action_scale: float = 0.25
+    command_scale: float = 1.0
     standing_scale: float = 1.0
     initial_log_std: float = -2.0
     final_log_std: float = -3.5

@@ -77,6 +77,7 @@ LIMITS: dict[str, Limit] = {
     "curriculum.start": _SHARE,
     "curriculum.iterations": Limit(0, 1e6, _COUNT.reason),
     "policy.action_scale": Limit(1e-3, 3.2, "rad; up to half a turn"),
+    "policy.command_scale": Limit(1e-3, 1000.0, "s/m; the other inputs are of order one"),
     "policy.standing_scale": _SHARE,
     "policy.initial_log_std": _LOG_STD,
     "policy.final_log_std": _LOG_STD,

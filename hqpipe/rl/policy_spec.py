@@ -138,7 +138,7 @@ class PolicySpec:
             standing_scale=config.policy.standing_scale,
             gait=config.gait,
             geometry=geometry,
-            observation=observation_layout(robot, config.gait.prior),
+            observation=observation_layout(robot, config.gait.prior, config.policy.command_scale),
             state=state_layout(robot),
             hidden=config.policy.hidden,
             period_s=CONTROL_PERIOD_S,
