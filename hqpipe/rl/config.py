@@ -19,6 +19,7 @@ from hqpipe.rl.limits import (
     check_layers,
     check_numbers,
     check_range,
+    check_slowest,
     wrong,
 )
 from hqpipe.rl.reward_config import RewardConfig
@@ -44,7 +45,7 @@ class GaitConfig:
         duty: share of a cycle that a foot is to stay on the ground; recipe.
         swing_height: m; recipe, the paper asks for feet that "reach sufficient height".
         lead_s: targets lead by the lag of the position loop, s; the default machine has 40 ms.
-        standing_speed: commands below shrink the steps, m/s; assumption.
+        standing_speed: commands below shrink the steps, m/s, turning at a lever of 1 m; assumption.
     """
 
     prior: str = "trot_residual"
@@ -67,6 +68,8 @@ class CommandConfig:
         straight_share: of the moving draws with vy = ω = 0; assumption.
         in_place_share: of the moving draws, half that only turn and half that only step sideways. A trot does so from the
             start; a gait that is learned needs to see it.
+        smallest: norm of the slowest moving command, turning at a lever of 1 m, m/s. Rewards tell stepping from standing
+            by whether the command is zero, which no policy can tell from a few mm/s.
         resample_s: mean time between draws, s; assumption.
     """
 
@@ -77,6 +80,7 @@ class CommandConfig:
     standing_at_once: bool = True
     straight_share: float = 0.3
     in_place_share: float = 0.0
+    smallest: float = 0.0
     resample_s: float = 4.0
 
 
@@ -163,6 +167,11 @@ class PolicyConfig:
     Attributes:
         hidden: units of each hidden layer of actor, critic and estimator (ELU); measured on this machine to be enough.
         action_scale: joint angle for an action of 1, rad.
+        command_scale: of the velocity command as the networks see it, s/m and s/rad. At 1 a command of 1 m/s weighs as
+            much as a joint angle of 0.25 rad.
+        standing_scale: factor on the actions while standing is commanded, rising to 1 at gait.standing_speed. What a policy
+            learns of walking it does at zero command, too: with 1 it steps on the spot. A fifth of a step leaves the feet
+            on the ground, and still leans against a push; recipe.
         initial_log_std: e^−2 is 34 mrad of a joint target, 150 N·m at the machine's stiffness; a policy that starts
             on the trot does not fall; recipe.
         final_log_std: bound at the end, reached on a line from the initial one, see curriculum.py; recipe.
@@ -172,6 +181,8 @@ class PolicyConfig:
 
     hidden: tuple[int, ...] = (256, 128)
     action_scale: float = 0.25
+    command_scale: float = 1.0
+    standing_scale: float = 1.0
     initial_log_std: float = -2.0
     final_log_std: float = -3.5
     output_gain: float = 0.01
@@ -275,8 +286,12 @@ class TrainConfig:
         _check_choice("gait.prior", self.gait.prior, PRIORS)
         _check_choice("engine", self.engine, ENGINES)
         check_numbers(self)
-        for name in ("vx", "vy", "wz"):
-            check_range(f"command.{name}", getattr(self.command, name))
+        c = self.command
+        ranges = {"vx": c.vx, "vy": c.vy, "wz": c.wz}
+        for name, ends in ranges.items():
+            check_range(f"command.{name}", ends)
+        on_the_spot = c.in_place_share > 0.0
+        check_slowest(c.smallest, ranges, {"vx": c.straight_share > 0.0, "vy": on_the_spot, "wz": on_the_spot})
         check_layers("policy.hidden", self.policy.hidden)
         check_commands("evaluation.commands", self.evaluation.commands)
         self._check_sizes()

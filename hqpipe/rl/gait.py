@@ -52,6 +52,17 @@ def scheduled_stance(phase: np.ndarray, offsets: np.ndarray, duty: float) -> np.
     return (phase[..., None] + offsets) % 1.0 < duty
 
 
+def stepping(command: Any, standing_speed: float, xp: ModuleType = np) -> Any:
+    """(...,) share of a full step that `command` (..., 3) asks for: 0 when standing is commanded, 1 from `standing_speed` on.
+
+    Args:
+        command: vx, vy (m/s) and ω (rad/s) in the base frame; turning counts at a lever of 1 m.
+        standing_speed: m/s.
+    """
+    speed = xp.sqrt((command * command).sum(-1) + 1e-12)
+    return xp.clip(speed / standing_speed, 0.0, 1.0)
+
+
 @dataclass(frozen=True)
 class Trot:
     """Open-loop trot over flat ground.
@@ -90,9 +101,8 @@ class Trot:
         return cls(config, geometry, leg_offsets(feet), foot, compliance, weight)
 
     def amplitude(self, command: Any, xp: ModuleType = np) -> Any:
-        """(...,) 0 when standing is commanded, 1 from `standing_speed` on; turning counts at a lever of 1 m."""
-        speed = xp.sqrt((command * command).sum(-1) + 1e-12)
-        return xp.clip(speed / self.config.standing_speed, 0.0, 1.0)
+        """(...,) share of a full step that `command` (..., 3) asks for, see `stepping`."""
+        return stepping(command, self.config.standing_speed, xp)
 
     def joint_targets(self, clock_: Any, command: Any, xp: ModuleType = np) -> Any:
         """Targets of all joints, leg by leg.

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
@@ -57,6 +57,7 @@ LIMITS: dict[str, Limit] = {
     "command.standing_share": _SHARE,
     "command.straight_share": _SHARE,
     "command.in_place_share": _SHARE,
+    "command.smallest": _SPEED,
     "command.resample_s": Limit(0.01, 3600.0, "from one control period to an hour"),
     "noise.gyro": Limit(0.0, 100.0, "rad/s, full scale of a gyroscope"),
     "noise.position": _ANGLE,
@@ -76,6 +77,8 @@ LIMITS: dict[str, Limit] = {
     "curriculum.start": _SHARE,
     "curriculum.iterations": Limit(0, 1e6, _COUNT.reason),
     "policy.action_scale": Limit(1e-3, 3.2, "rad; up to half a turn"),
+    "policy.command_scale": Limit(1e-3, 1000.0, "s/m; the other inputs are of order one"),
+    "policy.standing_scale": _SHARE,
     "policy.initial_log_std": _LOG_STD,
     "policy.final_log_std": _LOG_STD,
     "policy.output_gain": Limit(0.0, 10.0, "times the usual initial weights"),
@@ -101,6 +104,7 @@ LIMITS: dict[str, Limit] = {
 """Dotted field of `TrainConfig` → what it may be; the coefficients of the rewards are `_COEFFICIENT`."""
 
 FASTEST = 10.0  # m/s and rad/s of a command; beyond any legged machine
+_REACH = 2.0  # times the slowest command; so at most half of the draws are thrown away
 LAYERS, UNITS = 6, 2048  # of a network; one such layer has 4 million weights, 70 MB with gradient and moments
 SAMPLES = 4_000_000  # of an iteration; at some 200 numbers each they take 3 GB
 
@@ -131,6 +135,22 @@ def check_range(name: str, value: Any) -> None:
     """Check the (low, high) of a command."""
     if not (_speeds(value, 2) and value[0] <= value[1]):
         raise wrong(name, f"{name}: expected [low, high], numbers within ±{FASTEST:g}, got {_listed(value)}")
+
+
+def check_slowest(smallest: float, ranges: Mapping[str, Sequence[float]], alone: Mapping[str, bool]) -> None:
+    """Check that commands as fast as command.smallest are drawn.
+
+    Args:
+        smallest: norm of the slowest moving command, m/s. ranges: (low, high) of vx, vy (m/s) and wz (rad/s).
+        alone: whether there are commands in which that axis moves by itself.
+    """
+    fastest = {name: max(abs(value) for value in ends) for name, ends in ranges.items()}
+    slow = [name for name in ranges if fastest[name] < _REACH * smallest]
+    if len(slow) == len(ranges) or any(alone[name] for name in slow):
+        name = f"command.{slow[0]}"
+        least = f"{_REACH:g} × command.smallest or more, since slower ones are drawn again"
+        text = f"{name} reaches {fastest[slow[0]]:g}, expected {least}"
+        raise CombinationError(text, ("command.smallest", name), "change one of the two")
 
 
 def check_commands(name: str, rows: Any) -> None:

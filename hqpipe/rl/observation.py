@@ -18,7 +18,6 @@ _OBSERVATION_SCALE = {
     "joint_position": 4.0,  # of 0.25 rad
     "joint_velocity": 0.5,  # of 2 rad/s
     "previous_target": 4.0,  # of 0.25 rad
-    "velocity_command": 1.0,  # of 1 m/s, 1 rad/s
     "clock": 1.0,
 }
 _STATE_SCALE = {
@@ -88,9 +87,14 @@ def _term(name: str, names: tuple[str, ...], unit: str, scale: dict, offset: np.
     return Term(name, names, unit, zero, scale[name])
 
 
-def observation_layout(robot: RobotSpec, prior: str) -> Layout:
-    """o_t = (ω, q, q̇, q_des of the previous period, command) of the paper; the clock follows unless prior is none."""
-    joints, nominal, s = robot.joints, robot.nominal_position, _OBSERVATION_SCALE
+def observation_layout(robot: RobotSpec, prior: str, command_scale: float = 1.0) -> Layout:
+    """o_t = (ω, q, q̇, q_des of the previous period, command) of the paper; the clock follows unless prior is none.
+
+    Args:
+        command_scale: of the velocity command, s/m and s/rad.
+    """
+    joints, nominal = robot.joints, robot.nominal_position
+    s = {**_OBSERVATION_SCALE, "velocity_command": command_scale}
     terms = [
         _term("base_angular_velocity", ("x", "y", "z"), "rad/s", s),
         _term("joint_position", joints, "rad", s, nominal),

@@ -68,6 +68,7 @@ def read_spec(document: Entry) -> PolicySpec:
         weight=fields["weight"].number(1e-6, 1e9, unit="N"),
         **angles,
         action_scale=fields["action_scale"].number(1e-9, TURN, unit="rad"),
+        standing_scale=fields["standing_scale"].number(0.0, 1.0),
         gait=gait,
         geometry=_geometry(fields["geometry"], len(feet)),
         observation=_observation(fields["observation"], joints, gait.prior),

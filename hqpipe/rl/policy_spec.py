@@ -57,7 +57,8 @@ class PolicySpec:
         kp, kd: (J,) gains that turn targets into torque targets, N·m/rad and N·m·s/rad; 0 where the loop is hydraulic.
         position_stiffness: (J,) static stiffness of the position loops that the trot compensates, N·m/rad.
         weight: of the robot, N.
-        nominal, lower, upper: (J,) rad. action_scale: rad.
+        nominal, lower, upper: (J,) rad. action_scale: rad. standing_scale: factor on it while standing is commanded, see
+            `hqpipe.rl.targets.TargetRule`.
         gait, geometry: clock and trot. observation, state: layouts of o_t and x_t. hidden: units per layer.
         period_s: between two calls of the policy.
         command_range: rows (low, high) of vx, vy (m/s) and ω (rad/s) seen in training.
@@ -76,6 +77,7 @@ class PolicySpec:
     lower: np.ndarray
     upper: np.ndarray
     action_scale: float
+    standing_scale: float
     gait: GaitConfig
     geometry: LegGeometry
     observation: Layout
@@ -133,9 +135,10 @@ class PolicySpec:
             lower=robot.position_lower,
             upper=robot.position_upper,
             action_scale=config.policy.action_scale,
+            standing_scale=config.policy.standing_scale,
             gait=config.gait,
             geometry=geometry,
-            observation=observation_layout(robot, config.gait.prior),
+            observation=observation_layout(robot, config.gait.prior, config.policy.command_scale),
             state=state_layout(robot),
             hidden=config.policy.hidden,
             period_s=CONTROL_PERIOD_S,
@@ -151,7 +154,8 @@ class PolicySpec:
         trot = None
         if self.gait.prior == "trot_residual":
             trot = Trot.build(self.gait, self.geometry, self.feet, self.nominal, self.position_stiffness, self.weight)
-        return TargetRule(self.nominal, self.lower, self.upper, self.action_scale, trot)
+        scales = (self.action_scale, self.standing_scale, self.gait.standing_speed)
+        return TargetRule(self.nominal, self.lower, self.upper, *scales, trot)
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-able form; `hqpipe.rl.policy_fields.read_spec` restores equal numbers."""

@@ -25,3 +25,14 @@ def test_some_robots_only_turn_and_as_many_only_step_sideways():
     assert turning == pytest.approx(0.2, abs=0.01)
     assert sideways == pytest.approx(0.2, abs=0.01)
     assert moves.all(axis=1).mean() == pytest.approx(0.2, abs=0.01)
+
+
+def test_no_moving_command_is_slower_than_the_smallest():
+    config = CommandConfig(standing_share=0.2, in_place_share=0.5, smallest=0.15)
+    drawn = sample_commands(config, 20_000, np.random.default_rng(0))
+    speed = np.linalg.norm(drawn, axis=1)
+    assert (speed == 0.0).mean() == pytest.approx(0.2, abs=0.01)
+    assert speed[speed > 0.0].min() >= 0.15
+    sideways = np.abs(drawn[(drawn[:, 1] != 0.0) & (drawn[:, ::2] == 0.0).all(axis=1), 1])
+    assert len(sideways) / len(drawn) == pytest.approx(0.2, abs=0.01)
+    assert np.quantile(sideways, 0.5) == pytest.approx(0.225, abs=0.01)  # uniform from 0.15 to 0.3

@@ -36,6 +36,11 @@ def test_mapping_survives_json():
             {"command": {"straight_share": 0.6, "in_place_share": 0.5}},
             "command.in_place_share add up to 1.1, expected at most 1",
         ),
+        ({"command": {"vx": [-0.2, 0.2], "smallest": 0.15}}, "command.vx reaches 0.2, expected 2 × command.smallest"),
+        (
+            {"command": {"vy": [0.0, 0.0], "in_place_share": 0.1, "smallest": 0.1}},
+            "command.vy reaches 0, expected 2 × command.smallest",
+        ),
         ({"evaluation": {"num_envs": 5}}, "evaluation.num_envs: 5"),
     ],
 )

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -48,9 +50,12 @@ def test_output_gain_scales_the_first_action(spec):
     torch.testing.assert_close(tenth.action(seen, estimate), 0.1 * full.action(seen, estimate))
 
 
-def test_deployed_graph_equals_the_environment_s_rule(spec, networks):
+@pytest.mark.parametrize("standing_scale", [1.0, 0.2])
+def test_deployed_graph_equals_the_environment_s_rule(spec, networks, standing_scale):
+    spec = replace(spec, standing_scale=standing_scale)
     rng = np.random.default_rng(0)
     command, phase = rng.uniform(-0.4, 1.0, (20, 3)), rng.random(20)
+    command[:5], command[5:10] = 0.0, 0.1 * command[5:10]
     joints = [rng.normal(0.0, 0.5, (20, 12)) for _ in range(3)]
     seen = build_observation(rng.normal(size=(20, 3)), *joints, command, gait.clock(phase))
     with torch.no_grad():

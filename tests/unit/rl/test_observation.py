@@ -26,6 +26,12 @@ def test_paper_observation_has_42_elements_in_its_order(robot):
     ]
 
 
+def test_the_command_is_scaled_as_it_is_asked_for(robot):
+    plain, larger = (observation_layout(robot, "none", scale).scale for scale in (1.0, 4.0))
+    np.testing.assert_array_equal(plain, observation_layout(robot, "none").scale)
+    np.testing.assert_array_equal(larger / plain, [1.0] * 39 + [4.0] * 3)
+
+
 @pytest.mark.parametrize("prior", ["clock", "trot_residual"])
 def test_clock_comes_last(robot, prior):
     layout = observation_layout(robot, prior)
