@@ -51,7 +51,7 @@ SHOWN = tuple(
 STAGES = StageTable(
     [
         Stage("bootstrap", "bootstrap", "hqpipe.stages.bootstrap",
-              "Train a first policy, with no actuator model.", version=4),
+              "Train a first policy, with no actuator model.", version=5),
         Stage("collect", "rollouts", "hqpipe.stages.collect",
               "Record logs of the machine under that policy.", version=3, inputs=(BOOTSTRAP,)),
         Stage("fit-actuator", "actuator", "hqpipe.stages.fit_actuator",
