@@ -95,13 +95,16 @@ def _is_twin(search: Search, option: Known, best: Known) -> bool:
     """Whether a set with another effect in the place of one has as many numbers, and errors as large.
 
     Then only what a data sheet says of their sizes tells the two apart. What both leave above the noise is of unknown form, and
-    may favour either one by as much as it is.
+    may favour either one by as much as it is; but the other effect has to do most of what the first does.
     """
     (other,), (name,) = option.names - best.names, best.names - option.names
     if search.effects[other].sizes != search.effects[name].sizes:
         return False
     if search.telling(option, best) > np.log(CONFUSED):
         return True
+    without = search.left_out(search.without(best, name)) - search.left_out(best)
+    if search.left_out(option) - search.left_out(best) > HALVED * without:
+        return False
     left, of_option = (max(search.left_out(known) - floor_of(search), 0.0) for known in (best, option))
     return left > HALVED * of_option
 

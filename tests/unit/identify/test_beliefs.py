@@ -96,3 +96,20 @@ def test_a_rival_that_errs_less_than_twice_as_much_beyond_the_noise_is_told():
     rough.error = lambda values, heldout=False: whole(np.insert(values, 5, [0.0, 0.0]), heldout)
     (cause,) = _named(rough)[1].causes
     assert {cause.effect, *cause.confused_with} == {"spring", "belt"}
+
+
+def test_an_effect_that_does_little_of_what_a_cause_does_is_no_rival():
+    """The cause closes less than the unknown: with anything in its place the set errs less than twice as much."""
+    model = ToyJoint(truth={"coulomb_friction": 0.12}, noise=0.005, seed=3, unknown=0.2)
+    whole = model.error
+    model.effects = (model.effects[0], Effect("rubbing", (Parameter("size", "1", 0.0, 0.5),)))
+
+    def error(values, heldout=False):
+        part = model.heldout if heldout else model.fit
+        rubbing = np.sign(part.velocity) * (part.position > 0.2)
+        return whole(np.append(values[:3], np.zeros(4)), heldout) + values[3] * rubbing
+
+    model.error = error
+    names, joint = _named(model)
+    assert names == ["coulomb_friction"] and joint.closes["coulomb_friction"] < joint.unexplained
+    assert joint.causes[0].confused_with == ()
