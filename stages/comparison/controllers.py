@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -42,6 +43,7 @@ class Controller:
         name: of `TITLES`. control_mode: position or torque.
         actuator: in the simulator. posterior: of its parameters, if it has one.
         stiffness: (J,) N·m/rad that the gait prior compensates; None takes the actuator's own.
+        files: relative path → SHA-256 of what the model was read from; empty for one that was computed.
     """
 
     name: str
@@ -49,10 +51,18 @@ class Controller:
     actuator: ActuatorModel
     posterior: Posterior | None = None
     stiffness: np.ndarray | None = None
+    files: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
         return TITLES[self.name]
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """All that decides how its policy comes out beside the training's own settings; plain data."""
+        model = dict(self.files) or self.actuator.to_dict()
+        stiffness = None if self.stiffness is None else [float(value) for value in self.stiffness]
+        return {"control_mode": self.control_mode, "model": model, "stiffness": stiffness}
 
 
 def checked_names(names: Sequence[str]) -> list[str]:
@@ -102,15 +112,23 @@ def _controller(context: Any, robot: Any, name: str, nets: NetKind) -> Controlle
         mode = "torque" if name == TORQUE else "position"
         return Controller(name, mode, unmodelled_actuator(robot, mode))
     folder = context.inputs["actuator"]
-    if name == FITTED:
+    if name in (FITTED, DIAGNOSED):
+        folder, option = (folder, "--actuator") if name == FITTED else (context.inputs[DIAGNOSIS], "--diagnosis")
         posterior = load_posterior(folder, load_actuator(folder))
-        return Controller(name, "position", model_at(folder, robot.joints), posterior)
-    if name == DIAGNOSED:
-        folder = context.inputs[DIAGNOSIS]
-        posterior = load_posterior(folder, load_actuator(folder))
-        return Controller(name, "position", model_at(folder, robot.joints, "--diagnosis"), posterior)
-    net = model_at(_net_folder(folder, name, nets), robot.joints)
-    return Controller(name, "position", net, stiffness=_loop_stiffness(folder, robot.joints))
+        model = model_at(folder, robot.joints, option)
+        return Controller(name, "position", model, posterior, files=_hashes(folder))
+    rival = _net_folder(folder, name, nets)
+    stiffness = _loop_stiffness(folder, robot.joints)
+    return Controller(name, "position", model_at(rival, robot.joints), stiffness=stiffness, files=_hashes(rival))
+
+
+def _hashes(folder: Path) -> dict[str, str]:
+    """File name → SHA-256 of what there is of a model."""
+    from hqpipe.actuators import files, posterior_file, weights_file
+
+    names = (files.FILE, weights_file.FILE, posterior_file.FILE)
+    there = [folder / name for name in names if (folder / name).is_file()]
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in there}
 
 
 def _loop_stiffness(folder: Path, joints: Sequence[str]) -> Any:

@@ -16,6 +16,7 @@ from hqpipe.actuators.mlp import MLP
 from hqpipe.actuators.posterior import Group, Posterior
 from hqpipe.actuators.posterior_file import save_posterior
 from hqpipe.errors import DivergedError, UsageError
+from hqpipe.pipeline.tasks import Tasks
 from hqpipe.rl import train as training
 from hqpipe.robots import load_robot, robot_folder
 from hqpipe.stages import STAGES, compare
@@ -76,6 +77,7 @@ def context(models: Path, output: Path, *, diagnosis: bool = True, **params) -> 
         inputs={name: models / name for name in names},
         output=output,
         scratch=models / "scratch",
+        tasks=Tasks(models / "tasks", {"stage": "compare"}),
         robot=robot_folder("hydraulic_quadruped"),
         seed=3,
         workers=1,
@@ -163,7 +165,7 @@ def test_what_has_no_model_is_left_out_or_refused_before_a_training(models, tmp_
         UsageError, match="rivals/mlp: no such actuator model: run hqpipe fit-actuator with 'mlp' among"
     ):
         run(context(models, tmp_path / "b", nets="paper"))
-    assert not (models / "scratch").exists()
+    assert not (models / "scratch").exists() and not (models / "tasks").exists()
 
 
 def test_names_are_checked(tmp_path):
@@ -180,7 +182,7 @@ def test_names_are_checked(tmp_path):
 def test_a_killed_compare_goes_on_where_it_was(models, walked, tmp_path, monkeypatch):
     names = ["torque", "stiff_pd"]
     whole = context(models, tmp_path / "whole", controllers=names)
-    whole.scratch = models / "other_scratch"
+    whole.tasks = Tasks(models / "other_tasks", {})
     run(whole)
     first = context(models, tmp_path / "first", controllers=names)
 
@@ -203,25 +205,60 @@ def test_a_killed_compare_goes_on_where_it_was(models, walked, tmp_path, monkeyp
 
 
 def test_damaged_partial_results_are_made_again(models, walked, tmp_path, monkeypatch, capsys):
-    whole = context(models, tmp_path / "whole", controllers=["torque"])
-    whole.scratch = tmp_path / "scratch"
-    run(whole)
-    part = whole.scratch / "torque" / "seed_3"
-    for path in (part / "trained" / "policy.safetensors", part / "walked_zero_action" / "results.json"):
+    run(context(models, tmp_path / "whole", controllers=["torque"]))
+    (trained,) = (models / "tasks").glob("*/files/policy.safetensors")
+    walked_files = (models / "tasks").glob("*/files/result.json")
+    (prior,) = [path for path in walked_files if "estimate_tilt" not in path.read_text(encoding="utf-8")]
+    for path in (trained, prior):
         data = bytearray(path.read_bytes())
         data[len(data) // 2] ^= 1
         path.write_bytes(data)
     begun = []
     monkeypatch.setattr(training, "Trainer", counted(training.Trainer, begun))
     walked.clear()
-    again = context(models, tmp_path / "again", controllers=["torque"])
-    again.scratch = whole.scratch
-    run(again)
+    run(context(models, tmp_path / "again", controllers=["torque"]))
     err = capsys.readouterr().err
-    assert "trained is damaged" in err and "trained again" in err and "walked_zero_action is damaged" in err
+    assert (
+        all(f"warning: {path.parent} is damaged" in err for path in (trained, prior)) and err.count("is damaged") == 2
+    )
     assert len(begun) == 1 and len(walked) == 1
     for path in (tmp_path / "whole").rglob("*.json"):
         assert (tmp_path / "again" / path.relative_to(tmp_path / "whole")).read_bytes() == path.read_bytes()
+
+
+def test_what_another_run_trained_and_walked_is_used_again(models, walked, tmp_path, monkeypatch):
+    run(context(models, tmp_path / "first", controllers=["torque", "fitted"]))
+    begun = []
+    monkeypatch.setattr(training, "Trainer", counted(training.Trainer, begun))
+    walked.clear()
+    more = context(models, tmp_path / "more", controllers=["fitted", "stiff_pd"], seeds=2)
+    more.params = more.params.model_copy(update={"scenarios": ["forward_10", "turn_05"]})
+    run(more)
+    assert sorted((each.task.world.actuator.NAME, each.config.seed) for each in begun) == [
+        ("hydraulic", 4),
+        ("stiff_pd", 3),
+        ("stiff_pd", 4),
+    ]
+    assert len(walked) == 6  # the fitted policy and its prior walk the new scenario alone, as one call
+    for name in ("policy.safetensors", "metrics.csv"):
+        files = [tmp_path / run_ / "fitted" / "seed_3" / name for run_ in ("first", "more")]
+        assert files[0].read_bytes() == files[1].read_bytes()
+
+
+@pytest.mark.parametrize("changed", ["actuator", "training", "plant"])
+def test_a_task_is_done_again_when_what_decides_it_changes(models, walked, tmp_path, monkeypatch, changed):
+    run(context(models, tmp_path / "first", controllers=["fitted"]))
+    begun, params = [], {}
+    monkeypatch.setattr(training, "Trainer", counted(training.Trainer, begun))
+    walked.clear()
+    if changed == "actuator":
+        save_actuator(hydraulic(k2=0.07), models / "actuator")
+    elif changed == "training":
+        params["training"] = {**TRAINING, "episode_s": 0.3}
+    else:
+        params["plant"] = {"valve": {"overlap": 0.02}}
+    run(context(models, tmp_path / "second", controllers=["fitted"], **params))
+    assert len(begun) == (changed != "plant") and len(walked) == 2
 
 
 def counted(trainer: type, begun: list) -> type:
