@@ -32,6 +32,7 @@ POLICY = Input("policy", "policy", "--policy")
 ONNX = Input("onnx", "onnx", "--onnx", also=("--policy",))
 EXPORTED = Input("onnx", "onnx", "--onnx")
 STRICT = ("--strict", "Refuse logs in which anything would have to be repaired, as for continuous integration.")
+SEEDS = ("--seeds", "N|A:B", "Train each controller N times, or with the seeds A to B − 1, e.g. 0:3.")
 ONNX_FLAG = ("--onnx", "Write ONNX; the only format, so it is the default.")
 # What the page of `report` shows beside the exported policy, as far as it has been made.
 SHOWN = tuple(
@@ -67,8 +68,8 @@ STAGES = StageTable(
               "Hold the exported policy against its thresholds; exit 4 if one is missed.", version=3,
               inputs=(ONNX, LOGS, FITTED), switches=(STRICT,)),
         Stage("compare", "comparison", "hqpipe.stages.compare",
-              "Train controllers with every actuator model and walk them on the plant.", version=4,
-              inputs=(MODELS, DIAGNOSED), alone=True),
+              "Train controllers with every actuator model and walk them on the plant.", version=5,
+              inputs=(MODELS, DIAGNOSED), settings=(SEEDS,), alone=True),
         Stage("report", "report", "hqpipe.stages.report",
               "Film a walk of the exported policy, and show the results of the chain on one page.", version=1,
               inputs=(EXPORTED, *SHOWN), alone=True),

@@ -12,9 +12,10 @@ from hqpipe.pipeline.config import StageParams
 from hqpipe.stages.comparison.controllers import DIAGNOSIS, TITLES, NetKind, checked_names, read_controllers
 from hqpipe.stages.comparison.plant import walk_all
 from hqpipe.stages.comparison.results import by_controller, loop_closed, walks
+from hqpipe.stages.comparison.seeds import Seeds, training_seeds
 from hqpipe.stages.comparison.summary import draw, headline, tables
 from hqpipe.stages.comparison.train import Trained, keep, train_all
-from hqpipe.stages.inputs.bounds import Trainings, TrialSeconds, Walks
+from hqpipe.stages.inputs.bounds import TrialSeconds, Walks
 from hqpipe.stages.inputs.plant_overrides import Plant
 from hqpipe.stages.inputs.training import METRICS, Training, write_rows
 from hqpipe.stages.walks.scenarios import SCENARIOS, known_scenarios
@@ -29,7 +30,7 @@ class Params(StageParams):
     """Attributes:
     training: of every controller, see `hqpipe.rl.config.TrainConfig`.
     controllers: torque and stiff_pd, trained without an actuator model; fitted and diagnosed; mlp, lstm and gru.
-    seeds: trainings of each, with the stage's seed and those after it.
+    seeds: trainings of each, with the stage's seed and those after it; or their seeds as text "A:B", without B.
     nets: strong, those with every advantage, or paper, those as in the paper; see fit-actuator.
     scenarios: walked on the plant, see validate. walk_seeds: walks of each. walk_seconds: longest walk, s; null for the whole
         course.
@@ -38,7 +39,7 @@ class Params(StageParams):
 
     training: Training = {}
     controllers: Annotated[list[str], AfterValidator(checked_names)] = list(TITLES)
-    seeds: Trainings = 1
+    seeds: Seeds = 1
     nets: NetKind = "strong"
     scenarios: Annotated[list[str], AfterValidator(known_scenarios)] = list(SCENARIOS)
     walk_seeds: Walks = 4
@@ -52,7 +53,7 @@ def run(context: Any) -> dict[str, Any]:
     p = context.params
     controllers, left_out = read_controllers(context, p.controllers, p.nets)
     show(*(f"warning: {text}" for text in left_out))
-    seeds = [(context.seed + i) % 2**32 for i in range(p.seeds)]  # NumPy and PyTorch take 32 bits
+    seeds = training_seeds(p.seeds, context.seed)
     trained = train_all(context, controllers, seeds, _part(context.progress, 0.0, _TRAINING_SHARE))
     for each in trained:
         keep(each, context.output)

@@ -138,6 +138,7 @@ TABLE = StageTable(
             inputs=(Input("numbers", "numbers", "--numbers"),),
             flags=(("--exact", "Exactly; the only way."),),
             switches=(("--whole-numbers", "Round them."),),
+            settings=(("--offset", "NUMBER", "Add this."),),
         ),
         Stage(
             "report",
