@@ -52,7 +52,7 @@ SHOWN = tuple(
 STAGES = StageTable(
     [
         Stage("bootstrap", "bootstrap", "hqpipe.stages.bootstrap",
-              "Train a first policy, with no actuator model.", version=4),
+              "Train a first policy, with no actuator model.", version=5),
         Stage("collect", "rollouts", "hqpipe.stages.collect",
               "Record logs of the machine under that policy.", version=3, inputs=(BOOTSTRAP,)),
         Stage("fit-actuator", "actuator", "hqpipe.stages.fit_actuator",
@@ -61,7 +61,7 @@ STAGES = StageTable(
               "Find where the gap lies, what causes it and how far it shrinks.", version=30,
               inputs=(LOGS, WALKER, REFERENCE), switches=(STRICT,)),
         Stage("retrain", "policy", "hqpipe.stages.retrain",
-              "Train the policy with the actuator model.", version=5, inputs=(ACTUATOR,)),
+              "Train the policy with the actuator model.", version=6, inputs=(ACTUATOR,)),
         Stage("export", "onnx", "hqpipe.stages.export",
               "Write the policy as ONNX for the robot.", version=2, inputs=(POLICY,), flags=(ONNX_FLAG,)),
         Stage("validate", "validation", "hqpipe.stages.validate",

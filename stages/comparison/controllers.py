@@ -17,13 +17,14 @@ if TYPE_CHECKING:
     from hqpipe.actuators.posterior import Posterior
 
 NetKind = Literal["strong", "paper"]
-TORQUE, STIFF, FITTED, DIAGNOSED = "torque", "stiff_pd", "fitted", "diagnosed"
+TORQUE, STIFF, FITTED, DIAGNOSED, ORACLE = "torque", "stiff_pd", "fitted", "diagnosed", "oracle"
 NETS = ("mlp", "lstm", "gru")
 TITLES = {
     TORQUE: "torque PID, ideal torque",
     STIFF: "position PID, stiff PD",
     FITTED: "position PID, fitted model",
     DIAGNOSED: "position PID, diagnosed model",
+    ORACLE: "position PID, the plant's own numbers",
     **{kind: f"position PID, {kind.upper()}" for kind in NETS},
 }
 """Name → how the machine is driven, and what stood in for its actuators in the training."""
@@ -58,6 +59,11 @@ class Controller:
         return TITLES[self.name]
 
     @property
+    def effects(self) -> list[str]:
+        """Effects that the model has beyond the law of the paper."""
+        return sorted(getattr(self.actuator, "effects", ()))
+
+    @property
     def content(self) -> dict[str, Any]:
         """All that decides how its policy comes out beside the training's own settings; plain data."""
         model = dict(self.files) or self.actuator.to_dict()
@@ -89,7 +95,8 @@ def read_controllers(context: Any, names: Sequence[str], nets: NetKind) -> tuple
 
     robot, found, left_out = load_robot(context.robot), [], []
     for name in names:
-        if name == DIAGNOSED and (reason := _no_diagnosis(context)):
+        reason = _no_diagnosis(context) if name == DIAGNOSED else _no_loop(context, robot) if name == ORACLE else ""
+        if reason:
             left_out.append(f"{TITLES[name]}: left out: {reason}")
         else:
             found.append(_controller(context, robot, name, nets))
@@ -106,11 +113,15 @@ def _controller(context: Any, robot: Any, name: str, nets: NetKind) -> Controlle
     from hqpipe.actuators.files import load_actuator
     from hqpipe.actuators.posterior_file import load_posterior
     from hqpipe.rl.worlds import unmodelled_actuator
+    from hqpipe.sim.engine import PHYSICS_DT
+    from hqpipe.stages.comparison.oracle import oracle_actuator
     from hqpipe.stages.inputs.logs import model_at
 
     if name in (TORQUE, STIFF):
         mode = "torque" if name == TORQUE else "position"
         return Controller(name, mode, unmodelled_actuator(robot, mode))
+    if name == ORACLE:
+        return Controller(name, "position", oracle_actuator(robot, context.params.plant, PHYSICS_DT))
     folder = context.inputs["actuator"]
     if name in (FITTED, DIAGNOSED):
         folder, option = (folder, "--actuator") if name == FITTED else (context.inputs[DIAGNOSIS], "--diagnosis")
@@ -158,6 +169,18 @@ def _net_folder(folder: Path, name: str, nets: NetKind) -> Path:
             f"compare.controllers, or set compare.nets to {others}",
         )
     return found
+
+
+def _no_loop(context: Any, robot: Any) -> str:
+    """Why the plant has no numbers for a model of position control; empty if it has."""
+    from hqpipe.sim.engine import PHYSICS_DT
+    from hqpipe.stages.comparison.oracle import oracle_actuator
+
+    try:
+        oracle_actuator(robot, context.params.plant, PHYSICS_DT)
+    except UsageError as error:
+        return error.message
+    return ""
 
 
 def _no_diagnosis(context: Any) -> str:

@@ -125,7 +125,7 @@ def test_every_controller_has_its_policy_its_curve_and_its_walks(models, walked,
     assert report["loop"]["gap"]["before"] == 30.0
     assert metrics["speeds"]["fitted/seed_3"]["steps_per_second"] > 0.0
     assert "steps_per_second" not in json.dumps(report)
-    for name in ("reward_curves.png", "plant.png", "comparison.csv"):
+    for name in ("learning_curves.png", "plant.png", "comparison.csv"):
         assert (tmp_path / "out" / name).stat().st_size > 300
     said = " ".join(capsys.readouterr().err.split())
     assert "30 N·m → 3 N·m over a floor of 1 N·m" in said and "from stiff_pd to diagnosed on the plant" in said
@@ -320,4 +320,4 @@ def test_the_loop_pairs_walks_that_neither_fell_in(tmp_path):
 
 def test_it_runs_by_its_own_name_only():
     assert STAGES["compare"].alone and STAGES["compare"] not in STAGES.between(None, None)
-    assert compare.FORMAT == "hqpipe-comparison/1"
+    assert compare.FORMAT == "hqpipe-comparison/2"
