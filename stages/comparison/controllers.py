@@ -58,6 +58,14 @@ class Controller:
     def title(self) -> str:
         return TITLES[self.name]
 
+    def training(self, training: Mapping[str, Any]) -> dict[str, Any]:
+        """The settings of its training, a `Training`: numbers that are known have no spread, unless one is asked for."""
+        randomisation = training["randomisation"]
+        actuator = randomisation["actuator"]
+        if self.name != ORACLE or actuator["mode"] != "auto":
+            return dict(training)
+        return {**training, "randomisation": {**randomisation, "actuator": {**actuator, "mode": "none"}}}
+
     @property
     def effects(self) -> list[str]:
         """Effects that the model has beyond the law of the paper."""

@@ -15,6 +15,9 @@ from hqpipe.system import durable
 from hqpipe.system.processes import in_processes, tell
 
 REPORT = "report.json"  # among the files of the task only: it holds the speed of the training
+# Bytes of a training: libraries and networks, and each simulated robot. Measured: PyBullet 0.29 GB and 5.3 MB, MuJoCo 1.3 MB.
+_OWN, _PER_ROBOT = 0.5e9, 6e6
+_SHARE = 0.7  # of the memory that trainings side by side may take; assumption
 Progress = Callable[[float, float, str], None]
 
 
@@ -64,16 +67,16 @@ def train_all(
 ) -> list[Trained]:
     """Every controller under every seed with the budget `context.params.training`; what is there is not trained again.
 
-    With W workers and n trainings to do, min(W, n) run at a time, which share the workers evenly. A result depends neither on
-    that nor on what else is trained.
+    With W workers and n trainings to do, min(W, n) run at a time, or as many as fit into memory, and share the workers
+    evenly. A result depends neither on that nor on what else is trained.
 
     Args:
         progress: (done, total, text) in trainings.
     """
-    training = context.params.training
     found, jobs, done = [], {}, {}
     for seed in seeds:
         for controller in controllers:
+            training = controller.training(context.params.training)
             content = {**controller.content, "training": training, "seed": seed}
             task = context.tasks.find(**content)
             found.append((controller, seed, content, task))
@@ -90,7 +93,7 @@ def train_all(
 
 def _carry_out(jobs: Sequence[_Job], count: int, workers: int, progress: Progress) -> None:
     """Train what is to be done of `count` trainings."""
-    at_once = min(workers, len(jobs))
+    at_once = min(workers, len(jobs), *(fit_into_memory(job.training) for job in jobs[:1]))
     reached = dict.fromkeys((job.name for job in jobs), 0.0)
 
     def told(name: str, message: tuple[float, str]) -> None:
@@ -103,6 +106,14 @@ def _carry_out(jobs: Sequence[_Job], count: int, workers: int, progress: Progres
         return
     for job in jobs:
         _train(job, workers, lambda message, name=job.name: told(name, message))
+
+
+def fit_into_memory(training: Mapping[str, Any]) -> int:
+    """How many trainings with these settings may run at a time, at least 1."""
+    from hqpipe.logs.size import memory_bytes
+
+    robots = training["num_envs"] + training["evaluation"]["num_envs"]
+    return max(1, int(_SHARE * memory_bytes() / (_OWN + _PER_ROBOT * robots)))
 
 
 def _train_elsewhere(job: _Job, workers: int) -> None:

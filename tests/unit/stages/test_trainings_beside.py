@@ -11,8 +11,9 @@ from pathlib import Path
 import compare_parent
 import pytest
 
+from hqpipe.logs import size
 from hqpipe.stages.comparison.controllers import Controller
-from hqpipe.stages.comparison.train import REPORT, Trained, train_all
+from hqpipe.stages.comparison.train import REPORT, Trained, fit_into_memory, train_all
 from hqpipe.system.durable import CHECKSUMS
 
 DEADLINE_S = 120.0
@@ -51,6 +52,13 @@ def test_what_is_there_counts_as_done_and_one_that_diverges_does_not_end_the_oth
     said.clear()
     assert [each.diverged for each in trained(tmp_path, 2, [diverging, stiff], said)] == ["the training diverged", None]
     assert not said
+
+
+def test_no_more_run_at_a_time_than_fit_into_memory(monkeypatch):
+    training = compare_parent.context(Path(), 1, None, num_envs=400, ppo={}).params.training
+    for gigabytes, count in ((1, 1), (8, 1), (16, 3), (64, 15)):
+        monkeypatch.setattr(size, "memory_bytes", lambda gigabytes=gigabytes: gigabytes * 10**9)
+        assert fit_into_memory(training) == count
 
 
 def runs(pid: int) -> bool:
