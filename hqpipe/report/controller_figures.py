@@ -72,7 +72,7 @@ def learning_curves(runs: Mapping[str, Sequence[Path]], path: Path) -> Path:
         for title, each in tables.items():
             curves = [(t[STEPS], t[column]) for t in each if _has(t, column)]
             curves = [(steps[np.isfinite(y)] / unit, y[np.isfinite(y)]) for steps, y in curves]
-            _curves(axes, curves, colours[title])
+            _curves(axes, curves, colours[title], marked=column == ERROR)
         axes.set_title(CURVES[column], fontweight="normal")
         axes.set_xlim(0.0, last / unit)
         if column == ERROR:
@@ -86,18 +86,20 @@ def _has(table: Mapping[str, np.ndarray], column: str) -> bool:
     return column in table and bool(np.isfinite(table[column]).any())
 
 
-def _curves(axes: Axes, curves: Sequence[tuple[np.ndarray, np.ndarray]], colour: str) -> None:
-    """Curves of one controller, a seed each; their mean ends where the first of them does."""
+def _curves(axes: Axes, curves: Sequence[tuple[np.ndarray, np.ndarray]], colour: str, marked: bool) -> None:
+    """Curves of one controller, a seed each; their mean ends where the first of them does. marked: whether points are shown."""
     several = len(curves) > 1
+    thin, thick = (0.6 if several else 1.3), 1.8
+    look: dict[str, Any] = {"color": colour, "clip_on": False}
     for x, y in curves:
-        marker = "o" if len(x) == 1 else None
-        axes.plot(
-            x, y, color=colour, linewidth=0.6 if several else 1.0, alpha=0.55 if several else 1.0, marker=marker, ms=3
-        )
+        dot = 2.0 if marked or len(x) == 1 else 0.0
+        axes.plot(x, y, linewidth=thin, alpha=0.55 if several else 1.0, marker="o", markersize=dot, **look)
     if several:
         shortest = min((x for x, _ in curves), key=len)
         mean = np.mean([y[: len(shortest)] for _, y in curves], axis=0)
-        axes.plot(shortest, mean, color=colour, linewidth=1.8, marker="o" if len(shortest) == 1 else None, ms=4)
+        axes.plot(
+            shortest, mean, linewidth=thick, marker="o", markersize=3.5 if marked or len(shortest) == 1 else 0.0, **look
+        )
 
 
 @styled

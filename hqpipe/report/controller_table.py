@@ -24,7 +24,7 @@ _CAPTION = (
     "measures are means over the walks that did not fall; torque error where the machine is given torque targets"
 )
 
-_ONE_SEED = "no interval where there is one seed"
+_ONE_SEED = "no interval where there is one seed, or all are alike"
 
 Rows = Sequence[Mapping[str, Any]]
 Spread = Mapping[str, Mapping[str, Any] | None]
@@ -103,7 +103,7 @@ def difference_table(rows: Mapping[str, Spread], other: str) -> Table:
 def _spread_table(title: str, rows: Mapping[str, Spread]) -> Table:
     table = _table(title)
     table.add_column("controller")
-    columns = {"falls": ("falls\n%", 100.0), **_MEASURES}
+    columns = {"reward": ("reward\nper step", 1.0), "falls": ("falls\n%", 100.0), **_MEASURES}
     columns = {name: c for name, c in columns.items() if any(row.get(name) for row in rows.values())}
     for head, _ in columns.values():
         table.add_column(head, justify="right")

@@ -23,8 +23,8 @@ def over_seeds(values: Values) -> dict[str, Any] | None:
         values: seed → value; seeds without one do not count.
 
     Returns:
-        The mean, the ends of its interval (None for a single seed, which says nothing of others) and the number of seeds; None
-        where there is no value.
+        The mean, the ends of its interval and the number of seeds; None where there is no value. There is no interval for a
+        single seed, and none for seeds that are all alike, as where none ever fell: neither says how far others may be off.
     """
     from hqpipe.identify.uncertainty import student
 
@@ -32,8 +32,8 @@ def over_seeds(values: Values) -> dict[str, Any] | None:
     if not known:
         return None
     count, mean = len(known), sum(known) / len(known)
-    if count == 1:
-        return {"mean": mean, "ci95": None, "seeds": 1}
+    if len(set(known)) == 1:
+        return {"mean": mean, "ci95": None, "seeds": count}
     variance = sum((value - mean) ** 2 for value in known) / (count - 1)
     half = float(student(count - 1.0)) * (variance / count) ** 0.5
     return {"mean": mean, "ci95": [mean - half, mean + half], "seeds": count}

@@ -29,6 +29,10 @@ def test_one_seed_has_no_interval_and_none_no_mean():
     assert over_seeds({3: None}) is None and over_seeds({}) is None
 
 
+def test_seeds_that_are_all_alike_have_no_interval():
+    assert over_seeds({1: 0.0, 2: 0.0, 3: 0.0}) == {"mean": 0.0, "ci95": None, "seeds": 3}
+
+
 def test_intervals_hold_the_truth_as_often_as_they_say():
     rng = np.random.default_rng(5)
     held = 0

@@ -13,6 +13,7 @@ from hqpipe.identify.constants.robot_design import joint_design
 from hqpipe.identify.paper_model.fit_actuator import fit_actuator
 from hqpipe.logs.trajectory import LogSet, Trial
 from hqpipe.robots import load_robot, robot_folder
+from hqpipe.stages.compare import Params
 from hqpipe.stages.comparison.controllers import Controller, read_controllers
 from hqpipe.stages.comparison.model_check import _trial, free_run_errors, without_friction
 from hqpipe.stages.comparison.oracle import FRICTION, oracle_actuator
@@ -118,6 +119,19 @@ def test_what_no_log_can_be_replayed_with_has_no_error(robot):
     plant = {"chain": {"slack": 0.003}}
     controllers = [Controller("oracle", "position", oracle_actuator(robot, plant, DT))]
     assert free_run_errors(stage(plant), controllers)["rmse"] == {"oracle": None}
+
+
+def test_numbers_that_are_known_have_no_spread_in_a_training_unless_one_is_asked_for(robot):
+    model = oracle_actuator(robot, {}, DT)
+    oracle, fitted = (Controller(name, "position", model) for name in ("oracle", "fitted"))
+    usual = Params().training
+    sought = Params(training={"randomisation": {"actuator": {"mode": "half_range"}}}).training
+    assert fitted.training(usual) == usual and oracle.training(sought) == sought
+    changed = oracle.training(usual)
+    assert (
+        changed["randomisation"]["actuator"]["mode"] == "none" and usual["randomisation"]["actuator"]["mode"] == "auto"
+    )
+    assert changed["randomisation"]["friction"] == usual["randomisation"]["friction"]
 
 
 def test_friction_does_not_show_in_pressures(robot):

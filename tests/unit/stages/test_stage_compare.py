@@ -107,11 +107,11 @@ def walked(monkeypatch) -> list[Path]:
 
 
 def test_every_controller_has_its_policy_its_curve_and_its_walks(models, walked, tmp_path, capsys):
-    names = ["torque", "stiff_pd", "fitted", "diagnosed", "mlp"]
+    names = ["torque", "stiff_pd", "fitted", "diagnosed", "oracle", "mlp"]
     metrics = run(context(models, tmp_path / "out", controllers=names))
     report = json.loads((tmp_path / "out" / "comparison.json").read_text(encoding="utf-8"))
     assert [each["controller"] for each in report["controllers"]] == names
-    assert [each["control_mode"] for each in report["controllers"]] == ["torque"] + 4 * ["position"]
+    assert [each["control_mode"] for each in report["controllers"]] == ["torque"] + 5 * ["position"]
     for each in report["controllers"]:
         folder = tmp_path / "out" / each["trainings"][0]["folder"]
         assert folder.name == "seed_3" and (folder / "policy.safetensors").is_file()
@@ -121,9 +121,16 @@ def test_every_controller_has_its_policy_its_curve_and_its_walks(models, walked,
     for trial in report["trials"]:
         told = [trial["mean"], trial["worst"], *trial["seeds"]]
         assert ["estimate_tilt" in each for each in told] == 4 * [trial["actor"] == "policy"]
-    assert len(walked) == 10 and len(set(walked)) == 10
+    assert len(walked) == 12 and len(set(walked)) == 12
+    assert list(report["model_check"]["rmse"]) == names[1:]
+    effects = {each["controller"]: each["effects"] for each in report["controllers"]}
+    assert "valve_lag" in effects["oracle"] and effects["fitted"] == []
+    for each in report["controllers"]:
+        assert each["over_seeds"]["drift"] is None or each["over_seeds"]["drift"]["ci95"] is None
+        assert (each["against_stiff_pd"] is None) == (each["controller"] == "stiff_pd")
     assert report["loop"]["gap"]["before"] == 30.0
-    assert metrics["speeds"]["fitted/seed_3"]["steps_per_second"] > 0.0
+    speed = metrics["speeds"]["fitted/seed_3"]
+    assert speed["training_s"] > 0.0 and speed["step_s"] == 1.0 / speed["steps_per_second"]
     assert "steps_per_second" not in json.dumps(report)
     for name in ("learning_curves.png", "plant.png", "comparison.csv"):
         assert (tmp_path / "out" / name).stat().st_size > 300
@@ -275,6 +282,8 @@ def test_seeds_are_trained_apart_and_their_prior_walks_once(models, walked, tmp_
     report = json.loads((tmp_path / "out" / "comparison.json").read_text(encoding="utf-8"))
     first, second = report["controllers"][0]["trainings"]
     assert (first["seed"], second["seed"]) == (3, 4) and first["reward"] != second["reward"]
+    spread = report["controllers"][0]["over_seeds"]["reward"]
+    assert spread["seeds"] == 2 and spread["ci95"][0] < min(first["reward"], second["reward"])
     assert [(trial["actor"], trial["training_seed"]) for trial in report["trials"]] == [
         ("policy", 3),
         ("policy", 4),
