@@ -24,8 +24,9 @@ def _checked(value: Any) -> int | str:
         return value
     found = _RANGE.fullmatch(value) if isinstance(value, str) else None
     if not found:
+        given = "nothing" if value in (None, "") else repr(str(value)[:80])
         raise ValueError(
-            f"expected a number of trainings, or a range of seeds A:B from A to B − 1, e.g. 0:3, got {str(value)[:80]!r}"
+            f"expected a number of trainings, or a range of seeds A:B from A to B − 1, e.g. 0:3, got {given}"
         )
     first, end = map(int, found.groups())
     if first < 0 or end - 1 > LARGEST:
