@@ -32,6 +32,7 @@ POLICY = Input("policy", "policy", "--policy")
 ONNX = Input("onnx", "onnx", "--onnx", also=("--policy",))
 EXPORTED = Input("onnx", "onnx", "--onnx")
 STRICT = ("--strict", "Refuse logs in which anything would have to be repaired, as for continuous integration.")
+SEEDS = ("--seeds", "N|A:B", "Train each controller N times, or with the seeds A to B − 1, e.g. 0:3.")
 ONNX_FLAG = ("--onnx", "Write ONNX; the only format, so it is the default.")
 # What the page of `report` shows beside the exported policy, as far as it has been made.
 SHOWN = tuple(
@@ -60,15 +61,15 @@ STAGES = StageTable(
               "Find where the gap lies, what causes it and how far it shrinks.", version=30,
               inputs=(LOGS, WALKER, REFERENCE), switches=(STRICT,)),
         Stage("retrain", "policy", "hqpipe.stages.retrain",
-              "Train the policy with the actuator model.", version=5, inputs=(ACTUATOR,)),
+              "Train the policy with the actuator model.", version=6, inputs=(ACTUATOR,)),
         Stage("export", "onnx", "hqpipe.stages.export",
               "Write the policy as ONNX for the robot.", version=2, inputs=(POLICY,), flags=(ONNX_FLAG,)),
         Stage("validate", "validation", "hqpipe.stages.validate",
               "Hold the exported policy against its thresholds; exit 4 if one is missed.", version=3,
               inputs=(ONNX, LOGS, FITTED), switches=(STRICT,)),
         Stage("compare", "comparison", "hqpipe.stages.compare",
-              "Train controllers with every actuator model and walk them on the plant.", version=4,
-              inputs=(MODELS, DIAGNOSED), alone=True),
+              "Train controllers with every actuator model and walk them on the plant.", version=5,
+              inputs=(MODELS, DIAGNOSED), settings=(SEEDS,), alone=True),
         Stage("report", "report", "hqpipe.stages.report",
               "Film a walk of the exported policy, and show the results of the chain on one page.", version=1,
               inputs=(EXPORTED, *SHOWN), alone=True),

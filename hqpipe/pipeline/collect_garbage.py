@@ -52,13 +52,28 @@ def _newest(store: Store, current: set[str]) -> list[str]:
 
 
 def find_garbage(store: Store, table: StageTable, *, scratch: bool) -> list[Garbage]:
-    """What `reachable` leaves, and with `scratch` also the checkpoints of unfinished stages."""
+    """What `reachable` leaves, and with `scratch` also the checkpoints and tasks of unfinished stages."""
     kept = reachable(store, table)
     entries = [store.get(key) for key in store.keys() if key not in kept]
-    found = [_garbage(entry) for entry in entries if entry is not None]
+    # Tasks first: a result that is gone would no longer say which were its own.
+    found = [*_tasks(store, kept, scratch), *(_garbage(entry) for entry in entries if entry is not None)]
     if scratch and store.scratch("").is_dir():
         found += [Garbage(path, "checkpoint", _size(path)) for path in sorted(store.scratch("").iterdir())]
     return found
+
+
+def _tasks(store: Store, kept: set[str], unfinished: bool) -> list[Garbage]:
+    """Tasks of results that go and of none that stays; those of no result belong to unfinished stages."""
+    if not store.tasks_folder.is_dir():
+        return []
+    needed, known = set(), set()
+    for key in store.keys():
+        if (entry := store.get(key)) is not None:
+            own = set(entry.manifest.provenance.get("tasks", ()))
+            known |= own
+            needed |= own if key in kept else set()
+    paths = [path for path in sorted(store.tasks_folder.iterdir()) if path.name not in needed]
+    return [Garbage(path, "task", _size(path)) for path in paths if unfinished or path.name in known]
 
 
 def _garbage(entry: Entry) -> Garbage:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hqpipe.pipeline.tasks import Tasks
+
 Progress = Callable[[float, float, str], None]
 """Called as ``progress(done, total, note)``; `done` and `total` in any unit, `note` may be empty."""
 
@@ -23,6 +25,7 @@ class StageContext:
         inputs: input name → folder, verified just before.
         output: empty folder; every file in it becomes the artifact when the stage returns.
         scratch: folder that survives a kill, for checkpoints; removed after the artifact is committed.
+        tasks: parts of the work that other runs of the stage may need as well; they outlive the run.
         progress: reports how far the stage is.
     """
 
@@ -33,4 +36,5 @@ class StageContext:
     inputs: Mapping[str, Path]
     output: Path
     scratch: Path
+    tasks: Tasks
     progress: Progress

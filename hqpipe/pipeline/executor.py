@@ -19,6 +19,7 @@ from hqpipe.pipeline.provenance import provenance
 from hqpipe.pipeline.stage import Stage
 from hqpipe.pipeline.store import Entry
 from hqpipe.pipeline.streams import stdout_to_stderr
+from hqpipe.pipeline.tasks import Tasks
 from hqpipe.system import durable
 from hqpipe.system.failures import reported, system_failure
 from hqpipe.system.memory import check_address_space
@@ -110,12 +111,15 @@ class Executor:
         scratch = self._store.scratch(key)
         if self.planner.force:
             durable.remove(scratch)
+        tasks = self._tasks(decision)
         output = self._store.begin(key)
         try:
             scratch.mkdir(parents=True, exist_ok=True)
             started = time.monotonic()
-            metrics = self._call(decision, output, scratch)
+            metrics = self._call(decision, output, scratch, tasks)
             record = {**provenance(self.planner.project.root), "profile": self.planner.settings.profile}
+            if tasks.used:
+                record["tasks"] = tasks.used
             manifest = Manifest(
                 recipe=decision.recipe,
                 sources={name: source.to_json() for name, source in decision.sources.items()},
@@ -131,7 +135,12 @@ class Executor:
         durable.remove(scratch)
         return entry, unreproduced
 
-    def _call(self, decision: Decision, output: Path, scratch: Path) -> dict[str, Any]:
+    def _tasks(self, decision: Decision) -> Tasks:
+        recipe = decision.recipe
+        common = {"stage": recipe.stage, "version": recipe.version, "robot": recipe.robot}
+        return Tasks(self._store.tasks_folder, common, fresh=self.planner.force)
+
+    def _call(self, decision: Decision, output: Path, scratch: Path, tasks: Tasks) -> dict[str, Any]:
         """Call the stage's function; an unexpected exception becomes one that names stage and place."""
         stage = decision.stage
         settings = self.planner.settings
@@ -146,6 +155,7 @@ class Executor:
                 inputs={name: source.path for name, source in decision.sources.items()},
                 output=output,
                 scratch=scratch,
+                tasks=tasks,
                 progress=progress,
             )
             try:

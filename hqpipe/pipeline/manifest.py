@@ -52,6 +52,9 @@ def _check_provenance(provenance: dict[str, Any]) -> dict[str, Any]:
     for name, kind in (("created", str), ("profile", str), ("wall_time_s", int | float)):
         if not isinstance(provenance.get(name), kind):
             raise ValueError(f"expected {name}, {'text' if kind is str else 'a number'}")
+    tasks = provenance.get("tasks", [])
+    if not isinstance(tasks, list) or not all(isinstance(key, str) and KEY.fullmatch(key) for key in tasks):
+        raise ValueError("expected tasks, a list of keys of 64 hexadecimal digits")
     return provenance
 
 

@@ -126,7 +126,7 @@ def diff(table: StageTable, a: str, b: str, as_json: bool) -> None:
 @with_options(json_option())
 @click.command()
 @click.option("--dry-run", is_flag=True, help="List what would go; remove nothing.")
-@click.option("--all", "scratch", is_flag=True, help="Also remove the checkpoints of unfinished stages.")
+@click.option("--all", "scratch", is_flag=True, help="Also remove what unfinished stages have made so far.")
 @click.pass_obj
 def gc(table: StageTable, dry_run: bool, scratch: bool, as_json: bool) -> None:
     """Remove results that no current artifact, nor the last run of any profile, was made from."""

@@ -79,9 +79,10 @@ class StageCommand(click.Command):
         ]
         flags = [click.Option([name], is_flag=True, expose_value=False, help=text) for name, text in stage.flags]
         switches = [click.Option([name], is_flag=True, help=text) for name, text in stage.switches]
+        settings = [click.Option([name], metavar=value, help=text) for name, value, text in stage.settings]
         super().__init__(
             stage.name,
-            params=[*inputs, *spellings, *flags, *switches, *running_options("KEY=VALUE")],
+            params=[*inputs, *spellings, *flags, *switches, *settings, *running_options("KEY=VALUE")],
             callback=click.pass_obj(self.run),
             help=f"{stage.help}\n\nWrites artifacts/{stage.artifact}.",
         )
@@ -102,8 +103,10 @@ class StageCommand(click.Command):
         changes = [f"{section}.{text.removeprefix(f'{section}.')}" for text in overrides]
         if seed is not None:
             changes.append(f"{section}.seed={seed}")
-        parameters = [name.removeprefix("--").replace("-", "_") for name, _ in self.stage.switches]
-        changes += [f"{section}.{name}=true" for name in parameters if options.pop(name)]
+        switches = [self.stage.parameter(option) for option, _ in self.stage.switches]
+        changes += [f"{section}.{name}=true" for name in switches if options.pop(name)]
+        settings = {name: options.pop(name) for name in (self.stage.parameter(each[0]) for each in self.stage.settings)}
+        changes += [f"{section}.{name}={value}" for name, value in settings.items() if value is not None]
         named = {needed.name: _named(needed, options) for needed in self.stage.inputs}
         explicit = {name: path for name, path in named.items() if path is not None}
         project = open_project(table)

@@ -59,6 +59,7 @@ class Stage:
         inputs: the folders that it reads.
         flags: options that are accepted and change nothing, e.g. the only export format, as (option, help).
         switches: options that set a parameter of the same name to true, as (option, help).
+        settings: options that set a parameter of the same name to a value, as (option, name of the value, help).
         alone: whether it runs by its own name only, and not in ``hqpipe run all``.
     """
 
@@ -70,12 +71,18 @@ class Stage:
     inputs: tuple[Input, ...] = ()
     flags: tuple[tuple[str, str], ...] = ()
     switches: tuple[tuple[str, str], ...] = ()
+    settings: tuple[tuple[str, str, str], ...] = ()
     alone: bool = False
 
     @property
     def section(self) -> str:
         """The stage's key in ``pipeline.yaml``."""
         return self.name.replace("-", "_")
+
+    @staticmethod
+    def parameter(option: str) -> str:
+        """The parameter that an option of `switches` or `settings` sets."""
+        return option.removeprefix("--").replace("-", "_")
 
     def load_run(self):
         """Import the stage's ``run(context)``."""

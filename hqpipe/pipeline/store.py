@@ -4,6 +4,7 @@ artifacts/<name>              link to the current result of one stage
 artifacts/store/<key>/        committed results, never changed
 artifacts/store/.tmp-…/       a result being written or removed; left over only by a killed process
 artifacts/scratch/<key>/      checkpoints of an unfinished stage
+artifacts/tasks/<key>/        parts of a stage's work that several results share, see `hqpipe.pipeline.tasks`
 """
 
 from __future__ import annotations
@@ -106,9 +107,13 @@ class Store:
     def scratch(self, key: str) -> Path:
         return self.folder / "scratch" / key
 
+    @property
+    def tasks_folder(self) -> Path:
+        return self.folder / "tasks"
+
     def check_folders(self) -> None:
-        """Raise IntegrityError if the store or the scratch folder is a link, or no folder."""
-        for path in (self.entries_folder, self.scratch("")):
+        """Raise IntegrityError if the folder of results, scratch or tasks is a link, or no folder."""
+        for path in (self.entries_folder, self.scratch(""), self.tasks_folder):
             _check_folder(path, "put the folder itself there")
 
     def get(self, key: str) -> Entry | None:
@@ -186,7 +191,7 @@ class Store:
 
     def remove_leftovers(self) -> list[Path]:
         """Remove what killed processes left half-written. Only for the holder of the lock."""
-        places = (self.folder, self.entries_folder, self.scratch(""))
+        places = (self.folder, self.entries_folder, self.scratch(""), self.tasks_folder)
         return [path for place in places for path in durable.remove_leftovers(place)]
 
     def find(self, name: str) -> Entry:

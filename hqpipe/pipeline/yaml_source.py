@@ -139,6 +139,11 @@ class _Loader(yaml.SafeLoader):
             raise YamlProblem("not valid YAML: an alias of what it stands in", "write the values out", mark.line + 1)
         return node
 
+    def resolve(self, kind: Any, value: Any, implicit: Any) -> Any:
+        tag = super().resolve(kind, value, implicit)
+        # 1:30, which YAML 1.1 reads as 90.
+        return f"{_CORE}str" if tag in (f"{_CORE}int", f"{_CORE}float") and ":" in value else tag
+
     def _measured(self, node: Any, mark: Any) -> tuple[int, int]:
         """How many values there are in a node and how deep it goes, with every alias written out."""
         if isinstance(node, yaml.ScalarNode):

@@ -219,7 +219,10 @@ def _walks(walks: Mapping[str, Mapping[str, Any]]) -> str:
 def comparison(part: Part, chain: Chain) -> str:
     """Controllers trained with different actuator models."""
     curves = figure(
-        part, "reward_curves.png", "reward curves", "Mean reward in the simulator, each with its own actuator model."
+        part,
+        "learning_curves.png",
+        "learning curves",
+        "Reward and speed error in the simulator, each with its own actuator model.",
     )
     return curves + figure(part, "plant.png", "measures on the plant", "The same orders on the plant, walk by walk.")
 

@@ -20,7 +20,6 @@ from hqpipe.report.style import (
     PURPLE,
     SKY,
     VERMILION,
-    name_line,
     new_figure,
     save_figure,
     styled,
@@ -28,8 +27,10 @@ from hqpipe.report.style import (
 )
 from hqpipe.report.training_figures import STEPS, read_metrics, unit_of_steps
 
-REWARD = "rollout/reward_mean"
-_COLOURS = (ORANGE, SKY, VERMILION, BLUE, GREEN, PURPLE, INK)
+REWARD, ERROR = "rollout/reward_mean", "eval/velocity_error"
+# column of the metrics → what the axis says
+CURVES = {REWARD: "mean reward per step in training", ERROR: "mean speed error in evaluations (m/s)"}
+_COLOURS = (ORANGE, SKY, VERMILION, BLUE, INK, GREEN, PURPLE, GREY)
 # measure → what the axis says, and the factor into that unit
 PANELS = {
     "falls": ("walks that fell (%)", 100.0),
@@ -42,15 +43,15 @@ PANELS = {
     "torque_rmse": ("error of the torque targets (N·m)", 1.0),
     "torque_saturation": ("joint samples at the torque limit (%)", 100.0),
 }
-_LEAST_APART = 0.05  # of the height of the axes: names of lines do not touch
 _SLOT = 0.8  # of a scenario's width is taken by its dots
 
 Cells = Sequence[Mapping[str, Any]]
 
 
 @styled
-def reward_curves(runs: Mapping[str, Sequence[Path]], path: Path) -> Path:
-    """Mean reward per step over environment steps: a line per controller, and a band from the lowest to the highest seed.
+def learning_curves(runs: Mapping[str, Sequence[Path]], path: Path) -> Path:
+    """Mean reward per step, and mean speed error of the evaluations, over environment steps: a colour per controller, a thin
+    line per seed, and where there are several a thick one for their mean.
 
     Args:
         runs: title → metrics CSV of every seed, none where a training had no iteration. path: .png or .svg.
@@ -60,56 +61,45 @@ def reward_curves(runs: Mapping[str, Sequence[Path]], path: Path) -> Path:
     """
     if not any(runs.values()):
         raise UsageError("nothing to draw: no training has a metrics table")
-    figure = new_figure(3.6)
-    axes = figure.subplots()
-    last, ends, tables = 0.0, [], {title: _stacked(files) for title, files in runs.items() if files}
-    unit, name_of_unit = unit_of_steps(max(float(steps[-1]) for steps, _ in tables.values()))
-    for title, colour in zip(runs, _COLOURS, strict=False):
-        if title not in tables:
-            continue
-        steps, reward = tables[title]
-        x = steps / unit
-        mean = np.nanmean(reward, axis=0)
-        if len(reward) > 1:
-            axes.fill_between(
-                x, np.nanmin(reward, axis=0), np.nanmax(reward, axis=0), color=colour, alpha=0.18, linewidth=0
-            )
-        axes.plot(x, mean, color=colour, marker="o" if len(x) == 1 else None, markersize=3)
-        ends.append((title, colour, float(mean[-1])))
-        last = max(last, float(x[-1]))
-    axes.set_xlim(0.0, last)
-    low, high = axes.get_ylim()
-    for (title, colour, _), y in zip(ends, spread([end[2] for end in ends], _LEAST_APART * (high - low)), strict=True):
-        name_line(axes, 1.01 * last, y, title, colour, va="center")
-    axes.set_title("mean reward per step in training", fontweight="normal")
-    axes.set_xlabel(f"environment steps ({name_of_unit})")
+    tables = {title: [read_metrics(file) for file in files] for title, files in runs.items()}
+    last = max(float(table[STEPS][-1]) for each in tables.values() for table in each)
+    unit, name_of_unit = unit_of_steps(last)
+    columns = [name for name in CURVES if any(_has(table, name) for each in tables.values() for table in each)]
+    figure = new_figure(3.4)
+    panels = figure.subplots(1, len(columns), squeeze=False)[0]
+    colours = dict(zip(runs, _COLOURS, strict=False))
+    for axes, column in zip(panels, columns, strict=True):
+        for title, each in tables.items():
+            curves = [(t[STEPS], t[column]) for t in each if _has(t, column)]
+            curves = [(steps[np.isfinite(y)] / unit, y[np.isfinite(y)]) for steps, y in curves]
+            _curves(axes, curves, colours[title], marked=column == ERROR)
+        axes.set_title(CURVES[column], fontweight="normal")
+        axes.set_xlim(0.0, last / unit)
+        if column == ERROR:
+            axes.set_ylim(bottom=0.0)
+        axes.set_xlabel(f"environment steps ({name_of_unit})")
+    title_row(figure, list(colours.items()))
     return save_figure(figure, path)
 
 
-def _stacked(files: Sequence[Path]) -> tuple[np.ndarray, np.ndarray]:
-    """(T,) steps and (seeds, T) rewards; NaN after the end of a training that stopped early."""
-    tables = [read_metrics(file) for file in files]
-    longest = max(tables, key=lambda table: len(table[STEPS]))
-    reward = np.full((len(tables), len(longest[STEPS])), np.nan)
-    for row, table in zip(reward, tables, strict=True):
-        row[: len(table[REWARD])] = table[REWARD]
-    return longest[STEPS], reward
+def _has(table: Mapping[str, np.ndarray], column: str) -> bool:
+    return column in table and bool(np.isfinite(table[column]).any())
 
 
-def spread(values: Sequence[float], least: float) -> list[float]:
-    """Places near `values`, in their order, that are at least `least` apart."""
-    order = np.argsort(values, kind="stable")
-    place = np.asarray(values, dtype=float)[order]
-    for _ in range(100 * len(place)):  # pairs that are too close part, until none is
-        close = np.flatnonzero(np.diff(place) < 0.999 * least)
-        if not close.size:
-            break
-        for i in close:
-            middle = 0.5 * (place[i] + place[i + 1])
-            place[i], place[i + 1] = min(place[i], middle - 0.5 * least), max(place[i + 1], middle + 0.5 * least)
-    result = np.empty_like(place)
-    result[order] = place
-    return result.tolist()
+def _curves(axes: Axes, curves: Sequence[tuple[np.ndarray, np.ndarray]], colour: str, marked: bool) -> None:
+    """Curves of one controller, a seed each; their mean ends where the first of them does. marked: whether points are shown."""
+    several = len(curves) > 1
+    thin, thick = (0.6 if several else 1.3), 1.8
+    look: dict[str, Any] = {"color": colour, "clip_on": False}
+    for x, y in curves:
+        dot = 2.0 if marked or len(x) == 1 else 0.0
+        axes.plot(x, y, linewidth=thin, alpha=0.55 if several else 1.0, marker="o", markersize=dot, **look)
+    if several:
+        shortest = min((x for x, _ in curves), key=len)
+        mean = np.mean([y[: len(shortest)] for _, y in curves], axis=0)
+        axes.plot(
+            shortest, mean, linewidth=thick, marker="o", markersize=3.5 if marked or len(shortest) == 1 else 0.0, **look
+        )
 
 
 @styled

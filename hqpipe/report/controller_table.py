@@ -24,7 +24,11 @@ _CAPTION = (
     "measures are means over the walks that did not fall; torque error where the machine is given torque targets"
 )
 
+_ONE_SEED = "no interval where there is one seed, or all are alike"
+
 Rows = Sequence[Mapping[str, Any]]
+Spread = Mapping[str, Mapping[str, Any] | None]
+"""Measure → mean, ci95 (low and high end, or None) and seeds; see `hqpipe.stages.comparison.intervals.over_seeds`."""
 
 
 def training_table(rows: Rows, speeds: Mapping[str, Mapping[str, float]]) -> Table:
@@ -33,18 +37,18 @@ def training_table(rows: Rows, speeds: Mapping[str, Mapping[str, float]]) -> Tab
     Args:
         rows: title, reward, simulator (actor → falls, walks, score; actors are policy and zero_action) and note; None where the
             training diverged.
-        speeds: title → training_s and steps_per_second.
+        speeds: title → training_s, and step_s of a step of one environment, s.
     """
     table = _table("trained with the same budget and seeds, each in its own simulator")
     table.add_column("controller")
-    for title in ("reward\nper step", "falls when\npushed", "score, less\nis better", "minutes", "steps/s"):
+    for title in ("reward\nper step", "falls when\npushed", "score, less\nis better", "minutes", "µs per\nstep"):
         table.add_column(title, justify="right")
     table.add_column("actuators of the robots")
     for row in rows:
         simulator, speed = _actors(row["simulator"]), speeds.get(row["title"])
         cells = ["–" if row["reward"] is None else f"{row['reward']:.4f}", _both(_falls, simulator)]
         cells.append(_both(lambda found: _number(found["score"], 1.0), simulator))
-        cells += [f"{speed['training_s'] / 60:.1f}", f"{speed['steps_per_second']:.0f}"] if speed else ["–", "–"]
+        cells += [f"{speed['training_s'] / 60:.1f}", f"{1e6 * speed['step_s']:.0f}"] if speed else ["–", "–"]
         table.add_row(row["title"], *cells, row["note"])
     table.caption = "dim: the gait prior alone"
     return table
@@ -82,6 +86,58 @@ def scenario_table(cells: Rows, titles: Mapping[str, str]) -> Table:
         )
     table.caption = "dim: the gait prior alone"
     return table
+
+
+def seeds_table(rows: Mapping[str, Spread]) -> Table:
+    """One line per controller: what its policies did on the plant, mean ± half of the 95 % interval over the training seeds."""
+    return _spread_table("over the seeds of the trainings: mean ± half of the 95 % interval", rows)
+
+
+def difference_table(rows: Mapping[str, Spread], other: str) -> Table:
+    """The same of the differences of every controller from the one that is titled `other`."""
+    table = _spread_table(f"less {other}, walk by walk: mean ± half of the 95 % interval over the seeds", rows)
+    table.caption = "same training seed, scenario and walk; measures over pairs in which neither fell\n" + _ONE_SEED
+    return table
+
+
+def _spread_table(title: str, rows: Mapping[str, Spread]) -> Table:
+    table = _table(title)
+    table.add_column("controller")
+    columns = {"reward": ("reward\nper step", 1.0), "falls": ("falls\n%", 100.0), **_MEASURES}
+    columns = {name: c for name, c in columns.items() if any(row.get(name) for row in rows.values())}
+    for head, _ in columns.values():
+        table.add_column(head, justify="right")
+    table.add_column("seeds", justify="right")
+    for name, row in rows.items():
+        seeds = max((found["seeds"] for found in row.values() if found), default=0)
+        table.add_row(name, *(spread_text(row.get(n), factor) for n, (_, factor) in columns.items()), str(seeds))
+    table.caption = _ONE_SEED
+    return table
+
+
+def spread_text(found: Mapping[str, Any] | None, factor: float = 1.0) -> str:
+    """mean ± half width, in the unit that `factor` leads to; the mean alone where there is no interval."""
+    if not found:
+        return "–"
+    mean = f"{factor * found['mean']:.3g}"
+    if not found["ci95"]:
+        return mean
+    low, high = found["ci95"]
+    return f"{mean} ± {0.5 * factor * (high - low):.2g}"
+
+
+def check_lines(check: Mapping[str, Any], effects: Sequence[str], left_out: str) -> list[str]:
+    """How far the models are from the plant, and what the oracle has of it.
+
+    Args:
+        check: see `hqpipe.stages.comparison.model_check.free_run_errors`. effects: of the oracle. left_out: by it, in words.
+    """
+    told = (f"{name} " + ("–" if error is None else f"{error:.3g}") for name, error in check["rmse"].items())
+    return [
+        f"free run of the models over {1000 * check['window_s']:.0f} ms on {check['seconds']:g} s of the plant in its gantry "
+        f"(torque {check['effort_rms']:.3g} N·m RMS): {', '.join(told)} N·m RMSE",
+        f"the oracle has of the plant: {', '.join(name.replace('_', ' ') for name in effects)}; left out: {left_out}",
+    ]
 
 
 def loop_lines(loop: Mapping[str, Any]) -> list[str]:

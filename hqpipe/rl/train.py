@@ -234,6 +234,7 @@ class Trainer:
             row["eval/score"] = evaluation.score
             row["eval/falls"] = evaluation.falls
             row["eval/speed"] = evaluation.results[0].velocity[0]
+            row["eval/velocity_error"] = sum(result.error for result in evaluation.results) / len(evaluation.results)
             if not progress.best or evaluation.score < progress.best_evaluation["score"]:
                 state = self.model.policy.networks.state_dict()
                 progress.best = {k: v.clone() for k, v in state.items()}

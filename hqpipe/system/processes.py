@@ -23,8 +23,11 @@ from hqpipe.system.signals import FIRST_ON_SIGNAL, without_ctrl_c
 Result = TypeVar("Result")
 Report = Callable[[int, str], None]
 """Called after each call as ``report(done, name)``; `done` counts."""
+Told = Callable[[str, Any], None]
+"""Called with the name of a call and what its task gave `tell`."""
 
 SPAWN, FORK = "spawn", "fork"  # a fresh interpreter; a copy of this one, which must then do nothing but compute
+_PARENT: list[Connection] = []  # of a worker, to the process that started it; empty in any other
 EXIT_TIMEOUT_S = 5.0  # assumption: an idle worker that has not left by then is stuck
 CAUSES = {
     -signal.SIGKILL: "was killed, as the system does when memory runs out",
@@ -40,6 +43,7 @@ def in_processes(
     calls: Mapping[str, tuple],
     workers: int,
     report: Report = lambda done, name: None,
+    told: Told = lambda name, message: None,
 ) -> list[Result]:
     """``task(*arguments)`` of every call in at most `workers` processes; the first error ends the others.
 
@@ -63,11 +67,21 @@ def in_processes(
             for worker, (name, arguments) in zip(idle, waiting, strict=False):
                 worker.start(name, task, arguments)
                 busy[worker.connection] = worker
-            idle = [busy.pop(connection) for connection in wait(list(busy))]
-            for worker in idle:
-                results[worker.name] = worker.result()
+            idle = []
+            for worker in [busy[connection] for connection in wait(list(busy))]:
+                done, value = worker.receive()
+                if not done:
+                    told(worker.name, value)
+                    continue
+                idle.append(busy.pop(worker.connection))
+                results[worker.name] = value
                 report(len(results), worker.name)
     return [results[name] for name in calls]
+
+
+def tell(message: Any) -> None:
+    """Called by a task: give the process that started the worker a message, which goes to `told` of `in_processes`."""
+    _PARENT[-1].send_bytes(pickle.dumps((False, message, None)))
 
 
 class WorkerPool:
@@ -151,15 +165,22 @@ class Worker:
             raise self._death() from None
 
     def result(self) -> Any:
-        """Wait for what the call returns or raises."""
+        """Wait for what the call returns or raises; what its task tells is dropped."""
+        done = False
+        while not done:
+            done, value = self.receive()
+        return value
+
+    def receive(self) -> tuple[bool, Any]:
+        """Wait for a message: whether the call has ended, and what it returned or, if not, told."""
         try:
             message = self.connection.recv_bytes()
         except (EOFError, OSError):
             raise self._death() from None
-        value, error = pickle.loads(message)
+        done, value, error = pickle.loads(message)
         if error is not None:
             raise error
-        return value
+        return done, value
 
     def _death(self) -> HqpipeError:
         self.process.join(EXIT_TIMEOUT_S)
@@ -173,6 +194,7 @@ class Worker:
 
 def _serve(connection: Connection) -> None:
     """What a worker does until its pipe ends."""
+    _PARENT.append(connection)
     end_with_parent(multiprocessing.parent_process().sentinel)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
@@ -187,10 +209,10 @@ def _serve(connection: Connection) -> None:
 def _answer(message: bytes) -> bytes:
     try:
         task, arguments = pickle.loads(message)
-        return pickle.dumps((task(*arguments), None))
+        return pickle.dumps((True, task(*arguments), None))
     except Exception as error:  # not swallowed: the parent raises it
         error.add_note(f"In the worker process:\n{traceback.format_exc()}")
-        return pickle.dumps((None, _portable(error)))
+        return pickle.dumps((True, None, _portable(error)))
 
 
 def _portable(error: Exception) -> Exception:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -16,13 +17,14 @@ if TYPE_CHECKING:
     from hqpipe.actuators.posterior import Posterior
 
 NetKind = Literal["strong", "paper"]
-TORQUE, STIFF, FITTED, DIAGNOSED = "torque", "stiff_pd", "fitted", "diagnosed"
+TORQUE, STIFF, FITTED, DIAGNOSED, ORACLE = "torque", "stiff_pd", "fitted", "diagnosed", "oracle"
 NETS = ("mlp", "lstm", "gru")
 TITLES = {
     TORQUE: "torque PID, ideal torque",
     STIFF: "position PID, stiff PD",
     FITTED: "position PID, fitted model",
     DIAGNOSED: "position PID, diagnosed model",
+    ORACLE: "position PID, the plant's own numbers",
     **{kind: f"position PID, {kind.upper()}" for kind in NETS},
 }
 """Name → how the machine is driven, and what stood in for its actuators in the training."""
@@ -42,6 +44,7 @@ class Controller:
         name: of `TITLES`. control_mode: position or torque.
         actuator: in the simulator. posterior: of its parameters, if it has one.
         stiffness: (J,) N·m/rad that the gait prior compensates; None takes the actuator's own.
+        files: relative path → SHA-256 of what the model was read from; empty for one that was computed.
     """
 
     name: str
@@ -49,10 +52,31 @@ class Controller:
     actuator: ActuatorModel
     posterior: Posterior | None = None
     stiffness: np.ndarray | None = None
+    files: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
         return TITLES[self.name]
+
+    def training(self, training: Mapping[str, Any]) -> dict[str, Any]:
+        """The settings of its training, a `Training`: numbers that are known have no spread, unless one is asked for."""
+        randomisation = training["randomisation"]
+        actuator = randomisation["actuator"]
+        if self.name != ORACLE or actuator["mode"] != "auto":
+            return dict(training)
+        return {**training, "randomisation": {**randomisation, "actuator": {**actuator, "mode": "none"}}}
+
+    @property
+    def effects(self) -> list[str]:
+        """Effects that the model has beyond the law of the paper."""
+        return sorted(getattr(self.actuator, "effects", ()))
+
+    @property
+    def content(self) -> dict[str, Any]:
+        """All that decides how its policy comes out beside the training's own settings; plain data."""
+        model = dict(self.files) or self.actuator.to_dict()
+        stiffness = None if self.stiffness is None else [float(value) for value in self.stiffness]
+        return {"control_mode": self.control_mode, "model": model, "stiffness": stiffness}
 
 
 def checked_names(names: Sequence[str]) -> list[str]:
@@ -79,7 +103,8 @@ def read_controllers(context: Any, names: Sequence[str], nets: NetKind) -> tuple
 
     robot, found, left_out = load_robot(context.robot), [], []
     for name in names:
-        if name == DIAGNOSED and (reason := _no_diagnosis(context)):
+        reason = _no_diagnosis(context) if name == DIAGNOSED else _no_loop(context, robot) if name == ORACLE else ""
+        if reason:
             left_out.append(f"{TITLES[name]}: left out: {reason}")
         else:
             found.append(_controller(context, robot, name, nets))
@@ -96,21 +121,33 @@ def _controller(context: Any, robot: Any, name: str, nets: NetKind) -> Controlle
     from hqpipe.actuators.files import load_actuator
     from hqpipe.actuators.posterior_file import load_posterior
     from hqpipe.rl.worlds import unmodelled_actuator
+    from hqpipe.sim.engine import PHYSICS_DT
+    from hqpipe.stages.comparison.oracle import oracle_actuator
     from hqpipe.stages.inputs.logs import model_at
 
     if name in (TORQUE, STIFF):
         mode = "torque" if name == TORQUE else "position"
         return Controller(name, mode, unmodelled_actuator(robot, mode))
+    if name == ORACLE:
+        return Controller(name, "position", oracle_actuator(robot, context.params.plant, PHYSICS_DT))
     folder = context.inputs["actuator"]
-    if name == FITTED:
+    if name in (FITTED, DIAGNOSED):
+        folder, option = (folder, "--actuator") if name == FITTED else (context.inputs[DIAGNOSIS], "--diagnosis")
         posterior = load_posterior(folder, load_actuator(folder))
-        return Controller(name, "position", model_at(folder, robot.joints), posterior)
-    if name == DIAGNOSED:
-        folder = context.inputs[DIAGNOSIS]
-        posterior = load_posterior(folder, load_actuator(folder))
-        return Controller(name, "position", model_at(folder, robot.joints, "--diagnosis"), posterior)
-    net = model_at(_net_folder(folder, name, nets), robot.joints)
-    return Controller(name, "position", net, stiffness=_loop_stiffness(folder, robot.joints))
+        model = model_at(folder, robot.joints, option)
+        return Controller(name, "position", model, posterior, files=_hashes(folder))
+    rival = _net_folder(folder, name, nets)
+    stiffness = _loop_stiffness(folder, robot.joints)
+    return Controller(name, "position", model_at(rival, robot.joints), stiffness=stiffness, files=_hashes(rival))
+
+
+def _hashes(folder: Path) -> dict[str, str]:
+    """File name → SHA-256 of what there is of a model."""
+    from hqpipe.actuators import files, posterior_file, weights_file
+
+    names = (files.FILE, weights_file.FILE, posterior_file.FILE)
+    there = [folder / name for name in names if (folder / name).is_file()]
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in there}
 
 
 def _loop_stiffness(folder: Path, joints: Sequence[str]) -> Any:
@@ -140,6 +177,18 @@ def _net_folder(folder: Path, name: str, nets: NetKind) -> Path:
             f"compare.controllers, or set compare.nets to {others}",
         )
     return found
+
+
+def _no_loop(context: Any, robot: Any) -> str:
+    """Why the plant has no numbers for a model of position control; empty if it has."""
+    from hqpipe.sim.engine import PHYSICS_DT
+    from hqpipe.stages.comparison.oracle import oracle_actuator
+
+    try:
+        oracle_actuator(robot, context.params.plant, PHYSICS_DT)
+    except UsageError as error:
+        return error.message
+    return ""
 
 
 def _no_diagnosis(context: Any) -> str:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from hqpipe.stages.comparison.train import Trained
-from hqpipe.system import durable
 
 POLICY, ZERO = "policy", "zero_action"
 _ZERO_FOLDER = "zero_action"
-_RESULTS = "results.json"
+_RESULT = "result.json"
 _BELIEF = "estimate_"  # begins the names of measures of the estimator
 Progress = Callable[[float, float, str], None]
 
@@ -63,21 +61,32 @@ def _without_beliefs(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _walked(context: Any, trained: Trained, actor: str, progress: Progress) -> list[dict[str, Any]]:
-    """Results of `run_scenarios`, kept in scratch so that a killed stage does not walk again."""
+    """Results of `run_scenarios`; each scenario is a task, so that those which are there are not walked again."""
     from hqpipe.stages.walks.scenarios import run_scenarios
 
-    kept, p = trained.scratch / f"walked_{actor}", context.params
-    if wrong := durable.damage(kept):
-        if kept.exists():
-            print(f"warning: {kept} is damaged ({wrong}): walked again", file=sys.stderr, flush=True)
-        folder = trained.folder if actor == POLICY else _zero_action(trained)
-        # Seeds apart from those of collect and validate, so that no walk repeats one that was fitted to or judged by.
+    p = context.params
+    # Seeds apart from those of collect and validate, so that no walk repeats one that was fitted to or judged by.
+    first_seed = 1000 * context.seed + 700
+    tasks = {
+        name: context.tasks.find(
+            scenario=name,
+            actor=actor,
+            policy=_decides(trained, actor),
+            walks=p.walk_seeds,
+            first_seed=first_seed,
+            seconds=p.walk_seconds,
+            plant=p.plant,
+        )
+        for name in p.scenarios
+    }
+    if missing := [name for name, task in tasks.items() if not task.is_done()]:
+        folder = trained.folder if actor == POLICY else _zero_action(trained, context.scratch)
         results = run_scenarios(
             folder,
             context.robot,
-            p.scenarios,
+            missing,
             p.walk_seeds,
-            1000 * context.seed + 700,
+            first_seed,
             p.plant,
             context.workers,
             progress,
@@ -85,19 +94,25 @@ def _walked(context: Any, trained: Trained, actor: str, progress: Progress) -> l
         )
         if actor == ZERO:
             results = _without_beliefs(results)
-        fresh = durable.new_folder(kept)
-        (fresh / _RESULTS).write_text(json.dumps(results, allow_nan=False), encoding="utf-8")
-        durable.write_checksums(fresh)
-        durable.move_into_place(fresh, kept)
-    return json.loads((kept / _RESULTS).read_text(encoding="utf-8"))
+        for result in results:
+            task = tasks[result["scenario"]]
+            fresh = task.begin()
+            (fresh / _RESULT).write_text(json.dumps(result, allow_nan=False), encoding="utf-8")
+            task.finish(fresh)
+    return [json.loads((task.files / _RESULT).read_text(encoding="utf-8")) for task in tasks.values()]
 
 
-def _zero_action(trained: Trained) -> Path:
+def _decides(trained: Trained, actor: str) -> dict[str, Any]:
+    """All that decides the policy which walks; the seed of a training does not change its prior."""
+    return {key: value for key, value in trained.content.items() if actor == POLICY or key != "seed"}
+
+
+def _zero_action(trained: Trained, scratch: Path) -> Path:
     """A policy that never corrects the gait prior of `trained`."""
     from hqpipe.rl.networks import LocomotionNetworks
     from hqpipe.rl.policy_io import load_policy, save_policy
 
     spec, _ = load_policy(trained.folder)
-    folder = trained.scratch / _ZERO_FOLDER
+    folder = scratch / trained.controller.name / _ZERO_FOLDER
     save_policy(folder, spec, LocomotionNetworks(spec, output_gain=0.0))
     return folder

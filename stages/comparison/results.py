@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from hqpipe.stages.comparison.controllers import DIAGNOSED, FITTED, STIFF
+from hqpipe.stages.comparison.controllers import DIAGNOSED, FITTED, ORACLE, STIFF
 from hqpipe.stages.comparison.plant import POLICY
 
 # Measures of `hqpipe.rl.walk_columns.walk_measures` that controllers are compared by.
@@ -68,7 +68,7 @@ def loop_closed(rows: Rows, diagnosis: Path | None) -> dict[str, Any]:
         "since_reference": "reference" in content,
         "against": STIFF,
         "controllers": {
-            name: _against(policies, name) for name in (FITTED, DIAGNOSED) if name in names and STIFF in names
+            name: _against(policies, name) for name in (FITTED, DIAGNOSED, ORACLE) if name in names and STIFF in names
         },
     }
 

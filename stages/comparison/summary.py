@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hqpipe.stages.comparison.controllers import ORACLE, STIFF, TITLES
+from hqpipe.stages.comparison.oracle import LEFT_OUT
 from hqpipe.stages.comparison.plant import POLICY
 from hqpipe.stages.inputs.training import METRICS
 
@@ -23,24 +25,33 @@ def headline(report: Report) -> str:
 
 
 def draw(output: Path, report: Report) -> None:
-    """reward_curves.png, and plant.png where a policy walked; `output` has the folders of the trainings."""
-    from hqpipe.report.controller_figures import plant_panels, reward_curves
+    """learning_curves.png, and plant.png where a policy walked; `output` has the folders of the trainings."""
+    from hqpipe.report.controller_figures import learning_curves, plant_panels
 
+    short = _short(report)
     runs = {
-        each["title"]: [
+        short[each["controller"]]: [
             output / training["folder"] / METRICS for training in each["trainings"] if training["reward"] is not None
         ]
         for each in report["controllers"]
     }
     if any(runs.values()):
-        reward_curves(runs, output / "reward_curves.png")
+        learning_curves(runs, output / "learning_curves.png")
     if cells := list(_cells(report)):
-        plant_panels(cells, _short(report), output / "plant.png")
+        plant_panels(cells, short, output / "plant.png")
 
 
 def tables(report: Report, speeds: Mapping[str, Mapping[str, float]]) -> list[Any]:
-    """Tables and lines; `speeds` is folder of a training → training_s and steps_per_second."""
-    from hqpipe.report.controller_table import loop_lines, plant_table, scenario_table, training_table
+    """Tables and lines; `speeds` is folder of a training → training_s and step_s, s."""
+    from hqpipe.report.controller_table import (
+        check_lines,
+        difference_table,
+        loop_lines,
+        plant_table,
+        scenario_table,
+        seeds_table,
+        training_table,
+    )
 
     rows = [_row(each) for each in report["controllers"]]
     taken = {each["title"]: _taken(each["trainings"], speeds) for each in report["controllers"]}
@@ -49,13 +60,31 @@ def tables(report: Report, speeds: Mapping[str, Mapping[str, float]]) -> list[An
         found.append(plant_table(rows))
         if len({cell["scenario"] for cell in cells}) > 1:
             found.append(scenario_table(cells, _short(report)))
+        found += _over_seeds(report, seeds_table, difference_table)
     diverged = [
         f"warning: {training['folder']} after {training['iterations']} iterations: {training['diverged']}"
         for each in report["controllers"]
         for training in each["trainings"]
         if training["diverged"]
     ]
-    return [*found, *diverged, *loop_lines(report["loop"])]
+    return [*found, *diverged, *_check(report, check_lines), *loop_lines(report["loop"])]
+
+
+def _over_seeds(report: Report, seeds_table: Any, difference_table: Any) -> Iterator[Any]:
+    """The table of the seeds where there are two, and that of the differences from the controller without a model."""
+    rows = {each["title"]: each["over_seeds"] for each in report["controllers"] if each["plant"]}
+    if any(found["ci95"] for row in rows.values() for found in row.values() if found):
+        yield seeds_table(rows)
+    against = {each["title"]: each[f"against_{STIFF}"] for each in report["controllers"]}
+    if any(against.values()):
+        yield difference_table({title: row for title, row in against.items() if row}, TITLES[STIFF])
+
+
+def _check(report: Report, check_lines: Any) -> list[str]:
+    if not report["model_check"]:
+        return []
+    (oracle,) = (each["effects"] for each in report["controllers"] if each["controller"] == ORACLE)
+    return check_lines(report["model_check"], oracle, LEFT_OUT)
 
 
 def _row(each: Report) -> dict[str, Any]:
@@ -92,7 +121,7 @@ def _taken(trainings: Sequence[Report], speeds: Mapping[str, Mapping[str, float]
     known = [speeds[training["folder"]] for training in trainings if training["folder"] in speeds]
     if not known:
         return None
-    return {key: _mean([speed[key] for speed in known]) for key in ("training_s", "steps_per_second")}
+    return {key: _mean([speed[key] for speed in known]) for key in ("training_s", "step_s")}
 
 
 def _cells(report: Report) -> Iterator[dict[str, Any]]:
@@ -107,7 +136,7 @@ def _cells(report: Report) -> Iterator[dict[str, Any]]:
 
 
 def _short(report: Report) -> dict[str, str]:
-    """Controller → the end of its title, where seven must stand side by side."""
+    """Controller → the end of its title, where eight must stand side by side."""
     return {each["controller"]: each["title"].rsplit(", ", 1)[1] for each in report["controllers"]}
 
 

@@ -47,7 +47,6 @@ WindowSeconds = Annotated[
 WindowChoice = WindowSeconds | None
 """None for windows that suit the logs."""
 Walks = Annotated[int, within(1, 1000, "each takes seconds on the plant")]
-Trainings = Annotated[int, within(1, 1000, "each takes minutes")]
 Iterations = Annotated[int, within(1, 1_000_000, "of a training of nets, 1000 times the paper's")]
 Threshold = Annotated[float, within(1e-12, 1e6, "a threshold, above any value that passes or fails a policy")]
 Speed = Annotated[float, within(-10.0, 10.0, "m/s or rad/s; beyond any legged machine")]

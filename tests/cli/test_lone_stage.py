@@ -107,3 +107,12 @@ def test_folder_in_the_place_of_the_artifact_is_not_overwritten(toy):
     for arguments in (["numbers"], ["numbers", "--force"]):
         answer = toy(*arguments)
         assert answer.code == 2 and "move it away" in answer.err
+
+
+def test_an_option_with_a_value_sets_its_parameter(toy):
+    toy("numbers")
+    toy("square-up", "--offset", "3", "--json")
+    assert json.loads((toy.artifacts / "squares" / "squares.json").read_text())[0] == 4
+    assert toy("square-up", "--dry-run", "--set", "offset=3", "--json").data["stages"][0]["action"] == "keep"
+    answer = toy("square-up", "--offset", "three")
+    assert answer.code == 2 and "square_up.offset" in answer.err

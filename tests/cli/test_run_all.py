@@ -25,7 +25,8 @@ def test_artifacts_are_links_to_what_was_made(toy):
     manifest = json.loads((link / "manifest.json").read_text())
     assert link.is_symlink() and link.readlink().as_posix() == f"store/{manifest['key']}"
     assert json.loads((link / "squares.json").read_text()) == [1, 4, 9, 16]
-    assert manifest["recipe"]["params"] == {"offset": 0.0, "fault": "none", "steps": 0, "whole_numbers": False}
+    params = {"offset": 0.0, "fault": "none", "steps": 0, "tasks": 0, "whole_numbers": False}
+    assert manifest["recipe"]["params"] == params
     assert manifest["sources"]["numbers"]["artifact"] == "numbers"
     assert not (toy.artifacts / "scratch" / manifest["key"]).exists()
 

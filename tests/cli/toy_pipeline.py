@@ -47,6 +47,7 @@ class SquareParams(StageParams):
     offset: float = 0.0
     fault: str = "none"
     steps: int = 0
+    tasks: int = 0
     whole_numbers: bool = False
 
 
@@ -87,11 +88,28 @@ def square(context) -> dict:
         return {}
     if params.fault == "chatty":
         (context.output / "note.txt").write_text("more than anyone reads")
+    if params.tasks:
+        (context.output / "made.json").write_text(json.dumps(run_tasks(context, params.tasks)))
+    if params.fault == "late":
+        raise LogError("the tasks are done, the stage is not")
     numbers = json.loads((context.inputs["numbers"] / "part" / "numbers.json").read_text())
     squares = [round(n * n + params.offset) if params.whole_numbers else n * n + params.offset for n in numbers]
     content = [time.time_ns()] if params.fault == "random" else squares
     (context.output / "squares.json").write_text(json.dumps(content))
     return {"first": squares[0], "resumed_from": first}
+
+
+def run_tasks(context, count: int) -> list[int]:
+    """Numbers of the tasks that were not there yet."""
+    made = []
+    for number in range(count):
+        task = context.tasks.find(number=number)
+        if not task.is_done():
+            folder = task.begin()
+            (folder / "number.txt").write_text(str(number))
+            task.finish(folder)
+            made.append(number)
+    return made
 
 
 def report(context) -> dict:
@@ -120,6 +138,7 @@ TABLE = StageTable(
             inputs=(Input("numbers", "numbers", "--numbers"),),
             flags=(("--exact", "Exactly; the only way."),),
             switches=(("--whole-numbers", "Round them."),),
+            settings=(("--offset", "NUMBER", "Add this."),),
         ),
         Stage(
             "report",

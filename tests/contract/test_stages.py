@@ -5,11 +5,13 @@ from __future__ import annotations
 import inspect
 from pathlib import Path
 
+import click
 import pytest
 
 from hqpipe.actuators import files, posterior_file, weights_file
 from hqpipe.gap import diagnosis
 from hqpipe.pipeline.config import Configuration, StageParams
+from hqpipe.pipeline.run_commands import StageCommand
 from hqpipe.stages import ACTUATOR, DIAGNOSED, FITTED, MODEL, MODELS, STAGES
 from hqpipe.stages.comparison.controllers import ACTUATOR_FOLDERS
 from hqpipe.stages.inputs.logs import FIT
@@ -24,6 +26,18 @@ def test_stage_has_run_and_parameters_with_defaults(stage):
     assert isinstance(params(), params)
     assert "seed" not in params.model_fields
     assert list(inspect.signature(stage.load_run()).parameters) == ["context"]
+
+
+@pytest.mark.parametrize("stage", STAGES.values(), ids=list(STAGES))
+def test_options_that_set_a_parameter_have_one_and_help(stage):
+    rows = [*((option, text) for option, text in stage.switches), *((o, text) for o, _, text in stage.settings)]
+    names = [stage.parameter(option) for option, _ in rows]
+    assert set(names) <= set(stage.load_params().model_fields) and len(set(names)) == len(names)
+    command = StageCommand(stage)
+    options = [name for parameter in command.params for name in parameter.opts]
+    assert len(set(options)) == len(options) and {option for option, _ in rows} <= set(options)
+    told = " ".join(command.get_help(click.Context(command)).split())
+    assert all(text in told for _, text in rows)
 
 
 @pytest.mark.parametrize("stage", STAGES.values(), ids=list(STAGES))

@@ -101,6 +101,8 @@ def test_what_is_still_read(tmp_path):
         ("e9", "e9"),
         ("0x10", 16),
         ("1e999", float("inf")),
+        ("1:30", "1:30"),
+        ("1:30.5", "1:30.5"),
     ],
 )
 def test_numbers_are_those_of_yaml_1_2(text, value):

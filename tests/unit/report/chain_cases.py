@@ -26,7 +26,7 @@ FIGURES = {
     "rollouts": ["distribution.png"],
     "actuator": ["comparison.png", "stress.png", "fit.png", "fit_joints.png", "constants.png"],
     "policy": ["training.png"],
-    "comparison": ["reward_curves.png", "plant.png"],
+    "comparison": ["learning_curves.png", "plant.png"],
 }
 _WALK = {"distance": 9.4, "speed": 0.99, "speed_error": 0.01, "drift": 0.3, "seconds": 10.0, "fell": False}
 _FELL = {**_WALK, "seconds": 3.2, "fell": True}

@@ -16,6 +16,7 @@ from hqpipe.actuators.mlp import MLP
 from hqpipe.actuators.posterior import Group, Posterior
 from hqpipe.actuators.posterior_file import save_posterior
 from hqpipe.errors import DivergedError, UsageError
+from hqpipe.pipeline.tasks import Tasks
 from hqpipe.rl import train as training
 from hqpipe.robots import load_robot, robot_folder
 from hqpipe.stages import STAGES, compare
@@ -76,6 +77,7 @@ def context(models: Path, output: Path, *, diagnosis: bool = True, **params) -> 
         inputs={name: models / name for name in names},
         output=output,
         scratch=models / "scratch",
+        tasks=Tasks(models / "tasks", {"stage": "compare"}),
         robot=robot_folder("hydraulic_quadruped"),
         seed=3,
         workers=1,
@@ -105,11 +107,11 @@ def walked(monkeypatch) -> list[Path]:
 
 
 def test_every_controller_has_its_policy_its_curve_and_its_walks(models, walked, tmp_path, capsys):
-    names = ["torque", "stiff_pd", "fitted", "diagnosed", "mlp"]
+    names = ["torque", "stiff_pd", "fitted", "diagnosed", "oracle", "mlp"]
     metrics = run(context(models, tmp_path / "out", controllers=names))
     report = json.loads((tmp_path / "out" / "comparison.json").read_text(encoding="utf-8"))
     assert [each["controller"] for each in report["controllers"]] == names
-    assert [each["control_mode"] for each in report["controllers"]] == ["torque"] + 4 * ["position"]
+    assert [each["control_mode"] for each in report["controllers"]] == ["torque"] + 5 * ["position"]
     for each in report["controllers"]:
         folder = tmp_path / "out" / each["trainings"][0]["folder"]
         assert folder.name == "seed_3" and (folder / "policy.safetensors").is_file()
@@ -119,11 +121,18 @@ def test_every_controller_has_its_policy_its_curve_and_its_walks(models, walked,
     for trial in report["trials"]:
         told = [trial["mean"], trial["worst"], *trial["seeds"]]
         assert ["estimate_tilt" in each for each in told] == 4 * [trial["actor"] == "policy"]
-    assert len(walked) == 10 and len(set(walked)) == 10
+    assert len(walked) == 12 and len(set(walked)) == 12
+    assert list(report["model_check"]["rmse"]) == names[1:]
+    effects = {each["controller"]: each["effects"] for each in report["controllers"]}
+    assert "valve_lag" in effects["oracle"] and effects["fitted"] == []
+    for each in report["controllers"]:
+        assert each["over_seeds"]["drift"] is None or each["over_seeds"]["drift"]["ci95"] is None
+        assert (each["against_stiff_pd"] is None) == (each["controller"] == "stiff_pd")
     assert report["loop"]["gap"]["before"] == 30.0
-    assert metrics["speeds"]["fitted/seed_3"]["steps_per_second"] > 0.0
+    speed = metrics["speeds"]["fitted/seed_3"]
+    assert speed["training_s"] > 0.0 and speed["step_s"] == 1.0 / speed["steps_per_second"]
     assert "steps_per_second" not in json.dumps(report)
-    for name in ("reward_curves.png", "plant.png", "comparison.csv"):
+    for name in ("learning_curves.png", "plant.png", "comparison.csv"):
         assert (tmp_path / "out" / name).stat().st_size > 300
     said = " ".join(capsys.readouterr().err.split())
     assert "30 N·m → 3 N·m over a floor of 1 N·m" in said and "from stiff_pd to diagnosed on the plant" in said
@@ -163,7 +172,7 @@ def test_what_has_no_model_is_left_out_or_refused_before_a_training(models, tmp_
         UsageError, match="rivals/mlp: no such actuator model: run hqpipe fit-actuator with 'mlp' among"
     ):
         run(context(models, tmp_path / "b", nets="paper"))
-    assert not (models / "scratch").exists()
+    assert not (models / "scratch").exists() and not (models / "tasks").exists()
 
 
 def test_names_are_checked(tmp_path):
@@ -180,7 +189,7 @@ def test_names_are_checked(tmp_path):
 def test_a_killed_compare_goes_on_where_it_was(models, walked, tmp_path, monkeypatch):
     names = ["torque", "stiff_pd"]
     whole = context(models, tmp_path / "whole", controllers=names)
-    whole.scratch = models / "other_scratch"
+    whole.tasks = Tasks(models / "other_tasks", {})
     run(whole)
     first = context(models, tmp_path / "first", controllers=names)
 
@@ -203,25 +212,60 @@ def test_a_killed_compare_goes_on_where_it_was(models, walked, tmp_path, monkeyp
 
 
 def test_damaged_partial_results_are_made_again(models, walked, tmp_path, monkeypatch, capsys):
-    whole = context(models, tmp_path / "whole", controllers=["torque"])
-    whole.scratch = tmp_path / "scratch"
-    run(whole)
-    part = whole.scratch / "torque" / "seed_3"
-    for path in (part / "trained" / "policy.safetensors", part / "walked_zero_action" / "results.json"):
+    run(context(models, tmp_path / "whole", controllers=["torque"]))
+    (trained,) = (models / "tasks").glob("*/files/policy.safetensors")
+    walked_files = (models / "tasks").glob("*/files/result.json")
+    (prior,) = [path for path in walked_files if "estimate_tilt" not in path.read_text(encoding="utf-8")]
+    for path in (trained, prior):
         data = bytearray(path.read_bytes())
         data[len(data) // 2] ^= 1
         path.write_bytes(data)
     begun = []
     monkeypatch.setattr(training, "Trainer", counted(training.Trainer, begun))
     walked.clear()
-    again = context(models, tmp_path / "again", controllers=["torque"])
-    again.scratch = whole.scratch
-    run(again)
+    run(context(models, tmp_path / "again", controllers=["torque"]))
     err = capsys.readouterr().err
-    assert "trained is damaged" in err and "trained again" in err and "walked_zero_action is damaged" in err
+    assert (
+        all(f"warning: {path.parent} is damaged" in err for path in (trained, prior)) and err.count("is damaged") == 2
+    )
     assert len(begun) == 1 and len(walked) == 1
     for path in (tmp_path / "whole").rglob("*.json"):
         assert (tmp_path / "again" / path.relative_to(tmp_path / "whole")).read_bytes() == path.read_bytes()
+
+
+def test_what_another_run_trained_and_walked_is_used_again(models, walked, tmp_path, monkeypatch):
+    run(context(models, tmp_path / "first", controllers=["torque", "fitted"]))
+    begun = []
+    monkeypatch.setattr(training, "Trainer", counted(training.Trainer, begun))
+    walked.clear()
+    more = context(models, tmp_path / "more", controllers=["fitted", "stiff_pd"], seeds=2)
+    more.params = more.params.model_copy(update={"scenarios": ["forward_10", "turn_05"]})
+    run(more)
+    assert sorted((each.task.world.actuator.NAME, each.config.seed) for each in begun) == [
+        ("hydraulic", 4),
+        ("stiff_pd", 3),
+        ("stiff_pd", 4),
+    ]
+    assert len(walked) == 6  # the fitted policy and its prior walk the new scenario alone, as one call
+    for name in ("policy.safetensors", "metrics.csv"):
+        files = [tmp_path / run_ / "fitted" / "seed_3" / name for run_ in ("first", "more")]
+        assert files[0].read_bytes() == files[1].read_bytes()
+
+
+@pytest.mark.parametrize("changed", ["actuator", "training", "plant"])
+def test_a_task_is_done_again_when_what_decides_it_changes(models, walked, tmp_path, monkeypatch, changed):
+    run(context(models, tmp_path / "first", controllers=["fitted"]))
+    begun, params = [], {}
+    monkeypatch.setattr(training, "Trainer", counted(training.Trainer, begun))
+    walked.clear()
+    if changed == "actuator":
+        save_actuator(hydraulic(k2=0.07), models / "actuator")
+    elif changed == "training":
+        params["training"] = {**TRAINING, "episode_s": 0.3}
+    else:
+        params["plant"] = {"valve": {"overlap": 0.02}}
+    run(context(models, tmp_path / "second", controllers=["fitted"], **params))
+    assert len(begun) == (changed != "plant") and len(walked) == 2
 
 
 def counted(trainer: type, begun: list) -> type:
@@ -238,6 +282,8 @@ def test_seeds_are_trained_apart_and_their_prior_walks_once(models, walked, tmp_
     report = json.loads((tmp_path / "out" / "comparison.json").read_text(encoding="utf-8"))
     first, second = report["controllers"][0]["trainings"]
     assert (first["seed"], second["seed"]) == (3, 4) and first["reward"] != second["reward"]
+    spread = report["controllers"][0]["over_seeds"]["reward"]
+    assert spread["seeds"] == 2 and spread["ci95"][0] < min(first["reward"], second["reward"])
     assert [(trial["actor"], trial["training_seed"]) for trial in report["trials"]] == [
         ("policy", 3),
         ("policy", 4),
@@ -283,4 +329,4 @@ def test_the_loop_pairs_walks_that_neither_fell_in(tmp_path):
 
 def test_it_runs_by_its_own_name_only():
     assert STAGES["compare"].alone and STAGES["compare"] not in STAGES.between(None, None)
-    assert compare.FORMAT == "hqpipe-comparison/1"
+    assert compare.FORMAT == "hqpipe-comparison/2"

@@ -15,7 +15,7 @@ import pytest
 import toy_jobs
 
 from hqpipe.errors import HqpipeError, LogError
-from hqpipe.system.processes import in_processes
+from hqpipe.system.processes import WorkerPool, in_processes
 from hqpipe.system.signals import FIRST_ON_SIGNAL
 
 DEADLINE_S = 60.0
@@ -63,6 +63,28 @@ def test_results_come_in_order_and_every_call_is_told(workers):
     assert [done for done, _ in told] == list(range(1, 9)) and {name for _, name in told} == set(calls)
     assert not multiprocessing.active_children() and not FIRST_ON_SIGNAL
     assert in_processes(toy_jobs.square, {}, workers) == []
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_what_tasks_tell_arrives_in_order_beside_their_results(workers):
+    heard: dict[str, list] = {}
+    calls = {f"call {n}": (n,) for n in range(5)}
+    found = in_processes(
+        toy_jobs.count_up, calls, workers, told=lambda name, message: heard.setdefault(name, []).append(message)
+    )
+    assert found == list(range(5))
+    assert heard == {f"call {n}": [(step, n) for step in range(n)] for n in range(1, 5)}
+    with WorkerPool(1) as pool:
+        assert pool.call("count", toy_jobs.count_up, 3) == 3
+
+
+def test_an_error_in_what_hears_the_tasks_ends_them():
+    def refuse(name: str, message: tuple) -> None:
+        raise LogError("no more")
+
+    with pytest.raises(LogError, match="no more"):
+        in_processes(toy_jobs.count_up, {"one": (2,), "two": (2,)}, 2, told=refuse)
+    assert not multiprocessing.active_children() and not FIRST_ON_SIGNAL
 
 
 def test_an_error_of_a_call_is_raised_with_its_fields_and_ends_the_others():

@@ -11,7 +11,7 @@ import time
 from functools import partial
 
 from hqpipe.errors import LogError
-from hqpipe.system.processes import WorkerPool, in_processes
+from hqpipe.system.processes import WorkerPool, in_processes, tell
 
 LONG_S = 600
 
@@ -25,6 +25,12 @@ class Awkward(Exception):
 
 def square(number: int) -> int:
     return number * number
+
+
+def count_up(number: int) -> int:
+    for step in range(number):
+        tell((step, number))
+    return number
 
 
 def fail(kind: str) -> None:
