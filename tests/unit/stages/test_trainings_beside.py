@@ -83,7 +83,9 @@ def children(pid: int) -> list[int]:
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
 def test_all_end_with_their_parent(tmp_path, number):
     command = [sys.executable, compare_parent.__file__, str(tmp_path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as parent:
+    hears = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}  # a job in the background ignores it
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
+    with subprocess.Popen(command, **streams, **hears) as parent:
         assert parent.stdout.readline() == "training\n"
         everyone = children(parent.pid)
         assert len(everyone) >= 2
