@@ -64,7 +64,7 @@ def whole_actuator(actuator: Augmented, left: Mapping[str, PlainJoint], joints: 
         actuator: of the joints that were answered. left: of `left_joints`. joints: of the machine, in order.
 
     Returns:
-        None where a joint has no sound logs, mended or of other trials, to fit it to.
+        None where a joint has no sound logs to fit it to, be they repaired or of other trials.
     """
     rows = dict(zip(actuator.joints, actuator.parameters, strict=True))
     rows = {name: plain.model.row(plain.values) for name, plain in left.items()} | rows

@@ -135,7 +135,7 @@ def check_lines(check: Mapping[str, Any], effects: Sequence[str], left_out: str)
     told = (f"{name} " + ("–" if error is None else f"{error:.3g}") for name, error in check["rmse"].items())
     return [
         f"free run of the models over {1000 * check['window_s']:.0f} ms on {check['seconds']:g} s of the plant in its gantry "
-        f"(torque {check['effort_rms']:.3g} N·m RMS): {', '.join(told)} N·m RMSE",
+        f"(torque {check['effort_rms']:.3g} N·m RMS, held {check['persistence']:.3g}): {', '.join(told)} N·m RMSE",
         f"the oracle has of the plant: {', '.join(name.replace('_', ' ') for name in effects)}; left out: {left_out}",
     ]
 

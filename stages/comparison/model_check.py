@@ -24,12 +24,14 @@ def free_run_errors(context: Any, controllers: Sequence[Controller]) -> dict[str
     sensors; where these are of pressure, seals do not show in it, and the oracle is judged without them.
 
     Returns:
-        seconds, of the trial; window_s; effort_rms, N·m; rmse: controller → N·m over all joints, None for a model that cannot
-        be replayed sample by sample, as one with backlash.
+        seconds, of the trial; window_s; effort_rms, N·m; persistence, RMSE of holding the torque over each window, N·m; rmse:
+        controller → N·m over all joints, None for a model that cannot be replayed sample by sample, as one with backlash.
     """
-    from hqpipe.identify.free_run import WINDOW_S, free_run
+    from hqpipe.identify.free_run import WINDOW_S, free_run, window_samples
+    from hqpipe.identify.rivals.baselines import Persistence
 
     trajectory, source = _trial(context)
+    held = Persistence().predict(trajectory, window_samples(trajectory.dt, WINDOW_S)) - trajectory.effort
     errors: dict[str, float | None] = {}
     for controller in controllers:
         if controller.name == TORQUE:
@@ -42,9 +44,18 @@ def free_run_errors(context: Any, controllers: Sequence[Controller]) -> dict[str
         except UsageError:
             errors[controller.name] = None
             continue
-        errors[controller.name] = float(np.sqrt(np.mean(error[1:] ** 2)))
-    rms = float(np.sqrt(np.mean(trajectory.effort**2)))
-    return {"seconds": SECONDS, "window_s": WINDOW_S, "effort_rms": rms, "rmse": errors}
+        errors[controller.name] = _rms(error[1:])
+    return {
+        "seconds": SECONDS,
+        "window_s": WINDOW_S,
+        "effort_rms": _rms(trajectory.effort),
+        "persistence": _rms(held[1:]),
+        "rmse": errors,
+    }
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def without_friction(model: Any) -> Any:

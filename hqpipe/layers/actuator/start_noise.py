@@ -46,7 +46,8 @@ class StartNoise:
     def share(self, error: np.ndarray, leak: float) -> float:
         """ρ of errors e (N,) of a law that leaks `leak` of the torque in a sample: the variance of the sensor's noise over that
         of the errors beside ε, which is no smaller where nothing else errs."""
-        square = float(error @ error) / max(len(error), 1)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a prediction that grows without bounds
+            square = float(error @ error) / max(len(error), 1)
         if not 0.0 < square < np.inf:
             return 0.0
         of_start = self.variance * self._left(leak).square / max(len(self.step), 1)

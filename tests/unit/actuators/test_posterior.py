@@ -154,6 +154,17 @@ def test_a_folder_without_the_file_has_no_posterior(tmp_path):
     assert load_posterior(tmp_path, model(group())[0]) is None
 
 
+def refused(folder, actuator, posterior, change, message):
+    """The file of a posterior after a change is refused with a message."""
+    path = save_posterior(posterior, actuator, folder)
+    raw = json.loads(path.read_text(encoding="utf-8"))
+    change(raw)
+    path.write_text(json.dumps(raw), encoding="utf-8")
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_posterior(folder, actuator)
+    assert FILE in str(caught.value) and "run hqpipe fit-actuator again" in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -170,14 +181,7 @@ def test_a_folder_without_the_file_has_no_posterior(tmp_path):
     ],
 )
 def test_a_broken_file_is_named_with_field_and_mend(tmp_path, change, message):
-    actuator, posterior = model(group())
-    path = save_posterior(posterior, actuator, tmp_path)
-    raw = json.loads(path.read_text(encoding="utf-8"))
-    change(raw)
-    path.write_text(json.dumps(raw), encoding="utf-8")
-    with pytest.raises(ConfigError, match=message) as caught:
-        load_posterior(tmp_path, actuator)
-    assert FILE in str(caught.value) and "run hqpipe fit-actuator again" in str(caught.value)
+    refused(tmp_path, *model(group()), change, message)
 
 
 def alternatives(raw):
@@ -205,14 +209,7 @@ def alternatives(raw):
     ],
 )
 def test_a_broken_mixture_is_named_with_field_and_remedy(tmp_path, change, message):
-    actuator, posterior = mixture()
-    path = save_posterior(posterior, actuator, tmp_path)
-    raw = json.loads(path.read_text(encoding="utf-8"))
-    change(raw)
-    path.write_text(json.dumps(raw), encoding="utf-8")
-    with pytest.raises(ConfigError, match=message) as caught:
-        load_posterior(tmp_path, actuator)
-    assert FILE in str(caught.value) and "run hqpipe fit-actuator again" in str(caught.value)
+    refused(tmp_path, *mixture(), change, message)
 
 
 def test_a_setting_may_differ_between_alternatives_and_does_not_vary(tmp_path):

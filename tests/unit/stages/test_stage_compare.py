@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from compare_parent import TRAINING
 from pydantic import ValidationError
 
 from hqpipe.actuators.files import save_actuator
@@ -25,16 +26,6 @@ from hqpipe.stages.comparison.controllers import TITLES, read_controllers
 from hqpipe.stages.comparison.results import MEASURES, loop_closed, pooled
 from hqpipe.stages.walks import scenarios
 
-TRAINING = {
-    "total_steps": 80,
-    "num_envs": 4,
-    "engine": "mujoco",
-    "checkpoint_interval": 1,
-    "episode_s": 0.2,
-    "policy": {"hidden": [8]},
-    "ppo": {"n_steps": 10, "batch_size": 20, "n_epochs": 1, "critic_warmup": 1},
-    "evaluation": {"num_envs": 2, "seconds": 0.1, "interval": 1, "commands": [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]},
-}
 GAP = {"layer": "actuator", "metric": "free_run_rmse", "unit": "N·m", "window_s": 0.1, "before": 30.0, "after": 3.0}
 GAP |= {"noise_floor": 1.0, "persistence": 100.0, "shrink": 0.93, "shrink_ci95": [0.9, 0.95]}
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import compare_parent
 import pytest
+from process_tree import children, runs
 
 from hqpipe.logs import size
 from hqpipe.stages.comparison.controllers import Controller
@@ -59,25 +60,6 @@ def test_no_more_run_at_a_time_than_fit_into_memory(monkeypatch):
     for gigabytes, count in ((1, 1), (8, 1), (16, 3), (64, 15)):
         monkeypatch.setattr(size, "memory_bytes", lambda gigabytes=gigabytes: gigabytes * 10**9)
         assert fit_into_memory(training) == count
-
-
-def runs(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
-
-
-def children(pid: int) -> list[int]:
-    found = []
-    for place in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            parent = int(place.read_text().rpartition(")")[2].split()[1])
-        except OSError:
-            continue
-        if parent == pid:
-            found += [int(place.parent.name), *children(int(place.parent.name))]
-    return found
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])

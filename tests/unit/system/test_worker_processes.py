@@ -9,10 +9,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 import toy_jobs
+from process_tree import children, runs
 
 from hqpipe.errors import HqpipeError, LogError
 from hqpipe.system.processes import WorkerPool, in_processes
@@ -26,27 +26,6 @@ def await_that(condition: Callable[[], bool], what: str) -> None:
     while not condition():
         assert time.monotonic() < deadline, what
         time.sleep(0.02)
-
-
-def runs(pid: int) -> bool:
-    """Whether a process runs; a zombie that nobody has collected yet does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
-
-
-def children(pid: int) -> list[int]:
-    """Processes that `pid` has started, their own ones too."""
-    found = []
-    for place in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            parent = int(place.read_text().rpartition(")")[2].split()[1])
-        except OSError:
-            continue
-        if parent == pid:
-            found += [int(place.parent.name), *children(int(place.parent.name))]
-    return found
 
 
 def parent_of(job: str, *arguments: str) -> subprocess.Popen:
