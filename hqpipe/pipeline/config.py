@@ -139,7 +139,7 @@ class Configuration:
         stages: Iterable[Stage],
         *,
         profile: str | None = None,
-        overrides: Iterable[str] = (),
+        overrides: Iterable[str | Override] = (),
         seed: int | None = None,
         robot: Path | None = None,
     ) -> Settings:
@@ -151,7 +151,7 @@ class Configuration:
         Args:
             stages: the stages whose parameters are wanted.
             profile: instead of the file's ``profile``.
-            overrides: ``"stage.key=value"`` each, the value read as YAML.
+            overrides: ``"stage.key=value"`` each, the value read as YAML; or parsed already.
             seed: instead of the file's ``seed``; a seed inside a section is kept.
             robot: its folder, for parameters that name parts of it; without it these names are not checked.
 
@@ -160,7 +160,7 @@ class Configuration:
             UsageError: an override is not of that form, or the profile is unknown.
         """
         profile = self._known_profile(profile)
-        parsed = [parse_override(text, self._sections) for text in overrides]
+        parsed = [o if isinstance(o, Override) else parse_override(o, self._sections) for o in overrides]
         base_seed = (
             self.file.seed if seed is None else _check_seed(seed, Origin("--seed", None, "--seed", "give another"))
         )

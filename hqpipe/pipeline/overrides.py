@@ -31,14 +31,16 @@ class Origin:
 
 @dataclass(frozen=True)
 class Override:
-    """One ``--set``: what it changes in which section, and its text."""
+    """One ``--set``, or another option that sets a parameter: what it changes in which section, and its text."""
 
     section: str
     values: dict[str, Any]
     text: str
+    option: str = OPTION
 
     def origin(self, path: Location) -> Origin:
-        return Origin(f"{OPTION} {self.text}", None, ".".join((self.section, *path)), f"give {OPTION} another value")
+        told, fix = f"{self.option} {self.text}", f"give {self.option} another value"
+        return Origin(told, None, ".".join((self.section, *path)), fix)
 
 
 def parse_override(text: str, sections: Collection[str]) -> Override:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from inspect import cleandoc
 from typing import Any
 
@@ -13,6 +14,7 @@ from hqpipe.errors import HqpipeError, UsageError, shown
 from hqpipe.pipeline.answer import answer
 from hqpipe.pipeline.completion import chain_stages
 from hqpipe.pipeline.options import Folder, running_options, with_options
+from hqpipe.pipeline.overrides import Override, parse_override
 from hqpipe.pipeline.stage import Input, Stage, StageTable
 
 
@@ -100,13 +102,16 @@ class StageCommand(click.Command):
         from hqpipe.pipeline.project import open_project
 
         section = self.stage.section
-        changes = [f"{section}.{text.removeprefix(f'{section}.')}" for text in overrides]
+        changes: list[str | Override] = [f"{section}.{text.removeprefix(f'{section}.')}" for text in overrides]
         if seed is not None:
             changes.append(f"{section}.seed={seed}")
         switches = [self.stage.parameter(option) for option, _ in self.stage.switches]
         changes += [f"{section}.{name}=true" for name in switches if options.pop(name)]
-        settings = {name: options.pop(name) for name in (self.stage.parameter(each[0]) for each in self.stage.settings)}
-        changes += [f"{section}.{name}={value}" for name, value in settings.items() if value is not None]
+        for option, _, _ in self.stage.settings:
+            name = self.stage.parameter(option)
+            if (value := options.pop(name)) is not None:
+                change = parse_override(f"{section}.{name}={value}", (section,))
+                changes.append(replace(change, text=value, option=option))
         named = {needed.name: _named(needed, options) for needed in self.stage.inputs}
         explicit = {name: path for name, path in named.items() if path is not None}
         project = open_project(table)
