@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from training import reference_actuator
 
 from hqpipe.actuators.base import ActuatorModel
@@ -39,30 +40,13 @@ TOLERANCE = 0.05  # m/s and rad/s
 WANDER = 0.1  # m, of a robot that is to stand: what `hqpipe validate` allows
 COMMANDS = ((0.4, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.5), (0.0, 0.3, 0.0), (0.0, 0.0, 0.0))
 RATE_HZ = 1.0 / CONTROL_PERIOD_S
-# A gait that is learned from standing: exploration is wide at first and narrows, some commands only turn or only step
-# sideways, and a few terms tell a trot from shaking. Without a clock some commands also go backwards, so that standing lies
-# amid what is learned, and actions shrink at zero command. What each of them does: docs/theory/training.md.
-_FROM_STANDING: dict[str, Any] = {
-    "curriculum": {"iterations": 150},
-    "ppo": {"estimator_epochs": 2, "ent_coef": 0.003},
-    "randomisation": {"push_speed": 0.8},
-}
-_POLICY = {"hidden": [128, 128], "initial_log_std": -0.7}
-_RANGES = {"vy": [-0.4, 0.4], "wz": [-0.6, 0.6]}
-_REWARD = {"airtime": 1.0, "late": -0.2, "diagonal": 0.5, "flight": -1.0, "slip": -0.1}
-_ACCURACY = {"tracking_yaw": 1.0, "mean_speed": -3.0, "mean_yaw": -4.0}
-LEARNED: dict[str, Any] = {
-    **_FROM_STANDING,
-    "command": {**_RANGES, "vx": [-0.3, 1.2], "smallest": 0.15, "in_place_share": 0.35, "standing_at_once": False},
-    "policy": {**_POLICY, "final_log_std": -2.5, "command_scale": 4.0, "standing_scale": 0.2},
-    "reward": {**_REWARD, **_ACCURACY, "lift": 0.8, "gait_match": 0.0},
-}
-WITH_CLOCK: dict[str, Any] = {
-    **_FROM_STANDING,
-    "command": {**_RANGES, "in_place_share": 0.25},
-    "policy": {**_POLICY, "final_log_std": -3.0},
-    "reward": {**_REWARD, "mean_speed": -2.0, "lift": 0.5, "gait_match": 1.0, "mean_yaw": -1.0},
-}
+# A gait that is learned from standing is that of the profile `learned`; what each of its numbers does: docs/theory/training.md.
+# With a clock the feet follow the schedule of the trot.
+_PIPELINE = yaml.safe_load((Path(__file__).parents[1] / "pipeline.yaml").read_text(encoding="utf-8"))
+_TRAINING = _PIPELINE["profiles"]["learned"]["retrain"]["training"]
+_RECIPE = ("curriculum", "command", "policy", "ppo", "randomisation", "reward")
+LEARNED: dict[str, Any] = {name: _TRAINING[name] for name in _RECIPE}
+WITH_CLOCK: dict[str, Any] = {**LEARNED, "reward": {**LEARNED["reward"], "gait_match": 1.0}}
 RECIPES: dict[str, dict[str, Any]] = {"none": LEARNED, "clock": WITH_CLOCK, "trot_residual": {}}
 
 

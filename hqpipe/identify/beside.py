@@ -29,10 +29,16 @@ def rank_beside(search: Search, best: Known) -> None:
         search.gains[name] = search.gain(larger, best) if larger else worth - charge
 
 
-def sets_beside(search: Search, known: Known) -> list[Known]:
-    """Sets with one effect more that the logs may ask for, those that are barred or refused among them; after `rank_beside`."""
+def sets_beside(search: Search, known: Known, fitted_only: bool = False) -> list[Known]:
+    """Sets with one effect more that the logs may ask for, those that are barred or refused among them; after `rank_beside`.
+
+    Args:
+        fitted_only: whether to leave out sets that have not been fitted yet.
+    """
     able = {*search.addable(known.names), *search.barred, *search.refused, *search.given_up} - known.names
     able = {name for name in able if not search.effects[name].excludes & known.names}
+    if fitted_only:
+        able = {name for name in able if known.names | {name} in search.known}
     likely = sorted(
         (name for name in able if search.gains[name] > _UNLIKELY), key=lambda name: (-search.gains[name], name)
     )

@@ -13,6 +13,8 @@ of independent errors do, and so do the covariances behind them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.stats import norm
 
@@ -45,12 +47,16 @@ def half_widths(search: Search, known: Known) -> np.ndarray:
     return _NORMAL * np.sqrt(np.diag(normal_covariance(search, known)))
 
 
-def normal_covariance(search: Search, known: Known) -> np.ndarray:
+def normal_covariance(search: Search, known: Known, fitted_only: bool = False) -> np.ndarray:
     """(F, F) covariance of the normal distribution of the free parameters whose 95 % intervals are those of `half_widths`.
 
     Call `rank_beside` before. The prediction must not overflow.
+
+    Args:
+        fitted_only: see `sets_beside`.
     """
-    return _within(search.fitter, known) + _between(search.fitter, known) + _law(search, known)
+    beside = sets_beside(search, known, fitted_only)
+    return _within(search.fitter, known) + _between(search.fitter, known) + _law(search, known, beside)
 
 
 def _within(fitter: Fitter, known: Known) -> np.ndarray:
@@ -89,11 +95,11 @@ def _between(fitter: Fitter, known: Known) -> np.ndarray:
     return _scaled(away.T @ away, np.where(count > 1, factor, 0.0))
 
 
-def _law(search: Search, known: Known) -> np.ndarray:
-    """(F, F) from sets with one effect or shape more, those that are barred or refused among them."""
+def _law(search: Search, known: Known, beside: Sequence[Known]) -> np.ndarray:
+    """(F, F) from sets with one effect or shape more."""
     free, values = known.solution.free, known.solution.values
     covariance = np.zeros((len(free), len(free)))
-    for larger in sets_beside(search, known):
+    for larger in beside:
         probability = 1.0 / (1.0 + np.exp(-np.clip(search.gain(larger, known), -_FAR, _FAR)))
         move = _share(search, known, larger) * (larger.solution.values - values)[free]
         covariance += probability * np.outer(move, move)

@@ -173,6 +173,8 @@ class JointSearch:
     def numbers(self, effects: Names, steps: Sequence[Step]) -> tuple[SetNumbers | None, dict[Step, SetNumbers]]:
         """How sure the numbers of a set of the answer are, and those of the set after each step that it can take.
 
+        A set that is only one of several is not held against further ones that the search did not need.
+
         Args:
             effects: of the set. steps: one effect of the set leaves and another joins.
         """
@@ -183,7 +185,7 @@ class JointSearch:
             smaller = search.without(known, step.leaves)
             if search.effects[step.joins].excludes & smaller.names:
                 continue
-            numbers = set_numbers(search, search.grown_by(smaller, step.joins))
+            numbers = set_numbers(search, search.grown_by(smaller, step.joins), fitted_only=True)
             if numbers is not None:
                 found[step] = numbers
         return set_numbers(search, search.known[effects]), found

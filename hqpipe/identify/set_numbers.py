@@ -21,16 +21,19 @@ _OF_BOUND = (
 )
 
 
-def set_numbers(search: Search, known: Known) -> SetNumbers | None:
+def set_numbers(search: Search, known: Known, fitted_only: bool = False) -> SetNumbers | None:
     """The numbers of a set with the covariance behind their intervals; None where the prediction overflows.
 
     Call `rank_beside` before. What the logs do not determine has an interval that is wide, or that a few trials make so: no
     deviation is larger than `prior_deviations`; correlations stay.
+
+    Args:
+        fitted_only: whether only what the search has tried beside the set says how far the law may be wrong.
     """
     solution, fitter = known.solution, search.fitter
     if not np.isfinite(solution.square):
         return None
-    covariance, free = normal_covariance(search, known), solution.free
+    covariance, free = normal_covariance(search, known, fitted_only), solution.free
     deviation = np.sqrt(np.diag(covariance))
     most = prior_deviations(fitter, solution.values, free)
     share = np.minimum(1.0, np.divide(most, deviation, out=np.ones(len(free)), where=deviation > 0.0))

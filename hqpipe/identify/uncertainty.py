@@ -59,11 +59,12 @@ def uncertainty(at: NormalEquations, free: np.ndarray, prior: np.ndarray | None 
     scores = (at.scores[:, free] - at.scores[:, free].mean(axis=0)) / unit @ root
     share, axes = np.linalg.eigh(own)
     freed = 1.0 / (1.0 - np.clip(share, 0.0, MOST_OF_ONE))
-    scores = np.einsum("wij,wj,wkj,wk->wi", axes, freed, axes, scores)
+    along = freed * (scores[:, None] @ axes)[:, 0]
+    scores = (axes @ along[:, :, None])[:, :, 0]
     waves = _cosines(len(scores), len(unit))
     sums = waves @ scores
     told = np.diagonal(root @ own @ root, axis1=1, axis2=2)
-    expected = np.einsum("bw,wp,cw->pbc", waves, told, waves)  # of the sums' products, were the windows independent
+    expected = (told.T[:, None] * waves) @ waves.T  # (F, B, B) of the sums' products, were the windows independent
     freedom = np.trace(expected, axis1=1, axis2=2) ** 2 / np.maximum((expected**2).sum(axis=(1, 2)), 1e-300)
     inner = sums.T @ sums / len(waves) + root @ np.diag(slope / unit**2) @ root
     full, spread = np.zeros((len(free), len(free))), np.zeros(len(free))

@@ -46,7 +46,7 @@ def test_module_is_named_after_the_stage(stage):
     assert (ROOT / "stages" / f"{stage.section}.py").is_file()
 
 
-@pytest.mark.parametrize("profile", ["ci", "default", "paper"])
+@pytest.mark.parametrize("profile", ["ci", "default", "learned", "paper"])
 def test_pipeline_yaml_is_valid_in_every_profile(profile):
     configuration = Configuration(ROOT / "pipeline.yaml", STAGES)
     settings = configuration.resolve(STAGES.values(), profile=profile)
