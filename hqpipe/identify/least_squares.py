@@ -125,7 +125,8 @@ class Fitter:
         origin: Solution | None,
         others: Sequence[tuple[_Point, np.ndarray]],
     ) -> tuple[_Point, np.ndarray]:
-        """Where steps lead until they bring little, and the sensitivities there by long differences.
+        """Where steps lead until they bring little, and the sensitivities on the way there by long differences, taken once: more
+        of them seldom change which start leads lowest.
 
         First steps follow the sensitivities of the origin, which cost nothing; where they lead alone does not tell which of
         several minima is the lowest. If that is where another start has led already, nothing else is tried.
@@ -140,7 +141,7 @@ class Fitter:
             apart = slopes @ (point.values - other.values)[free]
             if other.cost <= point.cost and apart @ apart < SLOW * other.cost:
                 return other, slopes
-        return descended(_Differences(self, free, noise), point, SLOW)
+        return descended(_Differences(self, free, noise), point, SLOW, rounds=1)
 
     def _first_slopes(self, point: _Point, free: np.ndarray, origin: Solution) -> np.ndarray:
         """(N, F) sensitivities at a start: those of the origin where it has them, else differences."""

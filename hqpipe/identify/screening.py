@@ -17,6 +17,8 @@ from hqpipe.identify.sampling import Covariance
 
 _STARTS = 24  # combinations of starting values; assumption: more would be a search of its own
 _FARTHEST = 4.0  # starts away from neutral that the slope may suggest
+_DOES = 0.25  # of the square that a slope promises of a start, from which it is one: half of the change; assumption
+_BISECTIONS = 6  # of the way to a start: within 2 % of it
 _SAME = 1e-9  # of the squared error: a change below it is one of rounding
 
 Names = frozenset[str]
@@ -37,10 +39,17 @@ class Known:
 
 @dataclass(frozen=True, eq=False)
 class Promise:
-    """A start of a fit: what it may take off the squared error, and the values."""
+    """A start of a fit.
+
+    Attributes:
+        gain: what it may take off the squared error. start: (P,) values that the slope suggests. does: square of what these
+            would change by the slope that the free parameters cannot. whole: (P,) values from which the slope was taken.
+    """
 
     gain: float
     start: np.ndarray
+    does: float
+    whole: np.ndarray
 
 
 class Screening:
@@ -96,9 +105,29 @@ class Screening:
             share = float(np.clip(-float(change @ error) / size, low, high))
             gain = -2.0 * share * float(change @ error) - share**2 * size
             if gain > 0.0:
+                whole = moved.copy()
                 moved[first] = self._fitter.neutral[first] + share * (combination[0] - self._fitter.neutral[first])
-                found.append(Promise(gain, np.clip(moved, self._fitter.low, self._fitter.high)))
+                start = np.clip(moved, self._fitter.low, self._fitter.high)
+                found.append(Promise(gain, start, share**2 * size, whole))
         return sorted(found, key=lambda promise: -promise.gain)
+
+    def start(self, known: Known, promise: Promise) -> np.ndarray:
+        """(P,) values from which a fit begins: those that the slope suggests, or further on where these do not do what it
+        promises. A limit that nothing reaches does nothing, and no slope leads a fit away from there."""
+
+        def does(values: np.ndarray) -> float:
+            return square_of(self.beyond(known, self.change(known, values)))
+
+        low, high = promise.start, promise.whole
+        if does(low) >= _DOES * promise.does or does(high) <= promise.does:
+            return low
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            done = does(middle)
+            if _DOES * promise.does <= done <= promise.does:
+                return middle
+            low, high = (middle, high) if done < promise.does else (low, middle)
+        return high
 
     def _secants(self, known: Known, name: str) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
         """Values at each start of an effect, what they change in the error that the free parameters cannot, and its square."""

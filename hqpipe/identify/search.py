@@ -22,11 +22,12 @@ from hqpipe.identify.model import MATERIAL, Effect, JointModel, positions
 from hqpipe.identify.sampling import covariance
 from hqpipe.identify.screening import Known, Names, Screening
 
+LEAST_RISE = 0.1
+"""Share by which the squared error must grow without an effect for it to be a cause: 5 % of the error. An effect with less,
+or one that closes less than `MATERIAL` of the output's spread, is of no use to a simulator; where no model is exact, ever
+smaller effects are significant without end. The cost: a real one that small is not named."""
 LEAST_GAIN = 0.05
-"""Share by which the squared error must grow without an effect for it to be a cause: 2.5 % of the error. An effect with less,
-or one that closes less than `MATERIAL` of the output's spread, is of no use to a simulator. No joint asks for one by itself
-either: where no model is exact, ever smaller effects are significant without end. The cost: a real one that small is not
-named."""
+"""The same for the search to go on from a set with the effect: half of it, as what two effects close they may close together."""
 HALVED = 0.5
 """Of a squared error, that another answer may leave at most where nothing else speaks for it; assumption: chance does not
 halve an error. The cost: a right answer that explains less is not given."""
@@ -244,7 +245,7 @@ class Search:
 
     def needed(self, square: float) -> float:
         """What a cause has to close of the squared error; `square`: what is left with it."""
-        return max(LEAST_GAIN * square, self.material)
+        return max(LEAST_RISE * square, self.material)
 
     def left_out(self, known: Known) -> float:
         """Sum of the squared errors of groups of fit samples, each predicted from the others."""
@@ -366,7 +367,8 @@ class Search:
 
     def _refit(self, known: Known, name: str) -> Solution:
         """The best of the fits from the starts that promise most: delays, gaps and limits have several minima."""
-        starts = [promise.start for promise in self.screening.promises(known, name)[:_POLISHED]]
+        promises = self.screening.promises(known, name)[:_POLISHED]
+        starts = [self.screening.start(known, promise) for promise in promises]
         return self._fit(
             known.names | {name}, starts or [known.solution.values], known.covariance.noise, known.solution
         )

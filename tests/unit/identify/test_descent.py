@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from hqpipe.identify.descent import descended, stepped, stopped
+from hqpipe.identify.descent import FAILURES, descended, stepped, stopped
 
 
 @dataclass(frozen=True)
@@ -76,3 +76,31 @@ def test_an_undamped_step_solves_a_linear_problem_and_keeps_what_is_not_free():
     ends = np.full(3, np.inf)
     after = stepped(normal, slope, np.array([1.0, 7.0, 1.0]), np.array([0, 2]), -ends, ends, 0.0)
     assert after[[0, 2]] == pytest.approx(1.0 - np.linalg.solve(normal, slope)) and after[1] == 7.0
+
+
+class Followed(Curve):
+    """The curve with sensitivities that are followed along the steps; after the first step some fail."""
+
+    exact = False
+
+    def __init__(self, failing):
+        super().__init__()
+        self.failing, self.tried, self.taken_at = failing, 0, []
+
+    def at(self, values, last):
+        self.tried += 1
+        return Place(values, np.inf) if 1 < self.tried <= 1 + self.failing else super().at(values, last)
+
+    def slopes(self, point):
+        self.taken_at.append(self.tried)
+        return super().slopes(point)
+
+    def followed(self, slopes, last, now):
+        return slopes.copy()
+
+
+@pytest.mark.parametrize(("failing", "anew"), [(FAILURES - 1, False), (FAILURES, True)])
+def test_sensitivities_are_taken_anew_after_several_steps_that_do_not_help(failing, anew):
+    problem = Followed(failing)
+    descended(problem, Curve().at(np.array([2.9, 0.75]), None), 1e-12, rounds=2)
+    assert (1 + FAILURES in problem.taken_at) is anew
