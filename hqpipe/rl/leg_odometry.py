@@ -18,9 +18,7 @@ import numpy as np
 from hqpipe.rl.leg import LegGeometry
 
 
-def trunk_velocities(
-    geometry: LegGeometry, angular_velocity: Any, joints: Any, rates: Any, xp: ModuleType = np
-) -> Any:
+def trunk_velocities(geometry: LegGeometry, angular_velocity: Any, joints: Any, rates: Any, xp: ModuleType = np) -> Any:
     """Velocity of the trunk in the base frame as each leg gives it, if its foot stands.
 
     The lowest point of the foot is taken along the trunk's own vertical. A tilt of 0.05 rad changes the result by the foot's
