@@ -6,6 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from hqpipe.rl.leg_odometry import trunk_velocities
+from hqpipe.rl.limits import FASTEST
 from hqpipe.rl.normaliser import Normaliser
 from hqpipe.rl.policy_spec import PolicySpec
 
@@ -44,7 +45,11 @@ class OdometryEstimator(nn.Module):
         return torch.cat((before, answer[:, first:last] + mean, after), dim=-1)
 
     def leg_velocities(self, observation: Tensor) -> Tensor:
-        """(B, n) normalised → (B, L, 3) velocity of the trunk by each leg, normalised as in x_t."""
+        """(B, n) normalised → (B, L, 3) velocity of the trunk by each leg, normalised as in x_t.
+
+        Bounded by the fastest command that there may be, so that a leg that is torn about in a fall does not outweigh a batch.
+        """
         seen = self.normalise.restore(observation)
         joints, rates = (seen[:, part].unflatten(-1, (-1, 3)) for part in (self.position, self.rate))
-        return trunk_velocities(self.geometry, seen[:, self.turning], joints, rates, torch) * self.velocity_scale
+        velocity = trunk_velocities(self.geometry, seen[:, self.turning], joints, rates, torch)
+        return velocity.clamp(-FASTEST, FASTEST) * self.velocity_scale

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from hqpipe.rl.evaluate import zero_actor
 from hqpipe.rl.leg import read_leg_geometry
 from hqpipe.rl.leg_odometry import trunk_velocities
+from hqpipe.rl.limits import FASTEST
 from hqpipe.rl.networks import LocomotionNetworks
 from hqpipe.rl.observation import rotate_inverse
 from hqpipe.rl.task import LocomotionTask
@@ -131,3 +132,13 @@ def test_the_estimated_velocity_follows_the_legs(spec):
     np.testing.assert_allclose(believed[:, velocity], legs.mean(axis=1), atol=1e-4)
     rest = np.delete(believed, np.r_[velocity], axis=1)
     np.testing.assert_allclose(rest, np.tile(spec.state.offset[3:], (6, 1)), atol=1e-5)
+
+
+def test_a_leg_that_is_torn_about_is_believed_within_bounds(spec):
+    spec = replace(spec, leg_odometry=True, symmetric=False)
+    networks = LocomotionNetworks(spec, output_gain=0.0)
+    seen = torch.as_tensor(np.tile(spec.observation.offset, (2, 1)))
+    seen[:, spec.observation.part("joint_velocity")] = torch.tensor([[1e6], [-1e6]])
+    believed = networks.normalise_state.restore(networks.estimate(seen))
+    velocity = believed[:, spec.state.part("base_linear_velocity")]
+    assert velocity.abs().max() == pytest.approx(FASTEST, rel=1e-5)
