@@ -46,7 +46,8 @@ class LocomotionNetworks(nn.Module):
     """The paper's three networks (its figure of the concurrent training framework).
 
     The estimator maps o_t to x̃_t, the actor (o_t, x̃_t) to the action, the critic (o_t, x_t) to the value. No
-    gradient of the policy reaches the estimator: it learns from x_t alone (Ji et al. 2022).
+    gradient of the policy reaches the estimator: it learns from x_t alone (Ji et al. 2022). With `leg_odometry` of the
+    spec it is an `OdometryEstimator`, which is not the paper's.
     """
 
     def __init__(self, spec: PolicySpec, output_gain: float = 1.0) -> None:
