@@ -177,6 +177,8 @@ class PolicyConfig:
         final_log_std: bound at the end, reached on a line from the initial one, see curriculum.py; recipe.
         output_gain: factor on the initial weights of the last layer, so that training starts at the prior.
         symmetric: whether actor and estimator do on the left what they do on the right, see mirror.py.
+        leg_odometry: whether the estimator takes the linear velocity from the legs, see odometry_estimator.py; the paper's
+            estimator is a network of o_t alone.
     """
 
     hidden: tuple[int, ...] = (256, 128)
@@ -187,6 +189,7 @@ class PolicyConfig:
     final_log_std: float = -3.5
     output_gain: float = 0.01
     symmetric: bool = True
+    leg_odometry: bool = False
 
 
 @dataclass(frozen=True)

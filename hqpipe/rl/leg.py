@@ -59,6 +59,28 @@ class LegGeometry:
         z = side * xp.sin(roll) + down * xp.cos(roll)
         return xp.stack((x, y, z), -1) + constant(self.hip, joints, xp)
 
+    def velocity(self, joints: Any, rates: Any, xp: ModuleType = np) -> Any:
+        """Velocity of the foot centres against the trunk, in the base frame: the time derivative of `forward`.
+
+        Args:
+            joints, rates: (..., L, 3) roll, pitch and knee, rad and rad/s.
+
+        Returns:
+            (..., L, 3) in m/s.
+        """
+        roll, pitch, knee = joints[..., 0], joints[..., 1], joints[..., 2]
+        roll_rate, pitch_rate, knee_rate = rates[..., 0], rates[..., 1], rates[..., 2]
+        side = constant(self.side_offset, joints, xp)
+        ahead = -self.thigh * xp.sin(pitch) - self.shank * xp.sin(pitch + knee)
+        down = -self.thigh * xp.cos(pitch) - self.shank * xp.cos(pitch + knee)
+        y = side * xp.cos(roll) - down * xp.sin(roll)
+        z = side * xp.sin(roll) + down * xp.cos(roll)
+        ahead_rate = down * pitch_rate - self.shank * xp.cos(pitch + knee) * knee_rate
+        down_rate = -ahead * pitch_rate + self.shank * xp.sin(pitch + knee) * knee_rate
+        y_rate = -z * roll_rate - down_rate * xp.sin(roll)
+        z_rate = y * roll_rate + down_rate * xp.cos(roll)
+        return xp.stack((ahead_rate, y_rate, z_rate), -1)
+
     def inverse(self, feet: Any, xp: ModuleType = np) -> Any:
         """Joint angles that put the foot centres at `feet`; out of reach, the leg points there at full stretch.
 

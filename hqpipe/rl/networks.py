@@ -6,7 +6,8 @@ import torch
 from torch import Tensor, nn
 
 from hqpipe.rl.mirror import Mirror, mirror_joints, mirror_layout
-from hqpipe.rl.observation import Layout
+from hqpipe.rl.normaliser import Normaliser
+from hqpipe.rl.odometry_estimator import OdometryEstimator
 from hqpipe.rl.policy_spec import PolicySpec
 
 
@@ -20,22 +21,6 @@ def mlp(inputs: int, hidden: tuple[int, ...], outputs: int) -> nn.Sequential:
         nn.init.zeros_(linear.bias)
         layers += [linear, nn.ELU()]
     return nn.Sequential(*layers[:-1])
-
-
-class Normaliser(nn.Module):
-    """(value − offset) · scale with the fixed physical constants of a layout."""
-
-    def __init__(self, layout: Layout) -> None:
-        super().__init__()
-        self.register_buffer("offset", torch.as_tensor(layout.offset), persistent=False)
-        self.register_buffer("scale", torch.as_tensor(layout.scale), persistent=False)
-
-    def forward(self, value: Tensor) -> Tensor:
-        return (value - self.offset) * self.scale
-
-    def restore(self, value: Tensor) -> Tensor:
-        """Inverse of `forward`: physical units."""
-        return value / self.scale + self.offset
 
 
 class Symmetric(nn.Module):
@@ -61,7 +46,8 @@ class LocomotionNetworks(nn.Module):
     """The paper's three networks (its figure of the concurrent training framework).
 
     The estimator maps o_t to x̃_t, the actor (o_t, x̃_t) to the action, the critic (o_t, x_t) to the value. No
-    gradient of the policy reaches the estimator: it learns from x_t alone (Ji et al. 2022).
+    gradient of the policy reaches the estimator: it learns from x_t alone (Ji et al. 2022). With `leg_odometry` of the
+    spec it is an `OdometryEstimator`, which is not the paper's.
     """
 
     def __init__(self, spec: PolicySpec, output_gain: float = 1.0) -> None:
@@ -69,12 +55,15 @@ class LocomotionNetworks(nn.Module):
         seen, state = spec.observation.size, spec.state.size
         self.normalise_observation = Normaliser(spec.observation)
         self.normalise_state = Normaliser(spec.state)
-        self.estimator = mlp(seen, spec.hidden, state)
+        legs = len(spec.feet) if spec.leg_odometry else 0
+        self.estimator = mlp(seen + 3 * legs, spec.hidden, state + legs)
         self.actor = mlp(seen + state, spec.hidden, len(spec.joints))
         self.critic = mlp(seen + state, spec.hidden, 1)
         with torch.no_grad():
             for network in (self.estimator, self.actor, self.critic):
                 network[-1].weight.mul_(output_gain)
+        if spec.leg_odometry:
+            self.estimator = OdometryEstimator(spec, self.estimator)
         if spec.symmetric:
             image = mirror_layout(spec.observation, spec.feet)
             believed = mirror_layout(spec.state, spec.feet)

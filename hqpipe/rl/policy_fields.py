@@ -24,6 +24,7 @@ _GAIT = {
     "standing_speed": (1e-6, 100.0),
 }
 _OBSERVATION = ("base_angular_velocity", "joint_position", "joint_velocity", "previous_target", "velocity_command")
+_LATER = ("leg_odometry",)  # fields that older policies lack: they have the estimator of o_t alone
 _OF_JOINTS = ("joint_position", "joint_velocity", "previous_target")
 _STATE = ("base_linear_velocity", "gravity", "base_height", "foot_contact", "foot_height")
 _SIZES = {
@@ -42,10 +43,10 @@ def read_spec(document: Entry) -> PolicySpec:
     Raises:
         ConfigError: another format, or a field is missing, unknown, malformed or does not fit the others.
     """
-    names = tuple(PolicySpec.__dataclass_fields__)
+    names = tuple(name for name in PolicySpec.__dataclass_fields__ if name not in _LATER)
     if isinstance(document.value, dict) and "format" in document.value:
         document.inner("format").text((FORMAT,))
-    fields = document.mapping(("format", *names))
+    fields = document.mapping(("format", *names), _LATER)
     joints, feet = fields["joints"].names(MOST_JOINTS), fields["feet"].names(MOST_JOINTS)
     if len(joints) != 3 * len(feet):
         raise fields["joints"].error(f"{len(joints)} joints for {len(feet)} feet, expected three to a leg")
@@ -77,6 +78,7 @@ def read_spec(document: Entry) -> PolicySpec:
         period_s=fields["period_s"].number(1e-3, 1.0, unit="s"),
         command_range=np.array(fields["command_range"].numbers(3, 2, lower=-100.0, upper=100.0), dtype=float),
         symmetric=_symmetric(fields["symmetric"], feet),
+        leg_odometry="leg_odometry" in fields and fields["leg_odometry"].flag(),
     )
 
 

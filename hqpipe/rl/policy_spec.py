@@ -63,6 +63,7 @@ class PolicySpec:
         period_s: between two calls of the policy.
         command_range: rows (low, high) of vx, vy (m/s) and ω (rad/s) seen in training.
         symmetric: whether estimator and actor do the same on both sides.
+        leg_odometry: whether the estimator takes the linear velocity from the legs.
     """
 
     robot: str
@@ -86,6 +87,7 @@ class PolicySpec:
     period_s: float
     command_range: np.ndarray
     symmetric: bool
+    leg_odometry: bool
 
     @classmethod
     def build(
@@ -144,6 +146,7 @@ class PolicySpec:
             period_s=CONTROL_PERIOD_S,
             command_range=np.array([command.vx, command.vy, command.wz]),
             symmetric=config.policy.symmetric,
+            leg_odometry=config.policy.leg_odometry,
         )
 
     @property

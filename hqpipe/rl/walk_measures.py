@@ -177,11 +177,12 @@ def estimator_error(
         names: of the columns as term/element. believed: (N, m) in physical units. truth: name → (N,).
 
     Returns:
-        estimate_velocity (m/s), RMS length of the error; estimate_tilt (rad), RMS angle between the directions of gravity;
+        estimate_velocity (m/s), RMS length of the error, and estimate_velocity_bias (m/s), length of the mean error;
+        estimate_tilt (rad), RMS angle between the directions of gravity;
         estimate_height, estimate_foot_height (m), RMS; estimate_contact, share of wrong foot contacts. None for what the
         policy does not tell.
     """
-    result: dict[str, float | None] = dict.fromkeys(_ESTIMATED.values())
+    result: dict[str, float | None] = dict.fromkeys((*_ESTIMATED.values(), _BIAS))
     for term, measure in _ESTIMATED.items():
         columns = [i for i, name in enumerate(names) if name.split("/")[0] == term]
         if not columns:
@@ -190,6 +191,7 @@ def estimator_error(
         true = np.stack([truth[names[i]] for i in columns], axis=1)
         if term == "base_linear_velocity":
             result[measure] = rms(np.linalg.norm(told - true, axis=1))
+            result[_BIAS] = float(np.linalg.norm((told - true).mean(axis=0)))
         elif term == "gravity":
             result[measure] = rms(_angle(told, true))
         elif term == "foot_contact":
@@ -206,6 +208,7 @@ _ESTIMATED = {
     "foot_contact": "estimate_contact",
     "foot_height": "estimate_foot_height",
 }  # term of the state's layout → measure
+_BIAS = "estimate_velocity_bias"
 
 
 def _angle(first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -29,6 +29,7 @@ def test_mapping_survives_json():
         ({"num_envs": 1.5}, "num_envs: expected a whole number"),
         ({"engine": 3}, "engine: expected text"),
         ({"policy": {"symmetric": 1}}, "policy.symmetric: expected true or false"),
+        ({"policy": {"leg_odometry": "yes"}}, "policy.leg_odometry: expected true or false"),
         ({"ppo": 3}, "ppo: expected a mapping"),
         ({"gait": {"prior": "trot"}}, "gait.prior: 'trot'"),
         ({"ppo": {"batch_size": 7}}, "ppo.batch_size: 7 does not divide"),

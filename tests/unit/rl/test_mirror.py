@@ -79,9 +79,11 @@ def test_the_mirrored_trot_is_half_a_cycle_ahead(spec):
     np.testing.assert_allclose(mirror_joints(spec.feet).image(own), other, atol=1e-6)
 
 
+@pytest.mark.parametrize("leg_odometry", [True, False])
 @pytest.mark.parametrize("symmetric", [True, False])
-def test_only_a_symmetric_policy_does_on_the_left_what_it_does_on_the_right(spec, symmetric):
-    spec = replace(spec, symmetric=symmetric, position_stiffness=np.full(12, 6000.0))
+def test_only_a_symmetric_policy_does_on_the_left_what_it_does_on_the_right(spec, symmetric, leg_odometry):
+    stiffness = np.full(12, 6000.0)
+    spec = replace(spec, symmetric=symmetric, leg_odometry=leg_odometry, position_stiffness=stiffness)
     torch.manual_seed(0)
     policy = DeployedPolicy(spec, LocomotionNetworks(spec)).eval()
     rng = np.random.default_rng(2)

@@ -27,7 +27,9 @@ def test_the_policy_s_gradient_does_not_reach_the_estimator(spec, networks):
     assert all(p.grad is not None for p in networks.actor.parameters())
 
 
-def test_the_estimator_learns_from_the_state_alone(spec, networks):
+@pytest.mark.parametrize("leg_odometry", [False, True])
+def test_the_estimator_learns_from_the_state_alone(spec, leg_odometry):
+    networks = LocomotionNetworks(replace(spec, leg_odometry=leg_odometry))
     networks.estimator_loss(observations(spec), torch.zeros(6, spec.state.size)).backward()
     assert all(p.grad is not None for p in networks.estimator.parameters())
     assert all(p.grad is None for p in networks.actor.parameters())

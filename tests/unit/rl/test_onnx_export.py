@@ -48,6 +48,19 @@ def test_onnx_equals_torch_in_a_symmetric_policy(spec, robot, tmp_path):
     assert parity(path, seen, torch_actions(spec, networks, seen)) < 1e-5
 
 
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_onnx_equals_torch_with_leg_odometry(spec, robot, tmp_path, symmetric):
+    """Targets and x̃_t; the graph still takes o_t alone."""
+    spec = replace(spec, symmetric=symmetric, leg_odometry=True)
+    spec, networks, path = exported(spec, robot, "none", tmp_path)
+    seen = sample_observations(spec, 64, np.random.default_rng(0))
+    assert parity(path, seen, torch_actions(spec, networks, seen)) < 1e-5
+    (told,) = open_session(path).run(["estimate"], {"obs": seen})
+    with torch.no_grad():
+        believed = networks.normalise_state.restore(networks.estimate(torch.as_tensor(seen))).numpy()
+    np.testing.assert_allclose(told, believed, atol=1e-4)
+
+
 def test_the_graph_tells_what_the_estimator_believes(trot):
     """x̃_t in physical units, element by element as deploy.yaml names it."""
     spec, networks, path = trot

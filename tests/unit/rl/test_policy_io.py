@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 import torch
@@ -40,6 +41,23 @@ def test_weights_of_another_size_are_refused(folder):
     (folder / "policy.json").write_text(json.dumps(raw))
     with pytest.raises(ConfigError, match="does not fit"):
         load_policy(folder)
+
+
+def test_a_policy_from_before_leg_odometry_has_the_estimator_of_then(folder, spec):
+    raw = json.loads((folder / "policy.json").read_text())
+    assert raw.pop("leg_odometry") is False
+    (folder / "policy.json").write_text(json.dumps(raw))
+    assert load_policy(folder)[0].to_dict() == spec.to_dict()
+
+
+def test_leg_odometry_needs_its_own_weights(folder, spec, tmp_path):
+    raw = json.loads((folder / "policy.json").read_text())
+    (folder / "policy.json").write_text(json.dumps(raw | {"leg_odometry": True}))
+    with pytest.raises(ConfigError, match="does not fit"):
+        load_policy(folder)
+    other = replace(spec, leg_odometry=True)
+    save_policy(tmp_path / "other", other, LocomotionNetworks(other))
+    assert load_policy(tmp_path / "other")[0].leg_odometry
 
 
 def test_other_formats_are_refused(folder):

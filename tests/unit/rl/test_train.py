@@ -86,6 +86,16 @@ def test_a_policy_that_need_not_be_symmetric_is_not(robot, actuator, small):
     assert not torch.allclose(mirrored, other, atol=1e-3)
 
 
+def test_the_odometry_estimator_learns_beside_the_policy(robot, actuator, small):
+    """Its loss falls within a few updates, and what comes out is still symmetric."""
+    config = replace(small, policy=replace(small.policy, leg_odometry=True))
+    found = train(robot, actuator, config, workers=1)
+    losses = [row["train/estimator_loss"] for row in found.rows]
+    assert found.spec.leg_odometry and losses[-1] < 0.9 * losses[0]
+    mirrored, other = both_ways(found.networks, robot, small)
+    torch.testing.assert_close(mirrored, other, atol=1e-5, rtol=1e-4)
+
+
 def test_exploration_narrows_to_its_bound(result, small):
     stds = [row["train/std"] for row in result.rows]
     assert stds[-1] == pytest.approx(math.exp(small.policy.final_log_std), rel=0.02)  # of the last update, too

@@ -144,12 +144,13 @@ def test_the_estimator_is_held_against_the_truth_term_by_term():
     count = 50
     truth = dict.fromkeys(names, np.zeros(count)) | {"gravity/z": -np.ones(count), "foot_contact/LF": np.ones(count)}
     told = np.zeros((count, len(names)))
-    told[:, :2] = [0.3, 0.4]
+    told[: count // 2, :2], told[count // 2 :, :2] = [0.3, 0.4], [0.3, -0.4]
     told[:, 3], told[:, 5] = 2.0 * np.sin(0.1), -2.0 * np.cos(0.1)  # a belief need not have length 1
     told[:, 6], told[:, 7], told[:, 9] = 0.02, 0.8, -0.03
     told[: count // 2, 8] = 0.6
     found = measures.estimator_error(names, told, truth)
     assert found["estimate_velocity"] == pytest.approx(0.5)
+    assert found["estimate_velocity_bias"] == pytest.approx(0.3), "errors to either side cancel"
     assert found["estimate_tilt"] == pytest.approx(0.1)
     assert found["estimate_height"] == pytest.approx(0.02)
     assert found["estimate_foot_height"] == pytest.approx(0.03)
