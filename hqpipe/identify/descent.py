@@ -15,8 +15,8 @@ SLOW = 0.01  # of the cost, per step: below it a fit is near a minimum, and of s
 LEAST_DAMPING, DAMPING, MOST_DAMPING = 1e-9, 1e-3, 1e6
 ROUNDS = 40  # of differences; assumption: a fit that needs more does not converge
 FAILURES = 3
-"""Steps in a row that do not help, after which sensitivities that were followed from earlier ones are taken anew. MINPACK's hybrd
-allows 2; with 3 the fits of five joints took 5 % fewer predictions and ended as low."""
+"""Steps in a row that do not help, after which sensitivities that were followed from earlier ones are taken anew. MINPACK's
+hybrd allows 2; with 3 the fits of four joints took 5 % fewer predictions and ended as low."""
 _TRIALS = 100  # steps between two sets of differences, or of a fit with exact sensitivities; assumption likewise
 
 

@@ -27,7 +27,7 @@ LEAST_RISE = 0.1
 or one that closes less than `MATERIAL` of the output's spread, is of no use to a simulator; where no model is exact, ever
 smaller effects are significant without end. The cost: a real one that small is not named."""
 LEAST_GAIN = 0.05
-"""The same for the search to go on from a set with the effect: half of it, as what two effects close they may close together."""
+"""The same for the search to go on from a set with the effect: half of it, as two effects may close a share together."""
 HALVED = 0.5
 """Of a squared error, that another answer may leave at most where nothing else speaks for it; assumption: chance does not
 halve an error. The cost: a right answer that explains less is not given."""

@@ -37,7 +37,9 @@ class Limited(ToyJoint):
 def test_a_fit_begins_where_the_effect_does_something():
     search = Search(Limited(), prior_odds(Limited(), {}, 0))
     (promise,) = search.screening.promises(search.base, "limit")
-    assert not np.any(search.screening.change(search.base, promise.start)), "the slope suggests a limit beyond all speeds"
+    assert not np.any(search.screening.change(search.base, promise.start)), (
+        "the slope suggests a limit beyond all speeds"
+    )
     start = search.screening.start(search.base, promise)
     assert np.any(search.screening.change(search.base, start))
     place = search.screening.places("limit")
