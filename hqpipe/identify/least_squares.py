@@ -127,7 +127,7 @@ class Fitter:
     ) -> tuple[_Point, np.ndarray]:
         """Where steps lead until they bring little, and the sensitivities on the way there by long differences, taken once.
 
-        Taken more often they cost a fifth of all predictions, and fits end no lower.
+        Taken more often they cost a sixth of all predictions, and fits end no lower.
         First steps follow the sensitivities of the origin, which cost nothing; where they lead alone does not tell which of
         several minima is the lowest. If that is where another start has led already, nothing else is tried.
 

@@ -51,13 +51,17 @@ class LegGeometry:
         Returns:
             (..., L, 3) in m.
         """
+        return xp.stack(self._from_hip(joints, xp)[:3], -1) + constant(self.hip, joints, xp)
+
+    def _from_hip(self, joints: Any, xp: ModuleType) -> tuple[Any, Any, Any, Any]:
+        """(..., L) each, m: foot centres from the hip in the base frame, x, y and z, and z before the leg rolls."""
         roll, pitch, knee = joints[..., 0], joints[..., 1], joints[..., 2]
         side = constant(self.side_offset, joints, xp)
         x = -self.thigh * xp.sin(pitch) - self.shank * xp.sin(pitch + knee)
         down = -self.thigh * xp.cos(pitch) - self.shank * xp.cos(pitch + knee)
         y = side * xp.cos(roll) - down * xp.sin(roll)
         z = side * xp.sin(roll) + down * xp.cos(roll)
-        return xp.stack((x, y, z), -1) + constant(self.hip, joints, xp)
+        return x, y, z, down
 
     def velocity(self, joints: Any, rates: Any, xp: ModuleType = np) -> Any:
         """Velocity of the foot centres against the trunk, in the base frame: the time derivative of `forward`.
@@ -70,16 +74,12 @@ class LegGeometry:
         """
         roll, pitch, knee = joints[..., 0], joints[..., 1], joints[..., 2]
         roll_rate, pitch_rate, knee_rate = rates[..., 0], rates[..., 1], rates[..., 2]
-        side = constant(self.side_offset, joints, xp)
-        ahead = -self.thigh * xp.sin(pitch) - self.shank * xp.sin(pitch + knee)
-        down = -self.thigh * xp.cos(pitch) - self.shank * xp.cos(pitch + knee)
-        y = side * xp.cos(roll) - down * xp.sin(roll)
-        z = side * xp.sin(roll) + down * xp.cos(roll)
-        ahead_rate = down * pitch_rate - self.shank * xp.cos(pitch + knee) * knee_rate
-        down_rate = -ahead * pitch_rate + self.shank * xp.sin(pitch + knee) * knee_rate
+        x, y, z, down = self._from_hip(joints, xp)
+        x_rate = down * pitch_rate - self.shank * xp.cos(pitch + knee) * knee_rate
+        down_rate = -x * pitch_rate + self.shank * xp.sin(pitch + knee) * knee_rate
         y_rate = -z * roll_rate - down_rate * xp.sin(roll)
         z_rate = y * roll_rate + down_rate * xp.cos(roll)
-        return xp.stack((ahead_rate, y_rate, z_rate), -1)
+        return xp.stack((x_rate, y_rate, z_rate), -1)
 
     def inverse(self, feet: Any, xp: ModuleType = np) -> Any:
         """Joint angles that put the foot centres at `feet`; out of reach, the leg points there at full stretch.
