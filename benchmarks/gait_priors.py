@@ -205,7 +205,7 @@ def learn(robot: RobotSpec, actuator: ActuatorModel, prior: str, arguments: argp
         "evaluation": {"interval": never},
     }
     config = from_mapping(replace(TrainConfig(), seed=arguments.seed), plan)
-    for changes in (RECIPES[prior], json.loads(arguments.set)):
+    for changes in (RECIPES[prior], {"first_share": 0.0}, json.loads(arguments.set)):
         config = from_mapping(config, changes)
     options = {"control_mode": "position", "scratch": None, "report": None, "posterior": None, "stiffness": None}
     trainer = Trainer(robot, actuator, config, workers=arguments.workers, **options)

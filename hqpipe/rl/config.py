@@ -262,6 +262,8 @@ class TrainConfig:
         total_steps: environment steps (policy periods, all environments together).
         num_envs: parallel robots; the paper has 400.
         engine: name in hqpipe.sim.ENGINES.
+        first_engine, first_share: another engine for the first part of the training, and its share of the iterations, which is
+            rounded down to a checkpoint. A faster engine teaches a gait sooner; the policy is chosen in `engine`.
         episode_s: time limit, s.
         checkpoint_interval: iterations between checkpoints; all environments are reset there, so that a resumed
             training ends in the same bytes as an uninterrupted one.
@@ -272,6 +274,8 @@ class TrainConfig:
     total_steps: int = 1_000_000
     num_envs: int = 400
     engine: str = "pybullet"
+    first_engine: str = "mujoco"
+    first_share: float = 0.0
     episode_s: float = 20.0
     checkpoint_interval: int = 50
     torch_threads: int = 1
@@ -288,6 +292,7 @@ class TrainConfig:
     def __post_init__(self) -> None:
         _check_choice("gait.prior", self.gait.prior, PRIORS)
         _check_choice("engine", self.engine, ENGINES)
+        _check_choice("first_engine", self.first_engine, ENGINES)
         check_numbers(self)
         c = self.command
         ranges = {"vx": c.vx, "vy": c.vy, "wz": c.wz}
@@ -315,6 +320,11 @@ class TrainConfig:
             raise CombinationError(
                 f"{' and '.join(names)} add up to {shares:g}, expected at most 1", names, "lower one of them"
             )
+        if self.first_share > 0.0 and self.first_iterations == 0:
+            names = ("first_share", "checkpoint_interval", "total_steps")
+            first = self.first_share * self.iterations
+            text = f"first_share of {self.iterations} iterations is {first:.3g}, expected checkpoint_interval or more"
+            raise CombinationError(f"{text} ({self.checkpoint_interval})", names, "change one of the three")
         robots, commands = self.evaluation.num_envs, len(self.evaluation.commands)
         if robots % commands:
             text = f"evaluation.num_envs: {robots}, expected a multiple of the {commands} commands"
@@ -330,6 +340,15 @@ class TrainConfig:
     def iterations(self) -> int:
         """Iterations that fit into total_steps, at least one."""
         return max(1, self.total_steps // self.rollout_size)
+
+    @property
+    def first_iterations(self) -> int:
+        """Iterations in `first_engine`: episodes begin anew at a checkpoint, where nothing of the old engine is left."""
+        return self.checkpoint_interval * int(self.first_share * self.iterations / self.checkpoint_interval)
+
+    def engine_of(self, iteration: int) -> str:
+        """Engine of the iteration after so many others."""
+        return self.first_engine if iteration < self.first_iterations else self.engine
 
 
 def from_mapping(base: _Config, raw: Mapping[str, Any], where: str = "") -> _Config:

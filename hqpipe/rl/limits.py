@@ -46,6 +46,7 @@ LIMITS: dict[str, Limit] = {
     "seed": Limit(0, 2**32 - 1, "NumPy and PyTorch both take seeds of 32 bits"),
     "total_steps": Limit(1, 1e10, "50 times the paper's 192 million"),
     "num_envs": _ROBOTS,
+    "first_share": Limit(0.0, 0.95, "a share of the training, of which some must be left for the other engine"),
     "episode_s": Limit(0.01, 3600.0, "from one control period to an hour"),
     "checkpoint_interval": _COUNT,
     "torch_threads": Limit(1, 1024, "cores of a machine"),

@@ -121,16 +121,20 @@ class Trainer:
         torch.set_num_threads(config.torch_threads)
         self.config, self.scratch, self.report = config, scratch, report
         self.spec = PolicySpec.build(robot, actuator, config, control_mode, stiffness)
-        options = {"num_envs": config.num_envs, "seed": config.seed, "posterior": posterior}
+        options: dict[str, Any] = {"num_envs": config.num_envs, "seed": config.seed, "posterior": posterior}
         table = training_actuators(robot, actuator, config, **options)
         model = actuator.for_joints(robot.joints)
         self.actuators = draws_report(
             model, config.randomisation.actuator, posterior, table, actuator_seed(config.seed)
         )
         self.fingerprint = _fingerprint(robot, actuator, config, self.spec, table)
-        world = training_world(robot, actuator, config, workers=workers, **options)
+        self._worlds = lambda engine: (
+            training_world(robot, actuator, config, workers=workers, engine=engine, **options),
+            evaluation_world(robot, actuator, config, workers=workers, engine=engine),
+        )
+        self.engine = config.engine_of(0)
+        world, trial_world = self._worlds(self.engine)
         self.task = LocomotionTask(robot, self.spec, world, config, training=True, seed=config.seed)
-        trial_world = evaluation_world(robot, actuator, config, workers=workers)
         self.trial = LocomotionTask(robot, self.spec, trial_world, config, training=False, seed=config.seed)
         self.env = LocomotionVecEnv(self.task)
         self.model = self._model()
@@ -194,13 +198,22 @@ class Trainer:
         progress = None
         if self.scratch is not None:
             progress = load_checkpoint(self.scratch, self.fingerprint, self.model, self.task)
-        if progress is None:
-            progress = Progress()
-            joints = len(self.spec.joints)
-            baseline = evaluate(zero_actor(joints), self.trial, *self._trial_plan())
-            progress.baseline = baseline.to_dict()
+        progress = progress or Progress()
+        self._enter_engine(progress)
         self._restart_episodes()
         return progress
+
+    def _enter_engine(self, progress: Progress) -> None:
+        """Go on in the engine of the next iteration; where a new one begins, what was best in the one before does not count."""
+        engine = self.config.engine_of(progress.iteration)
+        if engine != self.engine:
+            self.close()
+            self.task.world, self.trial.world = self._worlds(engine)
+            self.engine = engine
+        if progress.iteration in (0, self.config.first_iterations):
+            progress.best, progress.best_evaluation, progress.best_iteration = {}, {}, 0
+            baseline = evaluate(zero_actor(len(self.spec.joints)), self.trial, *self._trial_plan())
+            progress.baseline = baseline.to_dict()
 
     def _restart_episodes(self) -> None:
         """Reset every robot, so that what follows depends on the random state and the networks alone."""
@@ -242,6 +255,7 @@ class Trainer:
         if i % config.checkpoint_interval == 0 and not last:
             if self.scratch is not None:
                 save_checkpoint(self.scratch, self.fingerprint, self.model, self.task, progress)
+            self._enter_engine(progress)
             self._restart_episodes()
         if self.report is not None:
             note = f"reward {row['rollout/reward_mean']:.3f}, falls {row['rollout/falls']}"

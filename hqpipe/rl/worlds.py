@@ -31,11 +31,12 @@ def training_world(
     workers: int,
     seed: int,
     posterior: Posterior | None = None,
+    engine: str | None = None,
 ) -> BatchedWorld:
     """Robots that differ in kinematics, masses, ground friction and actuator coefficients.
 
     Args:
-        posterior: of the actuator's parameters, if it has one.
+        engine: instead of that of the configuration. posterior: of the actuator's parameters, if it has one.
     """
     sizes = config.randomisation
     table = training_actuators(robot, actuator, config, num_envs=num_envs, seed=seed, posterior=posterior)
@@ -43,7 +44,7 @@ def training_world(
         robot,
         actuator,
         num_envs,
-        engine=config.engine,
+        engine=engine or config.engine,
         workers=workers,
         seed=seed,
         randomisation=_kinematics(sizes),
@@ -72,9 +73,11 @@ def actuator_seed(seed: int) -> list[int]:
     return [seed, 1]
 
 
-def evaluation_world(robot: RobotSpec, actuator: ActuatorModel, config: TrainConfig, *, workers: int) -> BatchedWorld:
-    """Exact robots."""
-    return BatchedWorld(robot, actuator, config.evaluation.num_envs, engine=config.engine, workers=workers)
+def evaluation_world(
+    robot: RobotSpec, actuator: ActuatorModel, config: TrainConfig, *, workers: int, engine: str | None = None
+) -> BatchedWorld:
+    """Exact robots; engine: instead of that of the configuration."""
+    return BatchedWorld(robot, actuator, config.evaluation.num_envs, engine=engine or config.engine, workers=workers)
 
 
 def _kinematics(sizes: RandomisationConfig) -> KinematicsRandomisation | None:

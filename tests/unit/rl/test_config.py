@@ -43,6 +43,9 @@ def test_mapping_survives_json():
             "command.vy reaches 0, expected 2 × command.smallest",
         ),
         ({"evaluation": {"num_envs": 5}}, "evaluation.num_envs: 5"),
+        ({"first_engine": "ode"}, "first_engine: 'ode', expected one of"),
+        ({"first_share": 1.0}, "first_share: expected 0 to 0.95"),
+        ({"first_share": 0.1}, r"first_share of 104 iterations is 10.4, expected checkpoint_interval or more \(50\)"),
     ],
 )
 def test_errors_name_the_field(raw, message):

@@ -124,6 +124,40 @@ def test_killed_training_ends_like_an_uninterrupted_one(robot, actuator, small, 
     assert resumed.baseline == result.baseline
 
 
+def two_engines(small):
+    """Four iterations in the first engine, the checkpoints every two, and evaluations every one."""
+    evaluation = replace(small.evaluation, interval=1)
+    return replace(small, engine="pybullet", first_engine="mujoco", first_share=0.8, evaluation=evaluation)
+
+
+def test_a_training_changes_its_engine_at_a_checkpoint(robot, actuator, small, result):
+    config = two_engines(small)
+    assert (small.iterations, small.checkpoint_interval, config.first_iterations) == (6, 2, 4)
+    found = train(robot, actuator, config, workers=1)
+    assert found.best_iteration > 4 and found.best.score == min(row["eval/score"] for row in found.rows[4:])
+    assert found.baseline == train(robot, actuator, replace(small, engine="pybullet"), workers=1).baseline
+    assert found.baseline != result.baseline
+    rewards = [[row["rollout/reward_mean"] for row in rows] for rows in (found.rows, result.rows)]
+    assert rewards[0][:4] == rewards[1][:4] and rewards[0][4] != rewards[1][4]
+
+
+@pytest.mark.parametrize("killed_after", [2, 4, 5])
+def test_a_training_that_was_killed_goes_on_in_its_engine(robot, actuator, small, tmp_path, killed_after):
+    config = two_engines(small)
+
+    def kill(done: int, total: int, note: str) -> None:
+        if done >= killed_after * small.rollout_size + 1:
+            raise Killed
+
+    with pytest.raises(Killed):
+        train(robot, actuator, config, scratch=tmp_path, progress=kill, workers=1)
+    resumed, whole = train(robot, actuator, config, scratch=tmp_path, workers=1), train(robot, actuator, config)
+    assert resumed.resumed_from == 2 * (killed_after // 2)
+    assert resumed.rows == whole.rows
+    assert same_weights(resumed.networks, whole.networks)
+    assert (resumed.baseline, resumed.best_iteration) == (whole.baseline, whole.best_iteration)
+
+
 def test_checkpoint_of_another_training_is_left_alone(robot, actuator, small, tmp_path):
     train(robot, actuator, small, scratch=tmp_path, workers=1)
     other = train(robot, actuator, replace(small, seed=5), scratch=tmp_path, workers=1)
