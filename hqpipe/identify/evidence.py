@@ -19,18 +19,21 @@ from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.sampling import Covariance
 
 
-def log_bayes_factor(fitter: Fitter, large: Solution, known: Covariance, small: Solution) -> float:
+def log_bayes_factor(
+    fitter: Fitter, large: Solution, known: Covariance, small: Solution, overstated: float = 1.0
+) -> float:
     """ln B of a set of effects against a smaller one that is a part of it.
 
     Args:
         large, small: fits of both; the free parameters of `small` are among those of `large`. known: of `large`.
+        overstated: how many times more the errors seem to say than they do.
     """
     extra = np.flatnonzero(~np.isin(large.free, small.free))
     difference = small.square - large.square
     if not np.isfinite(large.square) or difference <= 0.0:
         return -np.inf
-    worth = 0.5 * independence(fitter, large, known, extra) * difference / known.noise
-    return worth + occam(fitter, large, known, extra)
+    worth = 0.5 * independence(fitter, large, known, extra) * difference / (overstated * known.noise)
+    return worth + occam(fitter, large, known, extra, overstated)
 
 
 def independence(fitter: Fitter, solution: Solution, known: Covariance, places: np.ndarray) -> float:
@@ -52,11 +55,11 @@ def independence(fitter: Fitter, solution: Solution, known: Covariance, places: 
     return float(np.clip(with_correlation / max(without, np.finfo(float).tiny), 0.0, 1.0))
 
 
-def occam(fitter: Fitter, solution: Solution, known: Covariance, places: np.ndarray) -> float:
+def occam(fitter: Fitter, solution: Solution, known: Covariance, places: np.ndarray, overstated: float = 1.0) -> float:
     """½ ln det(2π V) + Σ ln p(θ) of some parameters with a spread: the price of their freedom.
 
     Args:
-        places: among the free parameters.
+        places: among the free parameters. overstated: as of `log_bayes_factor`; V grows by it.
     """
     index = solution.free[places]
     finite = np.isfinite(fitter.spread[index])
@@ -65,7 +68,7 @@ def occam(fitter: Fitter, solution: Solution, known: Covariance, places: np.ndar
         return 0.0
     spread = fitter.spread[index]
     # V no wider than the prior: the precisions add up
-    relative = known.robust[np.ix_(places, places)] / np.outer(spread, spread)
+    relative = overstated * known.robust[np.ix_(places, places)] / np.outer(spread, spread)
     values, vectors = np.linalg.eigh(relative)
     values = np.maximum(values, np.finfo(float).eps)
     posterior = 1.0 / (1.0 / values + 1.0)

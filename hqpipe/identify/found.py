@@ -103,12 +103,13 @@ class JointFound:
         shapes: signal of each generic shape that closes enough to be kept → share of the squared error of `named` on the fit
             samples that it closes.
         closes: cause → what it closes as the last one, unexplained: what is left above the noise, and unknown: the same without
-            generic shapes; all as shares of the squared error of `base` on data left out of its fit.
+            generic shapes; gap: of `base`, above the noise. All as shares of the squared error of `base` on data left out of
+            its fit.
         visible: named effect that the joint was not given → how far from neutral its first number would have to be for these
             logs to name it; those that the joint's other numbers can imitate are left out.
         drifts: numbers that differ between trials by more than chance, as sentences.
         withdrawn: effects that the fit trials ask for and that do not show in the held-out ones. minor: effects that
-            they ask for and that are small beside what is left unexplained.
+            they ask for and that are small beside what is left unexplained, or beside the gap.
         numbers: how sure those of a simulator's model are; None where nobody asked. exchanges: other sets that it may have.
     """
 
@@ -125,6 +126,7 @@ class JointFound:
     closes: dict[str, float] = field(default_factory=dict)
     unexplained: float = 0.0
     unknown: float = 0.0
+    gap: float = 0.0
     visible: dict[str, float] = field(default_factory=dict)
     drifts: tuple[str, ...] = ()
     withdrawn: tuple[str, ...] = ()

@@ -84,8 +84,11 @@ def _searched(
         )
         answers = [new or joint for new, joint in zip(again, answers, strict=True)]
         answers = with_shared_names(answers, lambda steps: pool.some("renamed", steps), given_up)
+        for j, joint in pool.some("with_rare", _rare(answers)).items():
+            answers[j] = joint
         answers = without_minor_causes(answers, lambda least: pool.some("without", least))
-        sets = [(frozenset(joint.kept.effects), frozenset(joint.base.effects)) for joint in answers]
+        rare = _names(models) - _shared(answers) if len(models) > 1 else frozenset()
+        sets = [(frozenset(joint.kept.effects), frozenset(joint.base.effects), rare) for joint in answers]
         visible = pool.each("visible", sets)
         found = [
             with_the_same_by_law(replace(joint, model=model, visible=seen))
@@ -111,6 +114,17 @@ def _shared(answers: Sequence[JointFound]) -> frozenset[str]:
     """Causes that most joints of the machine have."""
     count = Counter(cause.effect for joint in answers for cause in joint.causes)
     return frozenset(name for name, joints in count.items() if joints > MOST_JOINTS * len(answers) and joints > 1)
+
+
+def _rare(answers: Sequence[JointFound]) -> dict[int, frozenset[str]]:
+    """Joint → its causes that most joints of the machine do not have, of joints with such causes."""
+    shared = _shared(answers)
+    own = {j: frozenset(c.effect for c in joint.causes) - shared for j, joint in enumerate(answers)}
+    return {j: effects for j, effects in own.items() if effects} if len(answers) > 1 else {}
+
+
+def _names(models: Sequence[JointModel]) -> frozenset[str]:
+    return frozenset(effect.name for model in models for effect in model.effects)
 
 
 def _half(progress: Progress | None, start: float) -> Progress | None:

@@ -40,7 +40,7 @@ def answer(search: Search, best: Known) -> JointFound:
     without = {name: search.without(named, name) for name in causes_of(search, named, base)}
     causes = sorted(without, key=lambda name: -without[name].solution.square)
     unshaped = _only(search, claimed, frozenset(causes_of(search, claimed, base)) | base.names | unchanged)
-    half = half_widths(search, core)
+    half, floor = half_widths(search, core), floor_of(search)
     whole, square = max(search.left_out(base), np.finfo(float).tiny), search.left_out(claimed)
     return JointFound(
         model=search.model,
@@ -56,8 +56,9 @@ def answer(search: Search, best: Known) -> JointFound:
         gains=dict(search.gains),
         shapes=_shapes(search, core, named),
         closes={n: (search.left_out(search.without(claimed, n)) - square) / whole for n in causes},
-        unexplained=max(square - floor_of(search), 0.0) / whole,
-        unknown=max(search.left_out(unshaped) - floor_of(search), 0.0) / whole,
+        unexplained=max(square - floor, 0.0) / whole,
+        unknown=max(search.left_out(unshaped) - floor, 0.0) / whole,
+        gap=max(whole - floor, 0.0) / whole,
         drifts=drifts(search, core),
         withdrawn=tuple(sorted(claimed.names - core.names)),
         minor=tuple(sorted(search.barred)),

@@ -143,6 +143,11 @@ class JointSearch:
         lacking = shared - causes
         return self.answered() if lacking & self._known.names else None
 
+    def with_rare(self, rare: Names) -> JointFound:
+        """The answer once more, with causes that most joints of the machine do not have, for which more has to speak."""
+        self._search.rare = rare
+        return self.answered()
+
     def without(self, effect: str) -> JointFound:
         """The answer with an effect barred from now on; one that is barred never comes back."""
         search, known = self._search, self._known
@@ -166,9 +171,9 @@ class JointSearch:
         """See `hqpipe.identify.isolability.isolability`: beforehand, from the base alone."""
         return isolability(Search(self._model, self._odds(self._model, {}, 0)))
 
-    def visible(self, kept: Names, base: Names) -> dict[str, float]:
+    def visible(self, kept: Names, base: Names, rare: Names) -> dict[str, float]:
         """See `hqpipe.identify.visible.least_visible`; kept, base: effects of the sets of an answer."""
-        return least_visible(self._search, self._search.known[kept], self._search.known[base])
+        return least_visible(self._search, self._search.known[kept], self._search.known[base], rare)
 
     def numbers(self, effects: Names, steps: Sequence[Step]) -> tuple[SetNumbers | None, dict[Step, SetNumbers]]:
         """How sure the numbers of a set of the answer are, and those of the set after each step that it can take.

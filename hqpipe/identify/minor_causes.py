@@ -1,9 +1,9 @@
-"""Causes that are small beside what no effect explains.
+"""Causes that are small beside what no effect explains, or beside the gap.
 
 Where much of a gap is left, some effect describes a part of it by chance, however probable it is: the probability compares it
 with the library alone. Such a cause is believed only if it closes a share of the gap that counts beside what is left, in the
 joint or in those joints of the machine that show it best. What generic shapes describe is left, too: they have no name, and
-beside them a small effect would look large.
+beside them a small effect would look large. And what closes next to nothing of a gap refines the law of another cause.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from hqpipe.identify.found import JointFound
+from hqpipe.identify.worth_keeping import LEAST_SHARE
 
 LEAST_OF_UNKNOWN = 0.5
 """Of what is left unexplained above the noise, in squares, that a cause must close: then a third of what it and the unknown
@@ -37,16 +38,21 @@ def without_minor_causes(
 
 
 def _minor(answers: Sequence[JointFound]) -> list[tuple[float, str, int]]:
-    """(what it closes over what is left, effect, joint) of each such cause.
+    """(what it closes over what it has to close, effect, joint) of each such cause.
 
     Joints that show an effect clearly count towards it in those that show it less, each relative to its base.
     """
     found = []
     for effect in sorted({name for joint in answers for name in joint.closes}):
-        shown = [(joint.closes[effect], joint.unknown, j) for j, joint in enumerate(answers) if effect in joint.closes]
-        closed = left = 0.0
-        for closes, unknown, j in sorted(shown, key=lambda s: -s[0] / max(s[1], 1e-12)):
-            closed, left = closed + closes, left + unknown
-            if closed < LEAST_OF_UNKNOWN * left:
-                found.append((closes / max(unknown, 1e-12), effect, j))
+        having = [(j, joint) for j, joint in enumerate(answers) if effect in joint.closes]
+        for needed in (
+            {j: LEAST_OF_UNKNOWN * joint.unknown for j, joint in having},
+            {j: LEAST_SHARE * joint.gap for j, joint in having},
+        ):
+            shares = {j: joint.closes[effect] / max(needed[j], 1e-12) for j, joint in having}
+            closed = asked = 0.0
+            for j, joint in sorted(having, key=lambda pair: -shares[pair[0]]):
+                closed, asked = closed + joint.closes[effect], asked + needed[j]
+                if closed < asked:
+                    found.append((shares[j], effect, j))
     return found

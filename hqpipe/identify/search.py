@@ -54,7 +54,8 @@ class Search:
         known: every set that was fitted. barred: effects that no set may have from now on.
         refused: effects that were found at a bound or without a size, so that other sets have to do without them.
         given_up: effects that gave their place to another name: no set has them, but they are rivals.
-        shared: effects that are causes in most joints of the machine, as far as that is known.
+        shared: effects that are causes in most joints of the machine, as far as that is known. rare: causes of this joint that
+            are not, where the machine has several.
     """
 
     model: JointModel
@@ -65,6 +66,7 @@ class Search:
     refused: set[str] = field(init=False, default_factory=set)
     given_up: set[str] = field(init=False, default_factory=set)
     shared: frozenset[str] = field(init=False, default=frozenset())
+    rare: frozenset[str] = field(init=False, default=frozenset())
     _left_out: dict[tuple[Names, float], float] = field(init=False, default_factory=dict)
     _begun: set[tuple[Names, Names, float]] = field(init=False, default_factory=set)
     gains: dict[str, float] = field(init=False, default_factory=dict)
@@ -191,11 +193,11 @@ class Search:
             ]
         return self._kept(names, self._fit(names, starts, known.covariance.noise, known.solution))
 
-    def gain(self, large: Known, small: Known) -> float:
-        """ln of the posterior odds of a set against a part of it."""
+    def gain(self, large: Known, small: Known, overstated: float = 1.0) -> float:
+        """ln of the posterior odds of a set against a part of it; overstated: see `log_bayes_factor`."""
         more = large.names - small.names
         odds = sum(self.odds[name] for name in sorted(more)) - self.price_of_settled(large, more)
-        return log_bayes_factor(self.fitter, large.solution, large.covariance, small.solution) + odds
+        return log_bayes_factor(self.fitter, large.solution, large.covariance, small.solution, overstated) + odds
 
     def preference(self, one: Known, other: Known) -> float:
         """ln of the posterior odds of a set against another that is no part of it."""

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
+from hqpipe.identify.beliefs import OVERSTATED
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.minor_causes import LEAST_OF_UNKNOWN
 from hqpipe.identify.search import Known, Search
@@ -12,7 +15,7 @@ from hqpipe.identify.worth_keeping import LEAST_SHARE, floor_of
 UNUSUAL = 3.0  # spreads of the prior beyond which no machine is; as three standard deviations
 
 
-def least_visible(search: Search, known: Known, base: Known) -> dict[str, float]:
+def least_visible(search: Search, known: Known, base: Known, rare: Collection[str] = ()) -> dict[str, float]:
     """Named effect that a set lacks → how far its first number has to be from neutral to be named beside the set.
 
     The rules of the criterion ask for a share of the squared error, and for a share of the gap that the effect moves. Both grow
@@ -20,7 +23,7 @@ def least_visible(search: Search, known: Known, base: Known) -> dict[str, float]
     imitate are left out.
 
     Args:
-        known: the set that was kept. base: without causes.
+        known: the set that was kept. base: without causes. rare: effects that most joints of the machine do not have.
     """
     left, unexplained = search.left_out(known), max(search.left_out(known) - floor_of(search), 0.0)
     gap = max(search.left_out(base) - floor_of(search), 0.0)
@@ -31,22 +34,24 @@ def least_visible(search: Search, known: Known, base: Known) -> dict[str, float]
         if not effect.named or reached is None:
             continue
         size, done, square = reached
-        needed = least_square(search, name, left, unexplained, known.covariance.noise, time)
+        seeming = (OVERSTATED if name in rare else 1.0) * time
+        needed = least_square(search, name, left, unexplained, gap, known.covariance.noise, seeming)
         least = max(needed / square, LEAST_SHARE * gap / done)
         found[name] = float(max(size * np.sqrt(least), effect.parameters[0].least))
     return found
 
 
 def least_square(
-    search: Search, name: str, left: float, unexplained: float, variance: float, time: float = 1.0
+    search: Search, name: str, left: float, unexplained: float, gap: float, variance: float, time: float = 1.0
 ) -> float:
     """Square of what an effect has to change in the prediction, beyond what the free numbers can do, to be named.
 
     Args:
-        left: squared error beside the effect. unexplained: as much of it as is above the noise of the sensors.
-        variance: of the errors. time: samples over which they are alike.
+        left: squared error beside the effect. unexplained: as much of it as is above the noise of the sensors. gap: what the
+            base leaves above it.
+        variance: of the errors. time: samples that say as much as one that is independent.
     """
     independent = max(len(search.model.fit.trial) / time, 1.0)
     charge = 0.5 * len(search.effects[name].parameters) * float(np.log(independent)) - search.odds[name]
-    rules = max(search.needed(left), LEAST_OF_UNKNOWN * unexplained)
+    rules = max(search.needed(left), LEAST_OF_UNKNOWN * unexplained, LEAST_SHARE * gap)
     return max(rules, 2.0 * max(charge, 0.0) * variance * time)

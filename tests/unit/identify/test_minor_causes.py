@@ -18,6 +18,7 @@ class Answered:
 
     closes: dict
     unknown: float
+    gap: float = 1.0
     model: object = field(default=None)
     causes: tuple = ()
 
@@ -42,3 +43,21 @@ def test_an_effect_that_went_does_not_come_back_when_the_next_one_goes(monkeypat
     (last,) = without_minor_causes([Answered(CLOSES, 0.5)], lambda least: {0: joint.without(least[0])})
     assert set(last.closes) == {"coulomb_friction"}
     assert joint._search.barred == {"spring", "backlash"}
+
+
+def test_what_closes_next_to_nothing_of_a_gap_is_no_cause_unless_other_joints_show_it():
+    faint, clear = {"torque_bias": 0.002}, {"torque_bias": 0.03}
+
+    def barred(*joints):
+        told = []
+
+        def without(least):
+            told.append(dict(least))
+            return {j: Answered({}, 0.0) for j in least}
+
+        without_minor_causes([Answered(dict(closes), 0.0) for closes in joints], without)
+        return told
+
+    assert barred(faint, faint) == [{0: "torque_bias", 1: "torque_bias"}]
+    assert barred(faint, clear) == []
+    assert barred(faint, faint, faint, faint, clear) == [{2: "torque_bias", 3: "torque_bias"}]  # as many as together do
