@@ -13,7 +13,7 @@ import numpy as np
 
 from hqpipe.identify.found import Exchange, JointCause, JointFound, SetNumbers
 from hqpipe.identify.joint_moves import Step
-from hqpipe.identify.joint_search import MOST_JOINTS
+from hqpipe.identify.prior import MOST_JOINTS
 from hqpipe.identify.worth_keeping import CONFUSED
 
 LEAST_ODDS = CONFUSED / (1.0 - CONFUSED)

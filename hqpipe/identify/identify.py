@@ -11,11 +11,11 @@ from hqpipe.identify.exchanges import rivals_of, with_numbers
 from hqpipe.identify.found import JointFound, LayerFound
 from hqpipe.identify.joint_moves import others_of, settled_together
 from hqpipe.identify.joint_pool import JointPool
-from hqpipe.identify.joint_search import MOST_JOINTS, JointSearch
+from hqpipe.identify.joint_search import JointSearch
 from hqpipe.identify.minor_causes import without_minor_causes
 from hqpipe.identify.model import JointModel, LayerJoints
 from hqpipe.identify.passing import modelled, with_passing
-from hqpipe.identify.prior import prior_odds
+from hqpipe.identify.prior import MOST_JOINTS, prior_odds
 from hqpipe.identify.same_by_law import with_the_same_by_law
 from hqpipe.identify.screening import Names
 from hqpipe.identify.shared_names import with_shared_names

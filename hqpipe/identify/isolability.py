@@ -62,8 +62,8 @@ def isolability(search: Search) -> dict[str, Isolability]:
     found, shown = {}, {}
     for name in names:
         directions, spread = secants_by_direction[name], search.effects[name].parameters[0].spread
-        beside_noise = max(least_square(search, name, floor, 0.0, 0.0, misfit_noise(model)[0] ** 2), rounding)
-        beside_base = max(least_square(search, name, left, above, above, base.covariance.noise, time), rounding)
+        beside_noise = max(least_square(search, name, floor, 0.0, misfit_noise(model)[0] ** 2), rounding)
+        beside_base = max(least_square(search, name, left, above, base.covariance.noise, time), rounding)
         sizes = [least_size(each, spread, beside_noise, 0.0) for each in directions]
         least = _largest(search, name, sizes)
         most = _largest(

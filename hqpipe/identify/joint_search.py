@@ -14,12 +14,12 @@ from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.joint_moves import Step, Worths
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel
+from hqpipe.identify.prior import MOST_JOINTS
 from hqpipe.identify.rounds import searched
 from hqpipe.identify.search import Known, Names, Search
 from hqpipe.identify.set_numbers import set_numbers
 from hqpipe.identify.visible import least_visible
 
-MOST_JOINTS = 0.5  # share of joints from which on what more of them say is what the machine has: their majority
 _TRIED = 3  # sets that other joints have reached, the most common ones; assumption: a rare one is its joint's own
 
 Numbers = Mapping[str, np.ndarray]

@@ -3,7 +3,8 @@
 Where much of a gap is left, some effect describes a part of it by chance, however probable it is: the probability compares it
 with the library alone. Such a cause is believed only if it closes a share of the gap that counts beside what is left, in the
 joint or in those joints of the machine that show it best. What generic shapes describe is left, too: they have no name, and
-beside them a small effect would look large. And what closes next to nothing of a gap refines the law of another cause.
+beside them a small effect would look large. And what few joints of a machine have, and closes next to nothing of their gap,
+refines the law of another cause.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from hqpipe.identify.found import JointFound
+from hqpipe.identify.prior import MOST_JOINTS
 from hqpipe.identify.worth_keeping import LEAST_SHARE
 
 LEAST_OF_UNKNOWN = 0.5
@@ -40,19 +42,20 @@ def without_minor_causes(
 def _minor(answers: Sequence[JointFound]) -> list[tuple[float, str, int]]:
     """(what it closes over what it has to close, effect, joint) of each such cause.
 
-    Joints that show an effect clearly count towards it in those that show it less, each relative to its base.
+    Joints that show an effect clearly count towards it in those that show it less, each relative to its base. Two causes that
+    most joints have may each take most of the other's part of the gap.
     """
     found = []
     for effect in sorted({name for joint in answers for name in joint.closes}):
         having = [(j, joint) for j, joint in enumerate(answers) if effect in joint.closes]
-        for needed in (
-            {j: LEAST_OF_UNKNOWN * joint.unknown for j, joint in having},
-            {j: LEAST_SHARE * joint.gap for j, joint in having},
-        ):
+        asked = [{j: LEAST_OF_UNKNOWN * joint.unknown for j, joint in having}]
+        if len(answers) > 1 and len(having) <= MOST_JOINTS * len(answers):
+            asked.append({j: LEAST_SHARE * joint.gap for j, joint in having})
+        for needed in asked:
             shares = {j: joint.closes[effect] / max(needed[j], 1e-12) for j, joint in having}
-            closed = asked = 0.0
+            closes = least = 0.0
             for j, joint in sorted(having, key=lambda pair: -shares[pair[0]]):
-                closed, asked = closed + joint.closes[effect], asked + needed[j]
-                if closed < asked:
+                closes, least = closes + joint.closes[effect], least + needed[j]
+                if closes < least:
                     found.append((shares[j], effect, j))
     return found

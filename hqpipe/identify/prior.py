@@ -14,6 +14,7 @@ from scipy.special import betaln
 
 from hqpipe.identify.model import Effect, JointModel
 
+MOST_JOINTS = 0.5  # share of joints from which on what more of them say is what the machine has: their majority
 _EXPECTED = 1.0  # effects of a joint beforehand; assumption: logs are diagnosed because something is wrong
 _COMMON = 0.5  # of the joints have a common effect, by its definition; no other effect is expected in more
 _WEIGHT = 3.0  # joints that the expectation counts as, beside the other joints of the machine; assumption

@@ -34,24 +34,24 @@ def least_visible(search: Search, known: Known, base: Known, rare: Collection[st
         if not effect.named or reached is None:
             continue
         size, done, square = reached
-        seeming = (OVERSTATED if name in rare else 1.0) * time
-        needed = least_square(search, name, left, unexplained, gap, known.covariance.noise, seeming)
+        alike = (OVERSTATED if name in rare else 1.0) * time
+        needed = least_square(search, name, left, unexplained, known.covariance.noise, alike)
+        needed = max(needed, LEAST_SHARE * gap) if name in rare else needed
         least = max(needed / square, LEAST_SHARE * gap / done)
         found[name] = float(max(size * np.sqrt(least), effect.parameters[0].least))
     return found
 
 
 def least_square(
-    search: Search, name: str, left: float, unexplained: float, gap: float, variance: float, time: float = 1.0
+    search: Search, name: str, left: float, unexplained: float, variance: float, time: float = 1.0
 ) -> float:
     """Square of what an effect has to change in the prediction, beyond what the free numbers can do, to be named.
 
     Args:
-        left: squared error beside the effect. unexplained: as much of it as is above the noise of the sensors. gap: what the
-            base leaves above it.
+        left: squared error beside the effect. unexplained: as much of it as is above the noise of the sensors.
         variance: of the errors. time: samples that say as much as one that is independent.
     """
     independent = max(len(search.model.fit.trial) / time, 1.0)
     charge = 0.5 * len(search.effects[name].parameters) * float(np.log(independent)) - search.odds[name]
-    rules = max(search.needed(left), LEAST_OF_UNKNOWN * unexplained, LEAST_SHARE * gap)
+    rules = max(search.needed(left), LEAST_OF_UNKNOWN * unexplained)
     return max(rules, 2.0 * max(charge, 0.0) * variance * time)

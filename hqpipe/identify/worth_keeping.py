@@ -14,8 +14,12 @@ from hqpipe.identify.search import HALVED, Known, Search
 
 LEAST_SHARE = 0.01
 """Square of what a cause does to the prediction, over the squared gap from the base's error to the noise: a tenth of the gap.
-What does less refines the law of another cause. Of the squared gap on data left out of the fit, and of the held-out errors, it
-is the share that a cause must close beside the others. The cost: a real effect that small beside a large one is not named."""
+What does less refines the law of another cause. It is not asked to close that share by itself: of a delay and a lag of like
+size either one can take most of the other's part. Of the held-out errors it is the share that a cause must close. The cost: a
+real effect that small beside a large one is not named."""
+LEAST_SIZE = 0.1
+"""Size over what a data sheet of such a machine would give, below which a cause has to close `LEAST_SHARE` of the squared gap
+beside the others; assumption: a gain unequal by 1 % where 10 % are usual is none if it does no more than refine another law."""
 CONFUSED = 0.05  # probability of a set with another effect instead, from which both are said to be alike; assumption
 
 
@@ -98,7 +102,11 @@ def _without_small(search: Search, known: Known, base: Known) -> Known:
         square = search.left_out(known)
         closes = {name: search.left_out(smaller[name]) - square for name in rest}
         needed = {name: 0.0 if name in search.shared else search.needed(square) for name in rest}
-        small = [name for name in rest if closes[name] < needed[name] or not _is_large(search, known, name, least)]
+        small = [
+            name
+            for name in rest
+            if closes[name] < needed[name] or not _is_large(search, known, name, least, closes[name])
+        ]
         if not small:
             break
         known = search.without(known, min(small, key=lambda name: closes[name]))
@@ -106,19 +114,23 @@ def _without_small(search: Search, known: Known, base: Known) -> Known:
 
 
 def _least_share(search: Search, base: Known) -> float:
-    """Square of what a cause has to do to the prediction."""
+    """Squared error that a cause has to close."""
     return LEAST_SHARE * max(search.left_out(base) - floor_of(search), 0.0)
 
 
-def _is_large(search: Search, known: Known, name: str, least: float) -> bool:
+def _is_large(search: Search, known: Known, name: str, least: float, closes: float) -> bool:
     """Whether an effect has the size of a cause; what both of two records have is part of the machine and needs no size.
 
     Args:
-        least: square of what it must do to the prediction.
+        least: square of what it must do to the prediction. closes: what it closes of the squared error beside the others, which
+            speaks for one that is smaller than a data sheet would mention.
     """
     if search.effects[name].in_both:
         return True
-    return is_admitted(search, known, name) and search.screening.does(known, name) >= least
+    if not is_admitted(search, known, name) or search.screening.does(known, name) < least:
+        return False
+    usual = search.fitter.spread[search.screening.places(name)[0]] if search.effects[name].named else np.inf
+    return closes >= least or not np.isfinite(usual) or search.size(known, name) >= LEAST_SIZE * usual
 
 
 def is_admitted(search: Search, known: Known, name: str) -> bool:

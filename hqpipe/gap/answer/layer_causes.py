@@ -15,8 +15,8 @@ from hqpipe.gap.answer.shapley import Shrink, shapley
 from hqpipe.gap.checks.signs import NAME as UNSIGNED
 from hqpipe.gap.residuals.layer_errors import LayerErrors
 from hqpipe.identify.found import JointCause, Number
-from hqpipe.identify.joint_search import MOST_JOINTS
 from hqpipe.identify.model import JointModel, LayerJoints
+from hqpipe.identify.prior import MOST_JOINTS
 from hqpipe.machine import EFFECTS
 
 SENSING = "sensing"
