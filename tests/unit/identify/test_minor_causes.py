@@ -45,8 +45,8 @@ def test_an_effect_that_went_does_not_come_back_when_the_next_one_goes(monkeypat
     assert joint._search.barred == {"spring", "backlash"}
 
 
-def test_what_closes_next_to_nothing_of_a_gap_is_no_cause_unless_other_joints_show_it():
-    faint, clear = {"torque_bias": 0.002}, {"torque_bias": 0.03}
+def test_what_few_joints_have_closes_a_share_of_the_gap():
+    faint, clear, sound = {"torque_bias": 0.002}, {"torque_bias": 0.03}, {}
 
     def barred(*joints):
         told = []
@@ -58,6 +58,8 @@ def test_what_closes_next_to_nothing_of_a_gap_is_no_cause_unless_other_joints_sh
         without_minor_causes([Answered(dict(closes), 0.0) for closes in joints], without)
         return told
 
-    assert barred(faint, faint) == [{0: "torque_bias", 1: "torque_bias"}]
-    assert barred(faint, clear) == []
-    assert barred(faint, faint, faint, faint, clear) == [{2: "torque_bias", 3: "torque_bias"}]  # as many as together do
+    assert barred(faint, faint, sound, sound) == [{0: "torque_bias", 1: "torque_bias"}]
+    assert barred(faint, clear, sound, sound) == []  # as many as together close enough
+    assert barred(faint, faint, faint, faint, clear, *[sound] * 5) == [{2: "torque_bias", 3: "torque_bias"}]
+    assert barred(faint, faint, sound) == []  # most joints have it
+    assert barred(faint) == []
