@@ -7,7 +7,7 @@ coefficients.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
@@ -15,6 +15,7 @@ from hqpipe.errors import ConfigError, near_match, shown
 from hqpipe.rl.limits import (
     SAMPLES,
     CombinationError,
+    check_choice,
     check_commands,
     check_layers,
     check_numbers,
@@ -117,7 +118,7 @@ class ActuatorRandomisationConfig:
     half_range: float = 0.2
 
     def __post_init__(self) -> None:
-        _check_choice("randomisation.actuator.mode", self.mode, ACTUATOR_MODES)
+        check_choice("randomisation.actuator.mode", self.mode, ACTUATOR_MODES)
 
 
 @dataclass(frozen=True)
@@ -290,9 +291,9 @@ class TrainConfig:
     evaluation: EvaluationConfig = field(default_factory=EvaluationConfig)
 
     def __post_init__(self) -> None:
-        _check_choice("gait.prior", self.gait.prior, PRIORS)
-        _check_choice("engine", self.engine, ENGINES)
-        _check_choice("first_engine", self.first_engine, ENGINES)
+        check_choice("gait.prior", self.gait.prior, PRIORS)
+        check_choice("engine", self.engine, ENGINES)
+        check_choice("first_engine", self.first_engine, ENGINES)
         check_numbers(self)
         c = self.command
         ranges = {"vx": c.vx, "vy": c.vy, "wz": c.wz}
@@ -396,9 +397,3 @@ def _convert(present: Any, value: Any, path: str) -> Any:
         raise wrong(path, f"{path}: expected {told}, got {shown(value)}")
     # A whole number beyond what a float holds is out of every limit as it is.
     return value if isinstance(value, int) and abs(value) > _LARGEST else type(present)(value)
-
-
-def _check_choice(name: str, value: str, known: Collection[str]) -> None:
-    if value not in known:
-        message = f"{name}: '{value[:80]}'{near_match(value[:80], known)}, expected one of {', '.join(known)}"
-        raise ConfigError(message, field=name, fix="name one of these")

@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
-from hqpipe.errors import ConfigError, shown
+from hqpipe.errors import ConfigError, near_match, shown
 
 
 class CombinationError(ConfigError):
@@ -130,6 +130,13 @@ def _numbers(config: Any, above: str) -> Iterator[tuple[str, float]]:
             yield from _numbers(value, f"{name}.")
         elif isinstance(value, int | float) and not isinstance(value, bool):
             yield name, value
+
+
+def check_choice(name: str, value: str, known: Collection[str]) -> None:
+    """Check a field that is one of several names."""
+    if value not in known:
+        message = f"{name}: '{value[:80]}'{near_match(value[:80], known)}, expected one of {', '.join(known)}"
+        raise ConfigError(message, field=name, fix="name one of these")
 
 
 def check_range(name: str, value: Any) -> None:
