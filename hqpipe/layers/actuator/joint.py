@@ -35,7 +35,7 @@ _TURN, _LATE = [slot(owner, p.name) for owner, p in OF_FRICTION], slot("setting"
 _ARM_SLOTS = [slot("setting", name) for name in ARM]
 _STEP, _MIDDLE = slot("setting", "sample_time"), slot("setting", "middle")
 _ORIFICE, _AREAS = ("orifice_flow", "effort_max_nm"), ("direction_asymmetry", "areas")
-_OFFSET, _INTEGRAL = ("torque_bias", "nm"), ("integral_action", "ki")
+_OFFSET = ("torque_bias", "nm")
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
 SPEEDS = ("raw_velocity", "velocity", "sliding")  # signals that are the speed of the log, or come of it
 _DRIVEN = (SPEEDS, ("demand",), ("raw_command", "command"), ("raw_position", "position"))
@@ -44,9 +44,6 @@ MOST_OFFSET = 0.1
 """Of the largest torque that the orifice lets a joint give, that its sensor may be off by: data sheets of load cells and
 pressure sensors say 1 % of full scale, and none is used that is off by ten times that; assumption. Unequal areas of the piston
 do to the torque what a larger offset would."""
-LEAST_INTEGRATED = 0.1
-"""Of the error that an integrator is given, what it must add to it in the longest run of windows: one that adds less is an
-offset which each run may choose. Assumption; the cost: an integrator that a few seconds show no better is not named."""
 NOTABLE_ARM = 0.05
 """Of the largest moment arm: a remark tells in steps of this how far the least one is below it; assumption."""
 _PLACES = 41  # of the positions, over which the arm is looked at
@@ -95,8 +92,6 @@ class ActuatorJoint:
     _friction: np.ndarray = field(init=False)
     _of_orifice: tuple[int, int, float] | None = field(init=False)
     _offset: int | None = field(init=False)
-    _integral: int | None = field(init=False)
-    _longest: float = field(init=False)
     _neutral: np.ndarray = field(init=False)
     _last: dict[str, float] = field(init=False)
     _driven: Signals = field(init=False)
@@ -116,11 +111,8 @@ class ActuatorJoint:
         friction = [k for k, (owner, _) in enumerate(self.places) if EFFECTS[owner].effort_sources]
         object.__setattr__(self, "_friction", len(self.base) + np.array(friction, dtype=np.int64))
         object.__setattr__(self, "_of_orifice", self._areas_beside_orifice())
-        for name, place in (("_offset", _OFFSET), ("_integral", _INTEGRAL)):
-            at = len(self.base) + self.places.index(place) if place in self.places else None
-            object.__setattr__(self, name, at)
-        longest = float(np.diff(self.records[0].signals.bounds).max(initial=0)) * self.neutral[_STEP]
-        object.__setattr__(self, "_longest", longest)
+        offset = len(self.base) + self.places.index(_OFFSET) if _OFFSET in self.places else None
+        object.__setattr__(self, "_offset", offset)
         object.__setattr__(self, "_neutral", np.array([parameter.neutral for parameter in all_parameters(self)]))
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
@@ -213,14 +205,9 @@ class ActuatorJoint:
         return self._of_orifice is None or bool(values[self._of_orifice[0]] < self._of_orifice[2])
 
     def beyond(self, values: np.ndarray) -> tuple[str, ...]:
-        """An offset too large for a torque sensor that measures all that the orifice lets the joint give, and an integrator
-        that hardly integrates."""
-        found = []
-        if not self._is_straight(values) and self._share_of_offset(values) > MOST_OFFSET:
-            found.append(_OFFSET[0])
-        if self._integral is not None and 0.0 < values[self._integral] * self._longest < LEAST_INTEGRATED:
-            found.append(_INTEGRAL[0])
-        return tuple(found)
+        """An offset too large for a torque sensor that measures all that the orifice lets the joint give."""
+        too_large = not self._is_straight(values) and self._share_of_offset(values) > MOST_OFFSET
+        return (_OFFSET[0],) if too_large else ()
 
     def remarks(self, effects: Collection[str], values: np.ndarray) -> tuple[str, ...]:
         """By about how much the moment arm changes over the positions of the fit trials, if by a step of `NOTABLE_ARM`.

@@ -93,14 +93,6 @@ def test_an_offset_beside_an_orifice_may_be_unequal_areas(model, share, offset, 
     assert model.same_by_law(values) == ({"torque_bias": ("direction_asymmetry",)} if same else {})
 
 
-@pytest.mark.parametrize("added,beyond", [(0.0, False), (0.05, True), (0.3, False)])
-def test_an_integrator_that_hardly_integrates_is_none(model, added, beyond):
-    longest = np.diff(model.records[0].signals.bounds).max() * model.dt / model.per_row
-    values = neutral(model)
-    values[placed(model, "integral_action", "ki")] = added / longest
-    assert model.beyond(values) == (("integral_action",) if beyond else ())
-
-
 def test_every_effect_and_every_shape_does_something(model):
     expected = model.error(neutral(model))
     for effect in model.effects:
