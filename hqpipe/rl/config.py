@@ -67,11 +67,11 @@ class CommandConfig:
         standing_at_once: whether standing is commanded before the curriculum has reached its end. A gait that is learned
             from standing takes the first step on the spot sooner without.
         straight_share: of the moving draws with vy = ω = 0; assumption.
-        in_place_share: of the moving draws, half that only turn and half that only step sideways. A trot does so from the
-            start; a gait that is learned needs to see it.
+        in_place_share: of the moving draws, half that only turn and half that only step sideways, which a learned gait needs.
         smallest: norm of the slowest moving command, turning at a lever of 1 m, m/s. Rewards tell stepping from standing
             by whether the command is zero, which no policy can tell from a few mm/s.
         resample_s: mean time between draws, s; assumption.
+        ramp_s: longest time from one command to the next, s; an episode then begins from standing. 0 changes them at once.
     """
 
     vx: tuple[float, float] = (0.0, 1.2)
@@ -83,6 +83,7 @@ class CommandConfig:
     in_place_share: float = 0.0
     smallest: float = 0.0
     resample_s: float = 4.0
+    ramp_s: float = 0.0
 
 
 @dataclass(frozen=True)

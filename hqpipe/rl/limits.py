@@ -60,6 +60,7 @@ LIMITS: dict[str, Limit] = {
     "command.in_place_share": _SHARE,
     "command.smallest": _SPEED,
     "command.resample_s": Limit(0.01, 3600.0, "from one control period to an hour"),
+    "command.ramp_s": Limit(0.0, 3600.0, "s; 0 changes a command at once"),
     "noise.gyro": Limit(0.0, 100.0, "rad/s, full scale of a gyroscope"),
     "noise.position": _ANGLE,
     "noise.velocity": Limit(0.0, 100.0, "rad/s, beyond any joint"),

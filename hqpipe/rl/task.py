@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hqpipe.rl import gait, rewards
-from hqpipe.rl.commands import sample_commands
+from hqpipe.rl.commands import CommandRamps, sample_commands
 from hqpipe.rl.config import CONTROL_PERIOD_S, TrainConfig
 from hqpipe.rl.contact_timer import ContactTimer
 from hqpipe.rl.initial_state import InitialState, random_state, trial_state
@@ -77,7 +77,7 @@ class LocomotionTask:
         self._offsets = gait.leg_offsets(robot.feet)
         self._episode_steps = round(config.episode_s / CONTROL_PERIOD_S)
         n, joints, feet = self.count, len(robot.joints), len(robot.feet)
-        self.command = np.zeros((n, 3))
+        self.ramps = CommandRamps(n, config.command.ramp_s)
         self.phase = np.zeros(n)
         self.steps = np.zeros(n, dtype=np.int64)
         self.targets = np.zeros((n, 3, joints))
@@ -88,12 +88,17 @@ class LocomotionTask:
         self.timer = ContactTimer(n, feet)
 
     @property
+    def command(self) -> np.ndarray:
+        """(N, 3) what each robot is told now, m/s, m/s and rad/s."""
+        return self.ramps.command
+
+    @property
     def observation_size(self) -> int:
         return self.layout.size + self.state_layout.size
 
     def set_commands(self, commands: np.ndarray) -> None:
         """Command each robot: (N, 3) m/s, m/s, rad/s."""
-        self.command[:] = commands
+        self.ramps.command[:] = commands
 
     def reset(self) -> np.ndarray:
         """Start an episode with every robot; returns (N, n) observations."""
@@ -220,7 +225,8 @@ class LocomotionTask:
         n = len(indices)
         if self.training:
             start: InitialState = random_state(self.robot, self.geometry, self.config.randomisation, n, self.rng)
-            self.command[indices] = self._sample_commands(n)
+            self.ramps.stand(indices)
+            self.ramps.head_for(indices, self._sample_commands(n), self.rng)
             self.phase[indices] = self.rng.random(n)
         else:
             start = trial_state(self.robot, self.geometry, n)
@@ -244,7 +250,8 @@ class LocomotionTask:
 
     def _draw_commands(self) -> None:
         due = self.rng.random(self.count) < CONTROL_PERIOD_S / self.config.command.resample_s
-        self.command[due] = self._sample_commands(int(due.sum()))
+        self.ramps.head_for(np.flatnonzero(due), self._sample_commands(int(due.sum())), self.rng)
+        self.ramps.advance()
 
     def _sample_commands(self, count: int) -> np.ndarray:
         commands = self.config.command

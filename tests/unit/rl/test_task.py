@@ -120,6 +120,16 @@ def test_standing_may_be_commanded_later_than_all_else(robot, spec, still_world,
     assert (task.command == 0.0).all(axis=1).tolist() == [stands] * 3
 
 
+def test_with_a_ramp_an_episode_begins_from_standing(robot, spec, still_world, small):
+    command = replace(small.command, ramp_s=0.5, resample_s=3600.0, standing_share=0.0, smallest=0.15)
+    task = LocomotionTask(robot, spec, still_world, replace(small, command=command), training=True, seed=3)
+    task.reset()
+    assert not task.command.any()
+    for _ in range(50):
+        task.step(ACTIONS)
+    assert (np.linalg.norm(task.command, axis=1) >= 0.15).all()
+
+
 def test_same_seed_same_numbers(robot, spec, still_world, small):
     runs = []
     for _ in range(2):
