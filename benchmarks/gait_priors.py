@@ -113,7 +113,9 @@ class Exam:
         self, robot: RobotSpec, actuator: ActuatorModel, trainer: Trainer, robots: int, seconds: float, workers: int
     ) -> None:
         calm = replace(trainer.config.randomisation, push_interval_s=0.0)
-        config = replace(trainer.config, randomisation=calm, episode_s=2.0 * seconds)
+        command = replace(trainer.config.command, ramp_s=0.0)
+        config = replace(trainer.config, randomisation=calm, command=command, episode_s=2.0 * seconds)
+        self.ramp = round(0.5 * trainer.config.command.ramp_s * RATE_HZ)  # periods, as in the exams of the training
         self.seed, self.robots, self.periods = config.seed + 1000, robots, round(seconds * RATE_HZ)
         self.commands = np.repeat(np.array(COMMANDS), robots, axis=0)
         world = training_world(robot, actuator, config, num_envs=len(self.commands), workers=workers, seed=self.seed)
@@ -128,8 +130,9 @@ class Exam:
         velocity, place = np.zeros((self.periods, count, 3)), np.zeros((self.periods, count, 2))
         height, contact = np.zeros((self.periods, count, 4)), np.zeros((self.periods, count, 4), dtype=bool)
         for period in range(self.periods):
-            task.set_commands(self.commands)  # whatever the training would draw
-            observation[:, told] = self.commands
+            commands = self.commands if period >= self.ramp else self.commands * period / self.ramp
+            task.set_commands(commands)  # whatever the training would draw
+            observation[:, told] = commands
             outcome = task.step(actor(observation))
             observation = outcome.observation
             fell |= outcome.fell

@@ -59,13 +59,16 @@ class CommandRamps:
         """Robots that begin an episode are told to stand, until their first command."""
         self.command[indices] = 0.0
 
-    def head_for(self, indices: np.ndarray, goals: np.ndarray, rng: np.random.Generator) -> None:
-        """Give robots `indices` (n,) new commands `goals` (n, 3)."""
+    def head_for(self, indices: np.ndarray, goals: np.ndarray, rng: np.random.Generator | None = None) -> None:
+        """Give robots `indices` (n,) new commands `goals` (n, 3); without `rng` all are half of the longest time on the way."""
         self._goal[indices] = goals
         if self._longest == 0:
             self.command[indices] = goals
             return
-        left = rng.integers(1, self._longest, size=len(indices), endpoint=True)
+        if rng is None:
+            left = np.full(len(indices), max(1, self._longest // 2))
+        else:
+            left = rng.integers(1, self._longest, size=len(indices), endpoint=True)
         self._left[indices] = left
         self._change[indices] = (goals - self.command[indices]) / left[:, None]
 

@@ -71,7 +71,7 @@ class CommandConfig:
         smallest: norm of the slowest moving command, turning at a lever of 1 m, m/s. Rewards tell stepping from standing
             by whether the command is zero, which no policy can tell from a few mm/s.
         resample_s: mean time between draws, s; assumption.
-        ramp_s: longest time from one command to the next, s; an episode then begins from standing. 0 changes them at once.
+        ramp_s: longest time from one command to the next, s; episodes then begin from standing. 0 changes them at once.
     """
 
     vx: tuple[float, float] = (0.0, 1.2)

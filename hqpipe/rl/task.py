@@ -97,8 +97,8 @@ class LocomotionTask:
         return self.layout.size + self.state_layout.size
 
     def set_commands(self, commands: np.ndarray) -> None:
-        """Command each robot: (N, 3) m/s, m/s, rad/s."""
-        self.ramps.command[:] = commands
+        """Command each robot: (N, 3) m/s, m/s, rad/s; with `command.ramp_s` they begin from the command before."""
+        self.ramps.head_for(np.arange(self.count), commands)
 
     def reset(self) -> np.ndarray:
         """Start an episode with every robot; returns (N, n) observations."""
@@ -132,6 +132,7 @@ class LocomotionTask:
         if self.training:
             self._draw_commands()
             self._push()
+        self.ramps.advance()
         final = np.where(broken[:, None], 0.0, self.observe()).astype(np.float32)
         ended = np.flatnonzero(fell | timed_out) if self.training else np.empty(0, dtype=np.int64)
         observation = final
@@ -230,6 +231,7 @@ class LocomotionTask:
             self.phase[indices] = self.rng.random(n)
         else:
             start = trial_state(self.robot, self.geometry, n)
+            self.ramps.stand(indices)
             self.phase[indices] = 0.0
         self.world.reset(
             indices,
@@ -251,7 +253,6 @@ class LocomotionTask:
     def _draw_commands(self) -> None:
         due = self.rng.random(self.count) < CONTROL_PERIOD_S / self.config.command.resample_s
         self.ramps.head_for(np.flatnonzero(due), self._sample_commands(int(due.sum())), self.rng)
-        self.ramps.advance()
 
     def _sample_commands(self, count: int) -> np.ndarray:
         commands = self.config.command

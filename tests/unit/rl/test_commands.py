@@ -65,3 +65,14 @@ def test_without_a_ramp_commands_change_at_once():
     ramps.head_for(np.array([1]), np.array([[1.0, 0.0, 0.0]]), np.random.default_rng(0))
     ramps.advance()
     assert ramps.command.tolist() == [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]
+
+
+def test_without_random_numbers_all_take_half_of_the_longest_time():
+    ramps = CommandRamps(2, 0.4)
+    ramps.head_for(np.arange(2), np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.5]]))
+    for _ in range(10):
+        ramps.advance()
+    np.testing.assert_allclose(ramps.command, [[0.5, 0.0, 0.0], [0.0, 0.0, 0.25]])
+    for _ in range(10):
+        ramps.advance()
+    assert ramps.command.tolist() == [[1.0, 0.0, 0.0], [0.0, 0.0, 0.5]]
