@@ -58,6 +58,7 @@ class CommandRamps:
     def stand(self, indices: np.ndarray) -> None:
         """Robots that begin an episode are told to stand, until their first command."""
         self.command[indices] = 0.0
+        self._left[indices] = 0
 
     def head_for(self, indices: np.ndarray, goals: np.ndarray, rng: np.random.Generator | None = None) -> None:
         """Give robots `indices` (n,) new commands `goals` (n, 3); without `rng` all are half of the longest time on the way."""

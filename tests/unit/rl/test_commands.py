@@ -76,3 +76,12 @@ def test_without_random_numbers_all_take_half_of_the_longest_time():
     for _ in range(10):
         ramps.advance()
     assert ramps.command.tolist() == [[1.0, 0.0, 0.0], [0.0, 0.0, 0.5]]
+
+
+def test_a_robot_that_is_told_to_stand_forgets_where_it_was_heading():
+    ramps = CommandRamps(1, 0.4)
+    ramps.head_for(np.array([0]), np.array([[1.0, 0.0, 0.0]]))
+    ramps.advance()
+    ramps.stand(np.array([0]))
+    ramps.advance()
+    assert not ramps.command.any()
