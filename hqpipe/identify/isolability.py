@@ -17,7 +17,7 @@ from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.effect_secants import ROUNDING, EffectSecants, Secant, least_size, secant_of_size
 from hqpipe.identify.misfit import misfit_noise
 from hqpipe.identify.search import Search
-from hqpipe.identify.visible import UNUSUAL, least_square
+from hqpipe.identify.visible import UNUSUAL, least_of, least_square
 from hqpipe.identify.worth_keeping import LEAST_SHARE, floor_of
 
 _CLEAR = 2.0  # times the size from which an effect shows: there it is clear of the noise; assumption
@@ -62,13 +62,15 @@ def isolability(search: Search) -> dict[str, Isolability]:
     found, shown = {}, {}
     for name in names:
         directions, spread = secants_by_direction[name], search.effects[name].parameters[0].spread
-        beside_noise = max(least_square(search, name, floor, 0.0, misfit_noise(model)[0] ** 2), rounding)
-        beside_base = max(least_square(search, name, left, above, base.covariance.noise, time), rounding)
-        sizes = [least_size(each, spread, beside_noise, 0.0) for each in directions]
+        noise = misfit_noise(model)[0] ** 2
+        beside_noise = [least_square(search, name, floor, 0.0, noise, is_usual=usual) for usual in (False, True)]
+        beside_base = [
+            least_square(search, name, left, above, base.covariance.noise, time, usual) for usual in (False, True)
+        ]
+        sizes = [_least(search, name, each, np.maximum(beside_noise, rounding), 0.0) for each in directions]
         least = _largest(search, name, sizes)
-        most = _largest(
-            search, name, [least_size(each, spread, beside_base, LEAST_SHARE * above) for each in directions]
-        )
+        asked = np.maximum(beside_base, rounding)
+        most = _largest(search, name, [_least(search, name, each, asked, LEAST_SHARE * above) for each in directions])
         shows = least is not None and least <= UNUSUAL * spread
         # Where an effect shows in one direction only, the other one says nothing of it.
         able = [each for each, size in zip(directions, sizes, strict=True) if size is not None or not shows]
@@ -79,6 +81,19 @@ def isolability(search: Search) -> dict[str, Isolability]:
         found[name] = Isolability(shows, least, most, _share_done_by_base(usual, rounding))
     alike = alike_effects(secants, shown, secants_by_direction, floor)
     return {name: replace(f, alike=alike.get(name, ())) for name, f in found.items()}
+
+
+def _least(search: Search, name: str, secants: Sequence[Secant], asked: Sequence[float], done: float) -> float | None:
+    """The least size that is enough in one direction; None where none is.
+
+    Args:
+        asked: squares, of effects of any size and of those of usual size. done: see `least_size`.
+    """
+    spread = search.effects[name].parameters[0].spread
+    of_any, of_usual = (least_size(secants, spread, square, done) for square in asked)
+    if of_usual is None:
+        return of_any
+    return least_of(np.inf if of_any is None else of_any, of_usual, search.usual_size(name))
 
 
 def _largest(search: Search, name: str, sizes: Sequence[float | None]) -> float | None:

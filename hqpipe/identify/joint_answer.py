@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -10,8 +11,10 @@ from hqpipe.identify.beliefs import with_beliefs
 from hqpipe.identify.beside import rank_beside
 from hqpipe.identify.confirmed import confirmed, heldout_square
 from hqpipe.identify.drifts import drifts
+from hqpipe.identify.effect_band import effect_band
 from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
 from hqpipe.identify.intervals import half_widths
+from hqpipe.identify.left_out import left_out_error
 from hqpipe.identify.search import Known, Names, Search
 from hqpipe.identify.uncertain_effects import certainty, without_uncertain
 from hqpipe.identify.worth_keeping import causes_of, floor_of
@@ -57,12 +60,34 @@ def answer(search: Search, best: Known) -> JointFound:
         shapes=_shapes(search, core, named),
         closes={n: (search.left_out(search.without(claimed, n)) - square) / whole for n in causes},
         unexplained=max(square - floor, 0.0) / whole,
-        unknown=max(search.left_out(unshaped) - floor, 0.0) / whole,
+        **_beside_unknown(search, claimed, unshaped, base, causes),
         gap=max(whole - floor, 0.0) / whole,
         drifts=drifts(search, core),
         withdrawn=tuple(sorted(claimed.names - core.names)),
         minor=tuple(sorted(search.barred)),
     )
+
+
+def _beside_unknown(
+    search: Search, claimed: Known, unshaped: Known, base: Known, causes: Sequence[str]
+) -> dict[str, Any]:
+    """What each cause closes, and what is left above the noise without generic shapes, in the band of the effects; over the
+    squared error of the base.
+
+    Args:
+        claimed, unshaped: the set with and without its generic shapes.
+    """
+    whole = max(search.left_out(base), np.finfo(float).tiny)
+    band = effect_band(base.solution.error - unshaped.solution.error, search.model.fit)
+
+    def square(known: Known) -> float:
+        return band.square(left_out_error(search.fitter, known.solution))
+
+    least, noise = square(claimed), floor_of(search) * band.share
+    return {
+        "closes_in_band": {name: (square(search.without(claimed, name)) - least) / whole for name in causes},
+        "unknown": max(square(unshaped) - noise, 0.0) / whole,
+    }
 
 
 def _context(search: Search, best: Known) -> Known:

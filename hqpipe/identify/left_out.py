@@ -19,9 +19,15 @@ _SINGULAR = 1e-9  # of the largest eigenvalue: a number that the other groups do
 
 
 def left_out_square(fitter: Fitter, solution: Solution) -> float:
-    """Sum of the squared errors of every group, predicted from the others; infinite where the prediction overflows."""
+    """Sum of the squares of `left_out_error`."""
+    error = left_out_error(fitter, solution)
+    return float(error @ error)
+
+
+def left_out_error(fitter: Fitter, solution: Solution) -> np.ndarray:
+    """(N,) errors of every group, predicted from the others; infinite where the prediction overflows."""
     if not np.isfinite(solution.square):
-        return np.inf
+        return np.full(len(solution.error), np.inf)
     jacobian, error, free = solution.jacobian, solution.error, solution.free
     spread = fitter.spread[free]
     noise = solution.square / max(len(error), 1)
@@ -29,16 +35,15 @@ def left_out_square(fitter: Fitter, solution: Solution) -> float:
     normal = jacobian.T @ jacobian + np.diag(prior)
     scale = lengths(normal)
     reach = np.where(np.isfinite(spread), spread, np.inf)  # what few samples ask for beyond that is noise
-    total = 0.0
+    found = np.empty(len(error))
     group = groups(fitter.model.fit)
     for number in np.unique(group):
         here = group == number
         mine = jacobian[here] / scale
         rest = normal / np.outer(scale, scale) - mine.T @ mine
         step = np.linalg.lstsq(rest, mine.T @ error[here], rcond=_SINGULAR)[0] / scale
-        predicted = _stepped(fitter, solution, np.clip(step, -reach, reach), ~here)[here]
-        total += float(predicted @ predicted)
-    return total
+        found[here] = _stepped(fitter, solution, np.clip(step, -reach, reach), ~here)[here]
+    return found
 
 
 def _stepped(fitter: Fitter, solution: Solution, step: np.ndarray, rest: np.ndarray) -> np.ndarray:

@@ -26,6 +26,12 @@ LEAST_RISE = 0.1
 """Share by which the squared error must grow without an effect for it to be a cause: 5 % of the error. An effect with less,
 or one that closes less than `MATERIAL` of the output's spread, is of no use to a simulator; where no model is exact, ever
 smaller effects are significant without end. The cost: a real one that small is not named."""
+USUAL_SIZE = 0.5
+"""Size over what a data sheet of such a machine would give, from which an effect is of usual size; assumption."""
+STRONGER = 2.0
+"""How many times as strong motion may be as in the logs. It shows an effect of usual size that much more, so `LEAST_RISE` and
+`LEAST_GAIN` of such a one are smaller by the square of this; assumption: a simulator is asked for motion that no log holds.
+The cost: what refines the law of another cause, and has that size, may get a name."""
 LEAST_GAIN = 0.05
 """The same for the search to go on from a set with the effect: half of it, as two effects may close a share together."""
 HALVED = 0.5
@@ -245,9 +251,21 @@ class Search:
         output = self.model.fit.output
         return len(output) * (MATERIAL * float(np.std(output))) ** 2 if len(output) else 0.0
 
-    def needed(self, square: float) -> float:
-        """What a cause has to close of the squared error; `square`: what is left with it."""
-        return max(LEAST_RISE * square, self.material)
+    def needed(self, square: float, is_usual: bool) -> float:
+        """What a cause has to close of the squared error.
+
+        Args:
+            square: what is left with it. is_usual: whether it is of usual size.
+        """
+        return max(LEAST_RISE * square / (STRONGER**2 if is_usual else 1.0), self.material)
+
+    def is_usual(self, known: Known, name: str) -> bool:
+        """Whether an effect of a set is as large as a data sheet would have it; a generic shape has no such size."""
+        return self.effects[name].named and self.size(known, name) >= self.usual_size(name)
+
+    def usual_size(self, name: str) -> float:
+        """Of an effect's first number, from neutral; infinite where nobody knows."""
+        return USUAL_SIZE * float(self.fitter.spread[self.screening.places(name)[0]])
 
     def left_out(self, known: Known) -> float:
         """Sum of the squared errors of groups of fit samples, each predicted from the others."""
@@ -268,15 +286,19 @@ class Search:
             needed = max(LEAST_GAIN / (1.0 + LEAST_GAIN) * best.solution.square, self.material)
             ranked = self.screening.screened(best, self.addable(best.names))[:REFITTED]
             tried = ranked[:1] + [(gain, name) for gain, name in ranked[1:] if gain >= _PROMISED * needed]
-            larger = [self.grown_by(best, name) for _, name in tried]
-            able = [
-                k for k in larger if best.solution.square - k.solution.square >= needed or self._is_ordinary(k, best)
-            ]
+            larger = {name: self.grown_by(best, name) for _, name in tried}
+            able = [k for name, k in larger.items() if self._closes_enough(k, best, name) or self._is_ordinary(k, best)]
             options = [(gain, k) for k in able if (gain := self.gain(k, best)) > 0.0]
             if not options:
                 break
             _, best = max(options, key=lambda pair: pair[0])
         return best
+
+    def _closes_enough(self, larger: Known, smaller: Known, name: str) -> bool:
+        """Whether an effect that a set has beside a smaller one takes off what the search goes on for."""
+        share = LEAST_GAIN / (STRONGER**2 if self.is_usual(larger, name) else 1.0)
+        least = max(share / (1.0 + share) * smaller.solution.square, self.material)
+        return smaller.solution.square - larger.solution.square >= least
 
     def _is_ordinary(self, larger: Known, smaller: Known) -> bool:
         """Whether the effect that a set has beside a smaller one is of a size that every sound machine may have: a part

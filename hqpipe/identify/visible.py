@@ -35,23 +35,41 @@ def least_visible(search: Search, known: Known, base: Known, rare: Collection[st
             continue
         size, done, square = reached
         alike = (OVERSTATED if name in rare else 1.0) * time
-        needed = least_square(search, name, left, unexplained, known.covariance.noise, alike)
-        needed = max(needed, LEAST_SHARE * gap) if name in rare else needed
-        least = max(needed / square, LEAST_SHARE * gap / done)
-        found[name] = float(max(size * np.sqrt(least), effect.parameters[0].least))
+        sizes = []
+        for is_usual in (False, True):
+            needed = least_square(search, name, left, unexplained, known.covariance.noise, alike, is_usual)
+            needed = max(needed, LEAST_SHARE * gap) if name in rare else needed
+            sizes.append(size * float(np.sqrt(max(needed / square, LEAST_SHARE * gap / done))))
+        found[name] = max(least_of(sizes[0], sizes[1], search.usual_size(name)), effect.parameters[0].least)
     return found
 
 
+def least_of(any_size: float, of_usual: float, usual: float) -> float:
+    """The least size that is named, of the least by what is asked of effects of any size and of those of usual size.
+
+    Args:
+        usual: from where on effects are of usual size.
+    """
+    return min(any_size, max(of_usual, usual))
+
+
 def least_square(
-    search: Search, name: str, left: float, unexplained: float, variance: float, time: float = 1.0
+    search: Search,
+    name: str,
+    left: float,
+    unexplained: float,
+    variance: float,
+    time: float = 1.0,
+    is_usual: bool = False,
 ) -> float:
     """Square of what an effect has to change in the prediction, beyond what the free numbers can do, to be named.
 
     Args:
         left: squared error beside the effect. unexplained: as much of it as is above the noise of the sensors.
-        variance: of the errors. time: samples that say as much as one that is independent.
+        variance: of the errors. time: samples that say as much as one that is independent. is_usual: whether it is of usual
+            size.
     """
     independent = max(len(search.model.fit.trial) / time, 1.0)
     charge = 0.5 * len(search.effects[name].parameters) * float(np.log(independent)) - search.odds[name]
-    rules = max(search.needed(left), LEAST_OF_UNKNOWN * unexplained)
+    rules = max(search.needed(left, is_usual), LEAST_OF_UNKNOWN * unexplained)
     return max(rules, 2.0 * max(charge, 0.0) * variance * time)

@@ -101,7 +101,8 @@ def _without_small(search: Search, known: Known, base: Known) -> Known:
         known, smaller = search.taken_apart(known, rest)
         square = search.left_out(known)
         closes = {name: search.left_out(smaller[name]) - square for name in rest}
-        needed = {name: 0.0 if name in search.shared else search.needed(square) for name in rest}
+        needed = {name: search.needed(square, search.is_usual(known, name)) for name in rest}
+        needed |= {name: 0.0 for name in rest if name in search.shared}
         small = [
             name
             for name in rest

@@ -36,6 +36,7 @@ _ARM_SLOTS = [slot("setting", name) for name in ARM]
 _STEP, _MIDDLE = slot("setting", "sample_time"), slot("setting", "middle")
 _ORIFICE, _AREAS = ("orifice_flow", "effort_max_nm"), ("direction_asymmetry", "areas")
 _OFFSET = ("torque_bias", "nm")
+_RATIO, _UNEVEN = ("direction_asymmetry", "ratio"), ("position_dependent_stiffness", "unevenness")
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
 SPEEDS = ("raw_velocity", "velocity", "sliding")  # signals that are the speed of the log, or come of it
 _DRIVEN = (SPEEDS, ("demand",), ("raw_command", "command"), ("raw_position", "position"))
@@ -91,6 +92,7 @@ class ActuatorJoint:
     _run: RepeatedRun = field(init=False)
     _friction: np.ndarray = field(init=False)
     _of_orifice: tuple[int, int, float] | None = field(init=False)
+    _of_directions: tuple[int, int] | None = field(init=False)
     _offset: int | None = field(init=False)
     _neutral: np.ndarray = field(init=False)
     _last: dict[str, float] = field(init=False)
@@ -111,6 +113,8 @@ class ActuatorJoint:
         friction = [k for k, (owner, _) in enumerate(self.places) if EFFECTS[owner].effort_sources]
         object.__setattr__(self, "_friction", len(self.base) + np.array(friction, dtype=np.int64))
         object.__setattr__(self, "_of_orifice", self._areas_beside_orifice())
+        directions = [len(self.base) + self.places.index(place) for place in (_RATIO, _UNEVEN) if place in self.places]
+        object.__setattr__(self, "_of_directions", tuple(directions) if len(directions) == 2 else None)
         offset = len(self.base) + self.places.index(_OFFSET) if _OFFSET in self.places else None
         object.__setattr__(self, "_offset", offset)
         object.__setattr__(self, "_neutral", np.array([parameter.neutral for parameter in all_parameters(self)]))
@@ -188,11 +192,17 @@ class ActuatorJoint:
         return tuple(values[len(BASE_NAMES) : len(self.base)].tolist())
 
     def idle(self, values: np.ndarray) -> tuple[int, ...]:
-        """Places of parameters that change nothing at these values: how friction turns round, where there is none, and areas
-        that do not act."""
+        """Places of parameters that change nothing at these values: how friction turns round, where there is none, areas
+        that do not act, and the unevenness of unequal chambers beside directions of unequal gain."""
         present = np.any(values[self._friction] != self._neutral[self._friction])
         turning = () if present else (_SPEED_LATE, *_PRESLIDING)
-        return (*turning, self._of_orifice[1]) if self._is_even(values) else turning
+        areas = (self._of_orifice[1],) if self._is_even(values) else ()
+        return (*turning, *areas, *((self._of_directions[1],) if self._has_ratio(values) else ()))
+
+    def _has_ratio(self, values: np.ndarray) -> bool:
+        """Whether the gains of both directions have a ratio, which is all that the unevenness of chambers would say of them:
+        of two numbers that only their sum shows, neither could be told from none."""
+        return self._of_directions is not None and values[self._of_directions[0]] != 0.0
 
     def _is_even(self, values: np.ndarray) -> bool:
         """Whether there are areas of an orifice that bends nothing, or that differ by less than those of any rod."""
@@ -250,6 +260,8 @@ class ActuatorJoint:
         row[self._columns] = values[self._owned]
         if self._is_even(values):
             row[slot(*_AREAS)] = 0.0
+        if self._has_ratio(values):
+            row[slot(*_UNEVEN)] = 0.0
         return row
 
     def values_of(self, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

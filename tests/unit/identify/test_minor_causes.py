@@ -22,6 +22,10 @@ class Answered:
     model: object = field(default=None)
     causes: tuple = ()
 
+    @property
+    def closes_in_band(self):
+        return self.closes
+
 
 def test_an_effect_that_went_does_not_come_back_when_the_next_one_goes(monkeypatch):
     calls = []

@@ -71,6 +71,17 @@ def test_unequal_areas_act_where_the_orifice_bends_the_flow_and_a_rod_can_be(mod
     assert np.array_equal(model.error(values), expected) is not acts
 
 
+@pytest.mark.parametrize("ratio", [0.0, 0.03])
+def test_chambers_are_uneven_only_where_the_directions_have_no_ratio(model, ratio):
+    slope, uneven = (placed(model, "position_dependent_stiffness", name) for name in ("slope_per_rad", "unevenness"))
+    values = neutral(model)
+    values[[slope, placed(model, "direction_asymmetry", "ratio")]] = 0.6, ratio
+    expected = model.error(values)
+    values[uneven] = 0.01
+    assert (uneven in model.idle(values)) is (ratio != 0.0)
+    assert np.array_equal(model.error(values), expected) is (ratio != 0.0)
+
+
 @pytest.mark.parametrize(
     "share,offset,beyond", [(1.1, 0.11, True), (1.1, -0.11, True), (1.1, 0.09, False), (0.9, 0.11, False)]
 )
