@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import periodogram
 
 from hqpipe.identify.model import Samples
 
@@ -31,17 +32,14 @@ class EffectBand:
     @property
     def share(self) -> float:
         """Of white noise that lies in the band."""
-        white = inside = 0.0
-        for frequency, weight, _ in _powers(np.zeros(len(self.samples.trial)), self.samples):
-            white, inside = white + weight.sum(), inside + weight[frequency <= self.highest].sum()
-        return float(inside / white) if white else 1.0
+        return self.highest / _FASTEST
 
     def square(self, error: np.ndarray) -> float:
         """Sum of the squares of that part of errors (N,) that lies in the band; infinite where a prediction overflows."""
         if not np.isfinite(error).all():
             return np.inf
         powers = _powers(error, self.samples)
-        return float(sum(np.sum(power[frequency <= self.highest]) for frequency, _, power in powers))
+        return float(sum(np.sum(power[frequency <= self.highest]) for frequency, power in powers))
 
 
 def effect_band(change: np.ndarray, samples: Samples) -> EffectBand:
@@ -52,7 +50,7 @@ def effect_band(change: np.ndarray, samples: Samples) -> EffectBand:
     """
     if not np.isfinite(change).all():
         return EffectBand(samples, _FASTEST)
-    powers = [(frequency[1:], power[1:]) for frequency, _, power in _powers(change, samples)]
+    powers = [(frequency[1:], power[1:]) for frequency, power in _powers(change, samples)]
     if not powers:
         return EffectBand(samples, _FASTEST)
     frequency, power = (np.concatenate(column) for column in zip(*powers, strict=True))
@@ -63,12 +61,10 @@ def effect_band(change: np.ndarray, samples: Samples) -> EffectBand:
     return EffectBand(samples, float(frequency[order][np.searchsorted(below, _HELD * below[-1])]))
 
 
-def _powers(values: np.ndarray, samples: Samples) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Of each trial: frequencies (cycles a sample), how many of its numbers each stands for, and the square of its part."""
+def _powers(values: np.ndarray, samples: Samples) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Of each trial: frequencies, cycles a sample, and the part of the sum of squares at each."""
     for k in range(len(samples.files)):
         own = values[samples.trial == k]
-        if not len(own):
-            continue
-        frequency = np.fft.rfftfreq(len(own))
-        weight = np.where((frequency == 0.0) | (frequency == _FASTEST), 1.0, 2.0)
-        yield frequency, weight, weight * np.abs(np.fft.rfft(own)) ** 2 / len(own)
+        if len(own):
+            frequency, mean_square = periodogram(own, detrend=False, scaling="spectrum")
+            yield frequency, len(own) * mean_square

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -45,6 +44,7 @@ def answer(search: Search, best: Known) -> JointFound:
     unshaped = _only(search, claimed, frozenset(causes_of(search, claimed, base)) | base.names | unchanged)
     half, floor = half_widths(search, core), floor_of(search)
     whole, square = max(search.left_out(base), np.finfo(float).tiny), search.left_out(claimed)
+    closes_in_band, unknown = _beside_unknown(search, claimed, unshaped, base, causes)
     return JointFound(
         model=search.model,
         base=fitted(search, base),
@@ -60,7 +60,8 @@ def answer(search: Search, best: Known) -> JointFound:
         shapes=_shapes(search, core, named),
         closes={n: (search.left_out(search.without(claimed, n)) - square) / whole for n in causes},
         unexplained=max(square - floor, 0.0) / whole,
-        **_beside_unknown(search, claimed, unshaped, base, causes),
+        closes_in_band=closes_in_band,
+        unknown=unknown,
         gap=max(whole - floor, 0.0) / whole,
         drifts=drifts(search, core),
         withdrawn=tuple(sorted(claimed.names - core.names)),
@@ -70,7 +71,7 @@ def answer(search: Search, best: Known) -> JointFound:
 
 def _beside_unknown(
     search: Search, claimed: Known, unshaped: Known, base: Known, causes: Sequence[str]
-) -> dict[str, Any]:
+) -> tuple[dict[str, float], float]:
     """What each cause closes, and what is left above the noise without generic shapes, in the band of the effects; over the
     squared error of the base.
 
@@ -84,10 +85,8 @@ def _beside_unknown(
         return band.square(left_out_error(search.fitter, known.solution))
 
     least, noise = square(claimed), floor_of(search) * band.share
-    return {
-        "closes_in_band": {name: (square(search.without(claimed, name)) - least) / whole for name in causes},
-        "unknown": max(square(unshaped) - noise, 0.0) / whole,
-    }
+    closes = {name: (square(search.without(claimed, name)) - least) / whole for name in causes}
+    return closes, max(square(unshaped) - noise, 0.0) / whole
 
 
 def _context(search: Search, best: Known) -> Known:

@@ -101,8 +101,8 @@ def _without_small(search: Search, known: Known, base: Known) -> Known:
         known, smaller = search.taken_apart(known, rest)
         square = search.left_out(known)
         closes = {name: search.left_out(smaller[name]) - square for name in rest}
-        needed = {name: search.needed(square, search.is_usual(known, name)) for name in rest}
-        needed |= {name: 0.0 for name in rest if name in search.shared}
+        asked = [name for name in rest if name not in search.shared]
+        needed = dict.fromkeys(rest, 0.0) | {n: search.needed(square, search.is_usual(known, n)) for n in asked}
         small = [
             name
             for name in rest
