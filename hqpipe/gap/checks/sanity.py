@@ -59,12 +59,16 @@ def _sizes(log_set: LogSet, sizes: list[Unsigned]) -> list[Defect]:
         entries = [entry for entry in sizes if entry.channel == channel]
         proven = [entry.joint for entry in entries]
         alike = [j for j in never_negative(log_set.trials, channel) if j not in proven]
-        worst = max(entry.error_ratio for entry in entries)
+        worst = max((entry.error_ratio for entry in entries if not entry.pulls_away), default=None)
+        proof = (
+            "as it was logged it pulls away from its command"
+            if worst is None
+            else f"with its sign restored its own inputs explain it with at most {worst:.0%} of the squared error"
+        )
         text = (
             f"{joint_column(proven[0], channel)}"
             + (f" (and of {listed(proven[1:])})" if len(proven) > 1 else "")
-            + f" has lost its sign: it is never negative, and with its sign restored its own inputs explain it with at "
-            f"most {worst:.0%} of the squared error"
+            + f" has lost its sign: it is never negative, and {proof}"
             + (f"; {listed(alike)} never go negative either" if alike else "")
             + "; record the signed signal"
         )

@@ -10,7 +10,7 @@ dynamic programming, and fit again. Several first guesses are tried, since each 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,9 @@ BETTER = 0.85  # of the squared error that a restored sign may leave; one-way to
 MIN_SHARE = 0.01  # of the torque (by size) that must come out with either sign: noise round zero makes less; assumption
 MIN_ROWS = 200  # of the model; assumption: fewer fit any signs
 NEVER = 1e-9  # of the largest value: as negative as rounding makes a channel
+FOLDS = 8  # of the jackknife
+FOLD_S = 0.25  # blocks dealt out to the folds in turn; assumption: longer than the memory of an actuator
+SIGMAS = 5.0  # standard errors by which a torque pulls away from its command
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,9 @@ class Unsigned:
     Attributes:
         channel: "effort" or "velocity". joint: its name. trials: files in which it was found.
         negative_share: share of the channel, by size, that was negative.
-        error_ratio: squared error of the linear model with restored signs over that without.
+        error_ratio: squared error of the linear model with restored signs over that without; about 1 where
+            `pulls_away`.
+        pulls_away: whether it was negative throughout, so that it pulls away from its command as it was logged.
     """
 
     channel: str
@@ -44,6 +49,7 @@ class Unsigned:
     trials: tuple[str, ...]
     negative_share: float
     error_ratio: float
+    pulls_away: bool = False
 
 
 def unsigned(trials: Sequence[Trial]) -> list[Unsigned]:
@@ -55,14 +61,20 @@ def unsigned(trials: Sequence[Trial]) -> list[Unsigned]:
     found: list[Unsigned] = []
     if not trials:
         return found
-    for j, joint in enumerate(trials[0].trajectory.joints):
+    parts, files = [t.trajectory for t in trials], tuple(t.file for t in trials)
+    for j, joint in enumerate(parts[0].joints):
         for channel, judge in (("velocity", _velocity), ("effort", _effort)):
-            parts = [t.trajectory for t in trials]
             if getattr(parts[0], channel) is None or not _never_negative(parts, channel, j):
                 continue
             judged = judge(parts, j)
-            if judged and judged[1] < BETTER and MIN_SHARE < judged[0] < 1.0 - MIN_SHARE:
-                found.append(Unsigned(channel, joint, tuple(t.file for t in trials), *judged))
+            if judged is None:
+                continue
+            if judged[1] < BETTER and MIN_SHARE < judged[0] < 1.0 - MIN_SHARE:
+                found.append(Unsigned(channel, joint, files, *judged))
+            elif channel == "effort" and _pulls_away(parts, j):
+                found.append(Unsigned(channel, joint, files, *judged, pulls_away=True))
+    if any(entry.pulls_away for entry in found) and _counted_backwards(parts):
+        found = [entry for entry in found if not entry.pulls_away]
     return found
 
 
@@ -106,7 +118,7 @@ def _left(x: np.ndarray, y: np.ndarray) -> float:
 def _effort(parts: list[Trajectory], j: int) -> tuple[float, float] | None:
     if parts[0].position_command is None:
         return None
-    columns = [(t.effort[:, j], t.position_command[:, j], t.position[:, j], t.velocity[:, j]) for t in parts]
+    columns = [(np.abs(t.effort[:, j]), t.position_command[:, j], t.position[:, j], t.velocity[:, j]) for t in parts]
     effort, q_des, q, qd = (list(column) for column in zip(*columns, strict=True))
     steps = [_Steps.of(*part, parts[0].dt) for part in zip(effort, q_des, q, qd, strict=True)]
     kept = min(1.0, MAX_STEPS / sum(len(s.size) for s in steps))
@@ -118,6 +130,29 @@ def _effort(parts: list[Trajectory], j: int) -> tuple[float, float] | None:
     total = sum(float(s.size.sum()) for s in steps)
     negative = sum(float(s.size[sign < 0].sum()) for s, sign in zip(steps, signs, strict=True))
     return negative / max(total, np.finfo(float).tiny), cost / max(plain, np.finfo(float).tiny)
+
+
+def _pulls_away(parts: list[Trajectory], j: int) -> bool:
+    """Whether the effort as logged falls as the command pulls ahead, beyond doubt."""
+    steps = [
+        _Steps.of(t.effort[:, j], t.position_command[:, j], t.position[:, j], t.velocity[:, j], t.dt) for t in parts
+    ]
+    if sum(len(s.size) for s in steps) < MIN_ROWS:
+        return False
+    length = max(1, round(FOLD_S / STEP_S))
+    blocks = [part for s in steps for part in s.blocks(length)]
+    pulls = []
+    for left_out in range(FOLDS):
+        kept = [block for k, block in enumerate(blocks) if k % FOLDS != left_out]
+        pulls.append(_pull(_fit(kept, [np.ones(len(s.size)) for s in kept])[0], kept) if kept else 0.0)
+    error = np.sqrt((FOLDS - 1) * np.var(pulls))
+    return bool(np.mean(pulls) < -SIGMAS * error)
+
+
+def _counted_backwards(parts: list[Trajectory]) -> bool:
+    """Whether an effort that does change its sign pulls away from its command as well: the machine counts the other way."""
+    others = (j for j in range(len(parts[0].joints)) if not _never_negative(parts, "effort", j))
+    return any(_pulls_away(parts, j) for j in others)
 
 
 def restore_sign(
@@ -147,14 +182,14 @@ def restore_sign(
         if len({values.shape for values in part}) != 1 or part[0].ndim != 1:
             shapes = ", ".join(str(values.shape) for values in part)
             raise UsageError(f"restore_sign: expected effort, q_des, q and qd of one shape (T,), got {shapes}")
-    steps = [_Steps.of(*part, dt) for part in zip(effort, q_des, q, qd, strict=True)]
+    steps = [_Steps.of(*part, dt) for part in zip(map(np.abs, effort), q_des, q, qd, strict=True)]
     signs, _ = _search(steps)
     return [_spread(np.abs(values), sign, s.every) for values, sign, s in zip(effort, signs, steps, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
 class _Steps:
-    """One trial on the model's coarser clock: |τ| at the samples (K,), and the inputs between them (K, 5)."""
+    """One trial on the model's coarser clock: torque or its size at the samples (K,), and the inputs between them (K, 5)."""
 
     size: np.ndarray
     inputs: np.ndarray
@@ -164,9 +199,9 @@ class _Steps:
     def of(cls, effort: np.ndarray, q_des: np.ndarray, q: np.ndarray, qd: np.ndarray, dt: float) -> _Steps:
         every = max(1, round(STEP_S / dt))
         count = len(effort) // every
-        error, size = q_des - q, np.abs(effort)
+        error = q_des - q
         now = np.arange(count) * every
-        mean = [np.add.reduceat(values[: count * every], now) / every for values in (size, error, qd)]
+        mean = [np.add.reduceat(values[: count * every], now) / every for values in (effort, error, qd)]
         change = [np.append(np.diff(values), 0.0) for values in mean[1:]]
         inputs = np.column_stack([mean[1], change[0], mean[2], change[1], np.ones(count)])
         return cls(mean[0], inputs, every)
@@ -174,6 +209,11 @@ class _Steps:
     def start(self, count: int) -> _Steps:
         """The first `count` samples."""
         return _Steps(self.size[:count], self.inputs[:count], self.every)
+
+    def blocks(self, length: int) -> Iterator[_Steps]:
+        """Parts of so many samples, the last one of what is left."""
+        for k in range(0, len(self.size), length):
+            yield _Steps(self.size[k : k + length], self.inputs[k : k + length], self.every)
 
 
 def _search(steps: list[_Steps]) -> tuple[list[np.ndarray], float]:
@@ -194,9 +234,12 @@ def _search(steps: list[_Steps]) -> tuple[list[np.ndarray], float]:
             best = kept, last
     signs, cost = best
     model, _ = _fit(steps, signs)
-    pull = model[1] * np.std(np.concatenate([s.inputs[:, 0] for s in steps]))
-    pull += model[2] * np.std(np.concatenate([s.inputs[:, 1] for s in steps]))
-    return ([-sign for sign in signs] if pull < 0 else signs), cost
+    return ([-sign for sign in signs] if _pull(model, steps) < 0 else signs), cost
+
+
+def _pull(model: np.ndarray, steps: list[_Steps]) -> float:
+    """How the next torque rises with the position error and its change, each times its spread, N·m."""
+    return float(sum(model[1 + k] * np.std(np.concatenate([s.inputs[:, k] for s in steps])) for k in (0, 1)))
 
 
 def _guesses(steps: list[_Steps]) -> list[list[np.ndarray]]:

@@ -91,6 +91,32 @@ def test_a_torque_of_one_sign_is_not_unsigned():
     assert unsigned(loaded.trials) == []
 
 
+@pytest.mark.parametrize("joints", [(2,), (2, 5)])
+def test_a_size_of_a_torque_that_was_negative_throughout_pulls_away(joints):
+    """As of a knee that bears weight, on a machine whose knees push in the negative direction."""
+
+    def lose(v):
+        changed = v.copy()
+        changed[:, joints] = np.abs(v - v.max(axis=0) - 5.0)[:, joints]
+        return changed
+
+    lost = broken(plant_logs(), values("effort", lose))
+    found = unsigned(lost.trials)
+    assert [entry.joint for entry in found] == [lost.joints[j] for j in joints]
+    assert all(entry.pulls_away for entry in found)
+
+
+def test_a_machine_that_counts_torques_the_other_way_has_lost_no_sign():
+    """Its loaded knee is never negative and pulls away from the command, as all its other joints do."""
+
+    def turned(v):
+        changed = -v
+        changed[:, 2] = np.abs(v - v.max(axis=0) - 5.0)[:, 2]
+        return changed
+
+    assert unsigned(broken(plant_logs(), values("effort", turned)).trials) == []
+
+
 def test_velocity_without_sign():
     found = unsigned(broken(plant_logs(), values("velocity", np.abs, 2)).trials)
     assert [(entry.channel, entry.joint) for entry in found] == [("velocity", "LFK")]
