@@ -11,6 +11,8 @@ from hqpipe.machine.compose.wiring import SIGNAL, STATE, Chain, Link
 if TYPE_CHECKING:
     from hqpipe.machine.compose.windows import Arrays
 
+NO_LIMIT = 1e299  # of a state: none of a machine is as large
+
 
 def _fetch(source: Source, arrays: Arrays, names: list[str], k: str) -> None:
     """Signals along the log at a sample into variables."""
@@ -222,13 +224,15 @@ def _balance(source: Source, chain: Chain, arrays: Arrays, link) -> None:
                 with source.under("if gain == 0.0:"):
                     source.add(f"gain = max(p[{chain.gain}] * samples, 1e-300)")
                 with source.under("elif start != before:"):
-                    source.add(
-                        "last_gain, gain = gain, max((left - missing) / (start - before), 1e-300)",
-                        "doubt = min(abs(gain / last_gain - 1.0), 1.0)",
-                    )
+                    source.add("told = (left - missing) / (start - before)")
+                    with source.under(f"if told > 0.0 or most < {NO_LIMIT}:"):
+                        source.add("last_gain, gain = gain, max(told, 1e-300)")
+                        source.add("doubt = min(abs(gain / last_gain - 1.0), 1.0)")
+                    with source.under("else:  # rounding: where there is no limit, more of a start is always worth more"):
+                        source.add("doubt = 0.0")
                 source.add("before, left, wanted = start, missing, start + missing / gain")
                 with source.under(
-                    "if wanted <= low or wanted >= high:  # the limit takes from what the start is worth"
+                    "if wanted < low or wanted > high:  # the limit takes from what the start is worth"
                 ):
                     source.add("wanted, doubt = 0.5 * (low + high), 1.0")
                 source.add("close = doubt * abs(wanted - start) < CLOSE * abs(wanted)", "start = wanted")

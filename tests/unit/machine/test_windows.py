@@ -64,6 +64,17 @@ def test_an_integrator_that_ran_before_the_log_began_is_found_where_it_stands(ot
     assert rms(residual_windows(row(effects), signals)) < 1e-3 < 1e-4 * rms(residual_windows(rest, signals))
 
 
+def test_an_integrator_without_a_limit_is_found_at_every_gain():
+    """Where more of a start is always worth as much, the search for it may meet it to the last bit, and then ends."""
+    effects = {"integral_action": {"ki": 0.05}, "orifice_flow": planted.TYPICAL["orifice_flow"]}
+    late = planted.trajectory(planted.simulate(6.0, [effects], 0.0, 9)).section(2000, 6000)
+    signals, p, errors = windows_of([late], 0, STEPS), row(effects, k4=0.0), []
+    for gain in np.linspace(0.045, 0.055, 1500):
+        p[slot("integral_action", "ki")] = gain
+        errors.append(rms(residual_windows(p, signals)))
+    assert np.max(errors) < 1.2 * np.min(errors)
+
+
 def test_an_integrator_is_found_where_it_stands_on_a_sagging_supply():
     effects = {name: planted.TYPICAL[name] for name in ("integral_action", "supply_droop")}
     late = planted.trajectory(planted.simulate(6.0, [effects] * 3, 0.0, 9)).section(2000, 6000)
