@@ -3,6 +3,8 @@
 A current sensor behind a rectifier, or a driver that reports the size of a current, logs |τ|. Such a channel is
 never negative, and the linear model "the torque decays and is driven by the position error and the speed" fits it far
 better once its sign is restored. A torque that is truly of one sign (a leg that bears weight) gains nothing.
+Where it was negative throughout, its size fits as well as itself, but pulls away from the command. That tells it where the
+torques that do change their sign pull towards it: a machine may count all torques the other way.
 
 The signs are found by turns: fit the linear model to the signed torque, then choose the signs that fit it best by
 dynamic programming, and fit again. Several first guesses are tried, since each may end in a local optimum.
@@ -29,7 +31,7 @@ MIN_ROWS = 200  # of the model; assumption: fewer fit any signs
 NEVER = 1e-9  # of the largest value: as negative as rounding makes a channel
 FOLDS = 8  # of the jackknife
 FOLD_S = 0.25  # blocks dealt out to the folds in turn; assumption: longer than the memory of an actuator
-SIGMAS = 5.0  # standard errors by which a torque pulls away from its command
+SIGMAS = 5.0  # standard errors from which on a torque is said to pull towards its command, or away from it
 
 
 @dataclass(frozen=True)
@@ -71,9 +73,9 @@ def unsigned(trials: Sequence[Trial]) -> list[Unsigned]:
                 continue
             if judged[1] < BETTER and MIN_SHARE < judged[0] < 1.0 - MIN_SHARE:
                 found.append(Unsigned(channel, joint, files, *judged))
-            elif channel == "effort" and _pulls_away(parts, j):
+            elif channel == "effort" and _pulls(parts, j) < 0:
                 found.append(Unsigned(channel, joint, files, *judged, pulls_away=True))
-    if any(entry.pulls_away for entry in found) and _counted_backwards(parts):
+    if any(entry.pulls_away for entry in found) and not _signed_ones_pull(parts):
         found = [entry for entry in found if not entry.pulls_away]
     return found
 
@@ -132,27 +134,27 @@ def _effort(parts: list[Trajectory], j: int) -> tuple[float, float] | None:
     return negative / max(total, np.finfo(float).tiny), cost / max(plain, np.finfo(float).tiny)
 
 
-def _pulls_away(parts: list[Trajectory], j: int) -> bool:
-    """Whether the effort as logged falls as the command pulls ahead, beyond doubt."""
+def _pulls(parts: list[Trajectory], j: int) -> int:
+    """Whether the effort as logged rises, 1, or falls, −1, as the command pulls ahead; 0 where that is in doubt."""
     steps = [
         _Steps.of(t.effort[:, j], t.position_command[:, j], t.position[:, j], t.velocity[:, j], t.dt) for t in parts
     ]
     if sum(len(s.size) for s in steps) < MIN_ROWS:
-        return False
+        return 0
     length = max(1, round(FOLD_S / STEP_S))
     blocks = [part for s in steps for part in s.blocks(length)]
     pulls = []
     for left_out in range(FOLDS):
         kept = [block for k, block in enumerate(blocks) if k % FOLDS != left_out]
         pulls.append(_pull(_fit(kept, [np.ones(len(s.size)) for s in kept])[0], kept) if kept else 0.0)
-    error = np.sqrt((FOLDS - 1) * np.var(pulls))
-    return bool(np.mean(pulls) < -SIGMAS * error)
+    mean, error = np.mean(pulls), np.sqrt((FOLDS - 1) * np.var(pulls))
+    return int(np.sign(mean)) if abs(mean) > SIGMAS * error else 0
 
 
-def _counted_backwards(parts: list[Trajectory]) -> bool:
-    """Whether an effort that does change its sign pulls away from its command as well: the machine counts the other way."""
-    others = (j for j in range(len(parts[0].joints)) if not _never_negative(parts, "effort", j))
-    return any(_pulls_away(parts, j) for j in others)
+def _signed_ones_pull(parts: list[Trajectory]) -> bool:
+    """Whether of the efforts that change their sign more pull towards their command than away from it."""
+    signed = (j for j in range(len(parts[0].joints)) if not _never_negative(parts, "effort", j))
+    return sum(_pulls(parts, j) for j in signed) > 0
 
 
 def restore_sign(

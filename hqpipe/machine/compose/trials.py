@@ -228,12 +228,12 @@ def _balance(source: Source, chain: Chain, arrays: Arrays, link) -> None:
                     with source.under(f"if told > 0.0 or most < {NO_LIMIT}:"):
                         source.add("last_gain, gain = gain, max(told, 1e-300)")
                         source.add("doubt = min(abs(gain / last_gain - 1.0), 1.0)")
-                    with source.under("else:  # rounding: where there is no limit, more of a start is always worth more"):
+                    with source.under(
+                        "else:  # rounding: where there is no limit, more of a start is always worth more"
+                    ):
                         source.add("doubt = 0.0")
                 source.add("before, left, wanted = start, missing, start + missing / gain")
-                with source.under(
-                    "if wanted < low or wanted > high:  # the limit takes from what the start is worth"
-                ):
+                with source.under("if wanted < low or wanted > high:  # the limit takes from what the start is worth"):
                     source.add("wanted, doubt = 0.5 * (low + high), 1.0")
                 source.add("close = doubt * abs(wanted - start) < CLOSE * abs(wanted)", "start = wanted")
                 with source.under("if close:"):

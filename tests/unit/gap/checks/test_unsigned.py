@@ -117,6 +117,11 @@ def test_a_machine_that_counts_torques_the_other_way_has_lost_no_sign():
     assert unsigned(broken(plant_logs(), values("effort", turned)).trials) == []
 
 
+def test_where_no_torque_changes_its_sign_none_tells_how_the_machine_counts():
+    logs = broken(plant_logs(), values("effort", lambda v: np.abs(v - v.max(axis=0) - 5.0)))
+    assert unsigned(logs.trials) == []
+
+
 def test_velocity_without_sign():
     found = unsigned(broken(plant_logs(), values("velocity", np.abs, 2)).trials)
     assert [(entry.channel, entry.joint) for entry in found] == [("velocity", "LFK")]
