@@ -7,6 +7,7 @@ judged by itself, so that a defect of one trial is found too.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from hqpipe.gap.checks.defect import KINDS, Defect, listed
@@ -59,21 +60,26 @@ def _sizes(log_set: LogSet, sizes: list[Unsigned]) -> list[Defect]:
         entries = [entry for entry in sizes if entry.channel == channel]
         proven = [entry.joint for entry in entries]
         alike = [j for j in never_negative(log_set.trials, channel) if j not in proven]
-        worst = max((entry.error_ratio for entry in entries if not entry.pulls_away), default=None)
-        proof = (
-            "as it was logged it pulls away from its command"
-            if worst is None
-            else f"with its sign restored its own inputs explain it with at most {worst:.0%} of the squared error"
-        )
         text = (
             f"{joint_column(proven[0], channel)}"
             + (f" (and of {listed(proven[1:])})" if len(proven) > 1 else "")
-            + f" has lost its sign: it is never negative, and {proof}"
-            + (f"; {listed(alike)} never go negative either" if alike else "")
+            + f" has lost its sign: it is never negative, and {_proof(entries)}"
+            + (f"; that of {listed(alike)} is never negative either" if alike else "")
             + "; record the signed signal"
         )
         found.append(Defect("unsigned", entries[0].trials, (*proven, *alike), channel, text, fatal=True))
     return found
+
+
+def _proof(entries: Sequence[Unsigned]) -> str:
+    """By what the signs of one channel are known to be lost."""
+    ratios = [entry.error_ratio for entry in entries if not entry.pulls_away]
+    away = [entry.joint for entry in entries if entry.pulls_away]
+    pulls = "as it was logged it pulls away from its command"
+    if not ratios:
+        return pulls
+    explained = f"with its sign restored its own inputs explain it with at most {max(ratios):.0%} of the squared error"
+    return f"{explained} ({listed(away)}: {pulls})" if away else explained
 
 
 def too_short(log_set: LogSet, window_s: float = WINDOW_S) -> list[Defect]:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.errors import UsageError
+from hqpipe.gap.checks.relations import BLOCK_S, FOLDS
 from hqpipe.logs.trajectory import Trajectory, Trial
 
 STEP_S = 0.005  # of the model; assumption: a few steps per zero crossing, noise averaged over some samples
@@ -29,9 +30,7 @@ BETTER = 0.85  # of the squared error that a restored sign may leave; one-way to
 MIN_SHARE = 0.01  # of the torque (by size) that must come out with either sign: noise round zero makes less; assumption
 MIN_ROWS = 200  # of the model; assumption: fewer fit any signs
 NEVER = 1e-9  # of the largest value: as negative as rounding makes a channel
-FOLDS = 8  # of the jackknife
-FOLD_S = 0.25  # blocks dealt out to the folds in turn; assumption: longer than the memory of an actuator
-SIGMAS = 5.0  # standard errors from which on a torque is said to pull towards its command, or away from it
+SIGMAS = 5.0  # standard errors (jackknife) from which on a torque is said to pull towards its command, or away from it
 
 
 @dataclass(frozen=True)
@@ -120,9 +119,7 @@ def _left(x: np.ndarray, y: np.ndarray) -> float:
 def _effort(parts: list[Trajectory], j: int) -> tuple[float, float] | None:
     if parts[0].position_command is None:
         return None
-    columns = [(np.abs(t.effort[:, j]), t.position_command[:, j], t.position[:, j], t.velocity[:, j]) for t in parts]
-    effort, q_des, q, qd = (list(column) for column in zip(*columns, strict=True))
-    steps = [_Steps.of(*part, parts[0].dt) for part in zip(effort, q_des, q, qd, strict=True)]
+    steps = _steps_of(parts, j)
     kept = min(1.0, MAX_STEPS / sum(len(s.size) for s in steps))
     steps = [s.start(round(kept * len(s.size))) for s in steps]
     if sum(len(s.size) for s in steps) < MIN_ROWS:
@@ -136,12 +133,10 @@ def _effort(parts: list[Trajectory], j: int) -> tuple[float, float] | None:
 
 def _pulls(parts: list[Trajectory], j: int) -> int:
     """Whether the effort as logged rises, 1, or falls, −1, as the command pulls ahead; 0 where that is in doubt."""
-    steps = [
-        _Steps.of(t.effort[:, j], t.position_command[:, j], t.position[:, j], t.velocity[:, j], t.dt) for t in parts
-    ]
+    steps = _steps_of(parts, j)
     if sum(len(s.size) for s in steps) < MIN_ROWS:
         return 0
-    length = max(1, round(FOLD_S / STEP_S))
+    length = round(BLOCK_S / STEP_S)
     blocks = [part for s in steps for part in s.blocks(length)]
     pulls = []
     for left_out in range(FOLDS):
@@ -149,6 +144,12 @@ def _pulls(parts: list[Trajectory], j: int) -> int:
         pulls.append(_pull(_fit(kept, [np.ones(len(s.size)) for s in kept])[0], kept) if kept else 0.0)
     mean, error = np.mean(pulls), np.sqrt((FOLDS - 1) * np.var(pulls))
     return int(np.sign(mean)) if abs(mean) > SIGMAS * error else 0
+
+
+def _steps_of(parts: list[Trajectory], j: int) -> list[_Steps]:
+    """A joint's effort as it was logged, in every trial."""
+    columns = [(t.effort[:, j], t.position_command[:, j], t.position[:, j], t.velocity[:, j]) for t in parts]
+    return [_Steps.of(*part, t.dt) for part, t in zip(columns, parts, strict=True)]
 
 
 def _signed_ones_pull(parts: list[Trajectory]) -> bool:
