@@ -4,7 +4,7 @@ For a set of effects and a smaller one, the logarithm of the Bayes factor by Lap
 
     ln B = ½ c ΔRSS/σ² + ½ ln det(2π V) + Σ ln p(θ)
 
-with ΔRSS what the parameters take off the squared error, σ² the variance of the errors left, V the robust covariance of the
+with ΔRSS what the parameters take off the squared error, σ² the variance of the errors left, V the posterior covariance of the
 parameters and p a Cauchy prior as wide as their spread (half of it where a bound lies at neutral). c turns the likelihood of
 independent samples into that of correlated ones: the ratio of robust to naive information in the direction of the parameters
 (Chandler and Bate 2007). A parameter that is no better known than beforehand changes nothing: V is never wider than the prior.
@@ -68,7 +68,7 @@ def occam(fitter: Fitter, solution: Solution, known: Covariance, places: np.ndar
         return 0.0
     spread = fitter.spread[index]
     # V no wider than the prior: the precisions add up
-    relative = overstated * known.robust[np.ix_(places, places)] / np.outer(spread, spread)
+    relative = overstated * known.posterior[np.ix_(places, places)] / np.outer(spread, spread)
     values, vectors = np.linalg.eigh(relative)
     values = np.maximum(values, np.finfo(float).eps)
     posterior = 1.0 / (1.0 / values + 1.0)

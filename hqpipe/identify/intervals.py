@@ -65,9 +65,9 @@ def _within(fitter: Fitter, known: Known) -> np.ndarray:
     length = min(BLOCK * correlation_time(solution.error, samples), len(solution.error) / _FEWEST_BLOCKS)
     block, all_of_them = blocks(samples, length), np.ones(len(solution.free), dtype=bool)
     at = NormalEquations.of(solution.jacobian, solution.error, block, int(block.max()) + 1, all_of_them)
-    spread, noise = fitter.spread[solution.free], known.covariance.noise
-    prior = np.where(np.isfinite(spread), noise / spread**2, 0.0)
-    found = uncertainty(at, all_of_them, np.stack([prior, noise * prior]))
+    weight = known.covariance.alike * known.covariance.noise
+    prior = weight * fitter.precision(solution.values, solution.free)
+    found = uncertainty(at, all_of_them, np.stack([prior, weight * prior]))
     return _scaled(found.covariance, student(found.freedom) / _NORMAL)
 
 
@@ -129,14 +129,12 @@ def _step(
     fitter: Fitter, known: Known, free: np.ndarray, values: np.ndarray, columns: np.ndarray, error: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """(F,) of one step of least squares with priors, and (F,) whether the samples say more of a number than its prior."""
-    spread = fitter.spread[free]
-    sized = np.isfinite(spread)
-    prior = np.where(sized, known.covariance.noise / np.where(sized, spread, 1.0) ** 2, 0.0)
-    away = np.where(sized, (values - fitter.neutral)[free], 0.0)
+    noise = known.covariance.noise
+    prior = known.covariance.alike * noise * fitter.precision(values, free)
     normal = columns.T @ columns + np.diag(prior)
     scale = lengths(normal)
-    slope = (columns.T @ error + prior * away) / scale
+    slope = (columns.T @ error + fitter.pull(values, free, noise)) / scale
     unit = normal / np.outer(scale, scale)
     step = -np.linalg.lstsq(unit, slope, rcond=_SINGULAR)[0] / scale
     variance = np.diag(np.linalg.pinv(unit, rcond=_SINGULAR, hermitian=True)) / scale**2
-    return step, ~sized | (variance * prior < _PRIOR_HOLDS)
+    return step, variance * prior < _PRIOR_HOLDS

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from hqpipe.identify.beliefs import with_beliefs
+from hqpipe.identify.beliefs import Belief, with_beliefs
 from hqpipe.identify.beside import rank_beside
 from hqpipe.identify.confirmed import confirmed, heldout_square
 from hqpipe.identify.drifts import drifts
@@ -15,7 +15,7 @@ from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
 from hqpipe.identify.intervals import half_widths
 from hqpipe.identify.left_out import left_out_error
 from hqpipe.identify.search import Known, Names, Search
-from hqpipe.identify.uncertain_effects import certainty, without_uncertain
+from hqpipe.identify.uncertain_effects import certainty, replaces, without_uncertain
 from hqpipe.identify.worth_keeping import causes_of, floor_of
 
 
@@ -25,15 +25,7 @@ def answer(search: Search, best: Known) -> JointFound:
     Args:
         best: the set that it reached.
     """
-    while True:
-        best = without_uncertain(search, best)
-        base = _context(search, best)
-        core, found = with_beliefs(search, best, base)
-        uncertain = {name for name in found if certainty(search, core, name) <= 1.0}
-        if not uncertain:
-            break
-        search.refused |= uncertain
-        best = search.improved(search.grown(_only(search, core, core.names - uncertain)))
+    best, base, core, found = _certain(search, best)
     rank_beside(search, core)
     probabilities = _considered(search, {name: belief.probability for name, belief in found.items()})
     claimed, core = core, confirmed(search, core, base)
@@ -67,6 +59,32 @@ def answer(search: Search, best: Known) -> JointFound:
         withdrawn=tuple(sorted(claimed.names - core.names)),
         minor=tuple(sorted(search.barred)),
     )
+
+
+def _certain(search: Search, best: Known) -> tuple[Known, Known, Known, dict[str, Belief]]:
+    """The set that the search reached, the context, the set of causes and how far each is believed, once all of these can be
+    told from none.
+
+    Beside fewer effects errors are larger, and one that could be told from none may be so no more. What is refused for that
+    comes back, once, where it can be told from none in the place of another effect: it is a rival of that one.
+    """
+    left: set[str] = set()
+    returned: set[str] = set()
+    while True:
+        best = without_uncertain(search, best)
+        base = _context(search, best)
+        core, found = with_beliefs(search, best, base)
+        uncertain = {name for name in found if certainty(search, core, name) <= 1.0}
+        if uncertain:
+            search.refused |= uncertain
+            left |= uncertain
+            best = search.improved(search.grown(_only(search, core, core.names - uncertain)))
+            continue
+        rivals = {name for name in left - returned if replaces(search, core, name)}
+        if not rivals:
+            return best, base, core, found
+        search.refused -= rivals
+        returned |= rivals
 
 
 def _beside_unknown(

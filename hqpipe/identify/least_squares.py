@@ -201,6 +201,23 @@ class Fitter:
             np.isfinite(self.spread[free]), self.spread[free], np.maximum(np.abs(values[free]), 1e-3)
         )
 
+    def pull(self, values: np.ndarray, free: np.ndarray, noise: float) -> np.ndarray:
+        """(F,) slope of the priors in the cost, beside errors of the variance `noise`."""
+        return self._prior(values, free, noise) * (values - self.neutral)[free]
+
+    def precision(self, values: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """(F,) one over the variance that each number has beforehand.
+
+        A Cauchy prior is flatter the farther out the value (P,) is, and a number between two bounds varies no more than one
+        that is anywhere between them.
+        """
+        spread, span = self.spread[free], (self.high - self.low)[free]
+        sized, bounded = np.isfinite(spread), np.isfinite(span)
+        found = np.where(
+            sized, 1.0 / np.where(sized, spread, 1.0) ** 2 / (1.0 + self._relative(values, free) ** 2), 0.0
+        )
+        return found + np.where(bounded, 12.0 / np.where(bounded, span, 1.0) ** 2, 0.0)
+
     def _resolved(self, jacobian: np.ndarray, error: np.ndarray) -> np.ndarray:
         """(F,) steps that change the error by `_CHANGE` of its root mean square; infinite where nothing changes."""
         size = _CHANGE * np.sqrt(error @ error / len(error))
@@ -283,7 +300,7 @@ class _Differences:
     def equations(self, slopes: np.ndarray, point: _Point) -> tuple[np.ndarray, np.ndarray]:
         fitter, free = self._fitter, self.free
         prior = fitter._prior(point.values, free, self._noise)
-        slope = slopes.T @ point.error + prior * (point.values - fitter.neutral)[free]
+        slope = slopes.T @ point.error + fitter.pull(point.values, free, self._noise)
         return self._products(slopes) + np.diag(prior), slope
 
     def _products(self, slopes: np.ndarray) -> np.ndarray:

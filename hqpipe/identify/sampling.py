@@ -37,13 +37,17 @@ class Covariance:
 
     Attributes:
         robust: (F, F), correlation of the errors accounted for. naive: (F, F), as if they were independent.
+        posterior: (F, F), as robust, and what is known beforehand weighed with samples for as little as they say.
         noise: variance of the errors, above 0; infinite where the prediction overflows. blocks: how many there are.
+        alike: how many times the squares of deviations are those of independent errors; 1 or more.
     """
 
     robust: np.ndarray
     naive: np.ndarray
+    posterior: np.ndarray
     noise: float
     blocks: int
+    alike: float
 
 
 def covariance(fitter: Fitter, solution: Solution) -> Covariance:
@@ -53,6 +57,9 @@ def covariance(fitter: Fitter, solution: Solution) -> Covariance:
     of friction is wrong in the same way each time. The scatter is taken over blocks of time and over states, less what is
     counted twice (Cameron, Gelbach and Miller 2011). With few blocks the scatter is itself uncertain: it is averaged with
     that of independent samples times the correlation time, which counts as many blocks as there are parameters.
+
+    A prior is weighed with samples for as many as they say something of (Ribatet, Cooley and Davison 2012): beside samples that
+    were taken for independent it would limit nothing, and a number between 0 and 1 could be uncertain by 4.
     """
     jacobian, error, free = solution.jacobian, solution.error, solution.free
     samples = fitter.model.fit
@@ -62,9 +69,10 @@ def covariance(fitter: Fitter, solution: Solution) -> Covariance:
     normal = jacobian.T @ jacobian
     spread = fitter.spread[free]
     prior = np.where(np.isfinite(spread), noise / spread**2, 0.0)
+    known = noise * fitter.precision(solution.values, free)
     scale = lengths(normal + np.diag(prior))
     unit = np.outer(scale, scale)
-    inverse = np.linalg.pinv((normal + np.diag(prior)) / unit, hermitian=True) / unit
+    inverse = _inverse(normal + np.diag(prior), unit)
     time = correlation_time(error, samples)
     block = blocks(samples, BLOCK * time)
     count = int(block.max()) + 1 if len(block) else 1
@@ -79,12 +87,25 @@ def covariance(fitter: Fitter, solution: Solution) -> Covariance:
     expected = noise * time * normal
     meat = (count * scatter + len(free) * expected) / (count + len(free))
     robust = inverse @ (meat + noise * np.diag(prior)) @ inverse
-    return Covariance(0.5 * (robust + robust.T), noise * inverse, noise, count)
+    alike = max(float(np.sum(inverse * meat)) / max(noise * float(np.sum(inverse * normal)), np.finfo(float).tiny), 1.0)
+    inner = _inverse(normal + alike * np.diag(known), unit)
+    posterior = inner @ (meat + alike**2 * noise * np.diag(known)) @ inner
+    return Covariance(_symmetric(robust), noise * inverse, _symmetric(posterior), noise, count, alike)
+
+
+def _inverse(matrix: np.ndarray, unit: np.ndarray) -> np.ndarray:
+    """(F, F) pseudo-inverse of a matrix of numbers in units as different as `unit` (F, F)."""
+    return np.linalg.pinv(matrix / unit, hermitian=True) / unit
+
+
+def _symmetric(matrix: np.ndarray) -> np.ndarray:
+    return 0.5 * (matrix + matrix.T)
 
 
 def _unknown(free: int) -> Covariance:
     """Of a prediction that overflows: nothing was fitted."""
-    return Covariance(np.zeros((free, free)), np.zeros((free, free)), np.inf, 1)
+    none = np.zeros((free, free))
+    return Covariance(none, none, none, np.inf, 1, 1.0)
 
 
 def _scatter(sums: np.ndarray, full: np.ndarray) -> np.ndarray:

@@ -32,20 +32,20 @@ def certainty(search: Search, known: Known, name: str) -> float:
     held = ~np.isin(known.solution.free, places[shape])
     free, places = known.solution.free[held], places[~shape]
     own = np.searchsorted(free, places)
-    variance = _robust(search, known, held)[np.ix_(own, own)]
+    variance = _posterior(search, known, held)[np.ix_(own, own)]
     scale = lengths(variance)
     away = (known.solution.values - search.fitter.neutral)[places] / scale
     square = away @ np.linalg.pinv(variance / np.outer(scale, scale), hermitian=True) @ away
     return float(np.sqrt(max(square, 0.0) / chi2.ppf(LEVEL, len(places))))
 
 
-def _robust(search: Search, known: Known, kept: np.ndarray) -> np.ndarray:
-    """Robust covariance of some of the free parameters, the others held; kept: (F,) bool."""
+def _posterior(search: Search, known: Known, kept: np.ndarray) -> np.ndarray:
+    """Posterior covariance of some of the free parameters, the others held; kept: (F,) bool."""
     if kept.all():
-        return known.covariance.robust
+        return known.covariance.posterior
     solution = known.solution
     part = replace(solution, free=solution.free[kept], jacobian=solution.jacobian[:, kept])
-    return covariance(search.fitter, part).robust
+    return covariance(search.fitter, part).posterior
 
 
 def without_uncertain(search: Search, best: Known) -> Known:
@@ -62,11 +62,11 @@ def without_uncertain(search: Search, best: Known) -> Known:
         left.add(least)
         search.refused.add(least)
         best = search.improved(search.grown(search.without(best, least)))
-    search.refused -= {name for name in left if _replaces(search, best, name)}
+    search.refused -= {name for name in left if replaces(search, best, name)}
     return best
 
 
-def _replaces(search: Search, best: Known, name: str) -> bool:
+def replaces(search: Search, best: Known, name: str) -> bool:
     """Whether an effect can be told from none in the place of one of a set."""
     rest = [search.without(best, other) for other in sorted(best.names)]
     free = [known for known in rest if not search.effects[name].excludes & known.names]
