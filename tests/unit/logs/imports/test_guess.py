@@ -34,6 +34,9 @@ NAMES = {
     "position/left_hip": Meaning("position", "left_hip"),
     "joint/knee/effort": Meaning("effort", "knee"),
     "Boom Ms": Meaning("position", "Boom"),
+    "uart_latency_ms": None,
+    "input delay [ms]": None,
+    "q_ms": Meaning("position", "q"),
     "Boom Cmd": Meaning("command", "Boom"),
     "Boom Error": Meaning("error", "Boom"),
     "knee setpoint": Meaning("position_command", "knee"),
@@ -49,6 +52,7 @@ NAMES = {
     "oil_temp": Meaning("supply/oil_temperature"),
     "motor_current_2": Meaning("current", "joint2"),
     "valve_cmd": Meaning("valve_command"),
+    "tau_command[2]": Meaning("effort_command", "joint2"),
     "knee_tau_des": Meaning("effort_command", "knee"),
     "camera": None,
     "Confidence": None,
@@ -206,3 +210,33 @@ def test_names_of_another_language_are_asked_for_with_what_their_units_say():
     assert found.content["clock"] == {"field": "Zeit", "unit": "s"} and set(found.left) == {"Winkel", "(no effort)"}
     (question,) = found.unclear
     assert "which fields are positions" in question and "in units of angle or length: Winkel" in question
+
+
+def arm(**more: np.ndarray) -> dict[str, np.ndarray]:
+    """Two joints that follow their targets, and what else was logged."""
+    t = np.arange(500) / 50.0
+    fields = {"t": t}
+    for j in range(2):
+        fields |= {f"q[{j}]": np.sin(t + j - 0.05), f"qd[{j}]": np.cos(t + j - 0.05), f"q_cmd[{j}]": np.sin(t + j)}
+        fields[f"tau[{j}]"] = np.cos(2 * t + j)
+    return fields | more
+
+
+@pytest.mark.parametrize("point", [{"ee_pos[0]": "position"}, {"ee_pos[0]": "position", "ee_vel[0]": "velocity"}])
+def test_a_point_of_the_machine_costs_its_joints_nothing(point):
+    found = draft(arm(**{name: np.sin(np.arange(500.0)) for name in point}))
+    joints = found.content["joints"]
+    assert list(joints) == ["joint0", "joint1"] and set(point) <= set(found.left)
+    assert all({"velocity", "effort", "position_command"} <= set(channels) for channels in joints.values())
+    assert "'ee0' has only position" in found.left["ee_pos[0]"]
+
+
+def test_a_time_beside_the_joints_is_none_of_them():
+    found = draft(arm(uart_latency_ms=np.abs(200 * np.sin(np.arange(500.0)))))
+    assert list(found.content["joints"]) == ["joint0", "joint1"]
+    assert found.content["joints"]["joint0"]["position"]["unit"] == "rad"
+
+
+def test_joints_that_all_have_a_position_alone_stay():
+    t = np.arange(500) / 50.0
+    assert list(draft({"t": t, "hip_pos": np.sin(t), "knee_pos": np.cos(t)}).content["joints"]) == ["hip", "knee"]
