@@ -178,6 +178,18 @@ def test_wrong_arguments(tmp_path, monkeypatch, capfd, arguments, part):
     assert {p.name for p in tmp_path.iterdir()} == {"a.csv", "a.xyz"}
 
 
+def test_a_command_that_moves_in_one_of_the_files_is_one(tmp_path):
+    """The draft reads the longest file, but a command counts by all of them."""
+    for name, rows, moves in (("a", 900, 0.0), ("b", 300, 1.0)):
+        t = np.arange(rows) / 100.0
+        signals = np.stack([t, np.sin(t), moves * np.sin(t + 0.05), 0 * t], axis=1)
+        np.savetxt(tmp_path / f"{name}.csv", signals, delimiter=",", header="t,q,q_cmd,tau_cmd", comments="")
+    arguments = ["logs", "import", str(tmp_path), "--out", str(tmp_path / "logs"), "--guess"]
+    assert run_cli(STAGES, arguments) == 0
+    content = yaml.safe_load((tmp_path / "logs.map.yaml").read_text())
+    assert content["control_mode"] == "position" and "effort_command" not in content["joints"]["joint"]
+
+
 def test_the_group_lists_its_commands_and_near_matches(capfd):
     assert run_cli(STAGES, ["logs", "--help"]) == 0
     assert "import" in capfd.readouterr().out

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,11 @@ import numpy as np
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.imports import guess_values as values_of
 from hqpipe.logs.imports.arrays import listed
-from hqpipe.logs.imports.guess_commands import resolve_commands, resolve_errors, resolve_velocities
+from hqpipe.logs.imports.guess_commands import drop_still, resolve_commands, resolve_errors, resolve_velocities
 from hqpipe.logs.imports.guess_fields import Draft, NamedField, clocks_of, fields_of
 from hqpipe.logs.imports.guess_joints import Joints, drop_bare, drop_incomplete, joints_of_fields
 from hqpipe.logs.imports.recording import Recording
+from hqpipe.logs.imports.recording_kinds import still_fields
 from hqpipe.logs.imports.units import COUNTS, UNITS, kinds_of, to_si
 
 _SLIDING = re.compile(r"stroke|displacement|cylinder|slide|rail|prismatic", re.IGNORECASE)
@@ -33,8 +34,12 @@ _ORDER = (
 _ORDER += ("voltage", "temperature", "pressure_a", "pressure_b")
 
 
-def draft_map(recording: Recording) -> Draft:
-    """Draft a mapping for recordings like this one."""
+def draft_map(recording: Recording, still: Collection[tuple[str, str]] | None = None) -> Draft:
+    """Draft a mapping for recordings like this one.
+
+    Args:
+        still: (stream, field) that hold one value throughout in all of these recordings; None for those of this one.
+    """
     draft = Draft()
     fields = fields_of(recording, draft)
     clocks = clocks_of(recording, fields, draft)
@@ -42,6 +47,7 @@ def draft_map(recording: Recording) -> Draft:
     if not joints:
         draft.unclear.append(f"which fields are positions of joints? no name says so{_measured(recording)}")
     drop_bare(joints, draft)
+    drop_still(joints, still_fields(recording) if still is None else still, draft)
     resolve_velocities(joints)
     resolve_errors(joints)
     resolve_commands(joints, clocks, draft)

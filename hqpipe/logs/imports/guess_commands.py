@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -12,7 +12,36 @@ from hqpipe.logs.imports.guess_fields import Draft, NamedField
 from hqpipe.logs.imports.guess_joints import Joints
 
 _ALIKE = (0.5, 2.0)  # slope of a command over what it commands; assumption: beyond it is no target of the position
+_COMMANDS = ("position_command", "effort_command", "valve_command", "command")
 _SEPARATORS = re.compile(r"[^A-Za-z0-9]+")
+_NUMBERED = re.compile(r"joint(\d+)")
+
+
+def drop_still(joints: Joints, still: Collection[tuple[str, str]], draft: Draft) -> None:
+    """Leave out commands that never change in any joint: what nobody commanded with says nothing of the control mode.
+
+    Args:
+        still: (stream, field) that hold one value throughout, in every recording.
+    """
+    kinds: dict[tuple[str, str], list[tuple[str, NamedField]]] = {}
+    for name, channels in joints.items():
+        for channel in _COMMANDS:
+            for each in channels.get(channel, ()):
+                kinds.setdefault((channel, _bare(each, name)), []).append((name, each))
+    for (channel, _), parts in kinds.items():
+        if not all((each.stream.name, each.short) in still for _, each in parts):
+            continue
+        for name, each in parts:
+            joints[name][channel].remove(each)
+            if not joints[name][channel]:
+                del joints[name][channel]
+            draft.left[each.name] = "a command that never changes"
+
+
+def _bare(each: NamedField, joint: str) -> str:
+    """The name of a field without that of its joint."""
+    number = _NUMBERED.fullmatch(joint)
+    return _SEPARATORS.sub("", each.short.replace(number[1] if number else joint, "")).casefold()
 
 
 def resolve_velocities(joints: Joints) -> None:
@@ -39,7 +68,7 @@ def resolve_commands(joints: Joints, clocks: Mapping[str, np.ndarray], draft: Dr
     kinds: dict[str, dict[str, NamedField]] = {}  # name without the joint → joint → field
     for name, channels in joints.items():
         for each in channels.pop("command", ()):
-            kinds.setdefault(_SEPARATORS.sub("", each.short.replace(name, "")).casefold(), {})[name] = each
+            kinds.setdefault(_bare(each, name), {})[name] = each
     whole = {kind: parts for kind, parts in kinds.items() if len(parts) == len(joints)}
     draft.left |= {
         f.name: "not every joint has such a command" for k, p in kinds.items() if k not in whole for f in p.values()

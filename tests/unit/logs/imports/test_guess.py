@@ -240,3 +240,22 @@ def test_a_time_beside_the_joints_is_none_of_them():
 def test_joints_that_all_have_a_position_alone_stay():
     t = np.arange(500) / 50.0
     assert list(draft({"t": t, "hip_pos": np.sin(t), "knee_pos": np.cos(t)}).content["joints"]) == ["hip", "knee"]
+
+
+def test_a_command_that_never_changes_is_no_command():
+    t = np.arange(2000) / 200.0
+    fields = {"t": t, "position": np.sin(4 * t - 0.1), "position_cmd": np.zeros(2000), "torque_cmd": np.cos(4 * t)}
+    found = draft(fields)
+    assert found.content["control_mode"] == "torque" and "never changes" in found.left["position_cmd"]
+    kept = draft_map(Recording(Path("a.csv"), (Stream("", fields, {}),)), still=())  # it changes in another file
+    assert kept.content["control_mode"] == "position"
+
+
+def test_a_command_that_changes_in_one_joint_is_a_command_of_all():
+    found = draft(arm(**{"q_cmd[1]": np.zeros(500)}))
+    assert found.content["joints"]["joint1"]["position_command"]["field"] == "q_cmd[1]"
+
+
+def test_plain_commands_of_numbered_joints_are_one_kind():
+    fields = {name.replace("q_cmd", "u"): values for name, values in arm().items()}
+    assert draft(fields).content["joints"]["joint1"]["position_command"]["field"] == "u[1]"
