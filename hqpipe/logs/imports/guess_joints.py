@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from hqpipe.logs.columns import CHANNELS as COMPLETE
 from hqpipe.logs.imports.guess_fields import Draft, NamedField
 
@@ -41,7 +43,16 @@ def _owner(each: NamedField, real: Joints) -> str | None:
     name = each.meaning.joint
     if not name:  # `u` beside `knee_pos`
         return next(iter(real)) if len(real) == 1 and "" not in real else None
-    return None
+    alike = [joint for joint in real if joint.casefold() == name.casefold()]  # `Knee_Current` beside `KNEE_pos`
+    if len(alike) == 1:
+        return alike[0]
+    begins = {  # `q3_tau_J` beside `q3`
+        joint: len(position.short)
+        for joint, channels in real.items()
+        for position in channels["position"]
+        if re.match(rf"{re.escape(position.short)}[^a-z0-9]", each.short, re.IGNORECASE)
+    }
+    return max(begins, key=begins.__getitem__) if begins else None
 
 
 def drop_bare(joints: Joints, draft: Draft) -> None:

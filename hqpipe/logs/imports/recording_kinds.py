@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.errors import LogError
+from hqpipe.logs.imports.arrays import listed
 from hqpipe.logs.imports.recording import ImportLogError, Recording
 from hqpipe.logs.imports.sources import Found
 
@@ -43,7 +44,10 @@ def recording_kinds(found: Found) -> list[RecordingKind]:
             fields = frozenset((stream.name, name) for stream in recording.streams for name in stream.fields)
             kinds[fields] = _with(kinds.get(fields), recording)
     if not kinds:
-        raise errors[0] if errors else ImportLogError("no file to import", fix="name files or folders of logs")
+        if errors:
+            raise errors[0]
+        unread = f": no reader for {listed([path.name for path in found.unknown])}" if found.unknown else ""
+        raise ImportLogError(f"no file to import{unread}", fix="name files or folders of logs")
     return sorted(kinds.values(), key=lambda kind: -kind.rows)
 
 

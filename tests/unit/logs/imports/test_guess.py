@@ -259,3 +259,19 @@ def test_a_command_that_changes_in_one_joint_is_a_command_of_all():
 def test_plain_commands_of_numbered_joints_are_one_kind():
     fields = {name.replace("q_cmd", "u"): values for name, values in arm().items()}
     assert draft(fields).content["joints"]["joint1"]["position_command"]["field"] == "u[1]"
+
+
+def test_the_case_of_a_joint_name_does_not_count():
+    t = np.arange(500) / 50.0
+    found = draft({"t": t, "KNEE_PosFb": np.sin(t), "Knee_Current": np.cos(t)})
+    assert found.content["joints"]["KNEE"]["current"]["field"] == "Knee_Current"
+
+
+def test_a_name_that_begins_with_that_of_the_position_is_of_its_joint():
+    t = np.arange(500) / 50.0
+    fields = {"t": t} | {f"q{j}{what}": np.sin(t + j) for j in (3, 31) for what in ("", "_tau_J_compensated")}
+    joints = draft(fields).content["joints"]
+    assert [channels["effort"]["field"] for channels in joints.values()] == [
+        "q3_tau_J_compensated",
+        "q31_tau_J_compensated",
+    ]
