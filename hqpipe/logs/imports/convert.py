@@ -11,7 +11,8 @@ from hqpipe.logs.columns import TIME, joint_column, joints_of
 from hqpipe.logs.imports.align import is_held, lag_of_velocity, onto, overlap
 from hqpipe.logs.imports.arrays import listed
 from hqpipe.logs.imports.clock import MOST_DROPPED, increasing, regularity
-from hqpipe.logs.imports.mapping import FIX, ClockSource, LogMap, Term, speed_of
+from hqpipe.logs.imports.log_map import ClockSource, LogMap, Term
+from hqpipe.logs.imports.mapping import FIX, speed_of
 from hqpipe.logs.imports.recording import ImportLogError, Recording, Stream
 from hqpipe.logs.imports.units import KINDS, UNITS, Unit, kinds_of, to_si
 from hqpipe.logs.turns import TURN, jumps, nearest_turn

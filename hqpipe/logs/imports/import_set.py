@@ -16,7 +16,8 @@ from hqpipe.logs.columns import TIME, RawTable, check_names, joints_of
 from hqpipe.logs.drive import merged
 from hqpipe.logs.imports.convert import Converted, convert
 from hqpipe.logs.imports.joined import join_files
-from hqpipe.logs.imports.mapping import SKIP, LogMap, TrialRule
+from hqpipe.logs.imports.log_map import LogMap, TrialRule
+from hqpipe.logs.imports.mapping import SKIP
 from hqpipe.logs.imports.recording import ImportLogError, Recording
 from hqpipe.logs.imports.sources import Found, SourceFile
 from hqpipe.logs.imports.summary import Import, TrialSummary, outliers, summarise
