@@ -7,7 +7,7 @@ import numpy as np
 from hqpipe.logs.differentiate import differentiate
 from hqpipe.logs.findings import Finding
 from hqpipe.logs.trajectory import Trajectory
-from hqpipe.logs.turns import jumps
+from hqpipe.logs.turns import encoder_range, in_words, jumps
 
 DEGREE = np.pi / 180.0
 _POSITION_RAD = 7.0  # just above a full turn: joints of legs and arms stay below it
@@ -60,8 +60,10 @@ def _clock(file: str, trial: Trajectory, rate_hz: float | None) -> list[Finding]
 def _ranges(file: str, trial: Trajectory) -> list[Finding]:
     found = []
     for j, joint in enumerate(trial.joints):
-        if times := int(np.count_nonzero(np.diff(jumps(trial.position[:, j])))):
-            text = "starts again after a turn ({} times): unwrap it, as hqpipe logs import does"
+        speed = trial.velocity[:, j] if trial.velocity_source == "measured" else None
+        if size := encoder_range(trial.time, trial.position[:, j], speed):
+            times = np.count_nonzero(np.diff(jumps(trial.position[:, j], size)))
+            text = f"starts again after {in_words(size)} ({{}} times): unwrap it, as hqpipe logs import does"
             found.append(Finding("wrap", file, text, joint, "position", float(times)))
         for channel in ("position", "position_command"):
             values = getattr(trial, channel)

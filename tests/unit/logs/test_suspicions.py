@@ -119,6 +119,16 @@ def test_a_position_that_starts_again_after_a_turn_is_told(logs):
     assert any("joint/hip/position starts again after a turn (4 times)" in text for text in found), found
 
 
+def test_the_range_after_which_a_position_starts_again_is_told(logs):
+    def wrap(columns):
+        time = columns["time"]
+        angle = 20.0 * np.sin(2.0 * np.pi * 2.0 * time / time[-1])
+        columns["joint/hip/position"] = np.mod(angle + 12.5, 25.0) - 12.5
+
+    found = warnings(logs, wrap)
+    assert any("joint/hip/position starts again after 25 rad (8 times)" in text for text in found), found
+
+
 def test_units_of_the_clock_against_the_stated_rate(logs):
     found = warnings(logs, scale("time", by=1e3), "rate_hz: 1000")
     assert any("time steps by 1 where rate_hz says 0.001: looks like ms" in w for w in found), found

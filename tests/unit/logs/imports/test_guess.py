@@ -275,3 +275,12 @@ def test_a_name_that_begins_with_that_of_the_position_is_of_its_joint():
         "q3_tau_J_compensated",
         "q31_tau_J_compensated",
     ]
+
+
+def test_a_range_of_less_than_a_turn_in_degrees_is_in_radians():
+    t = np.arange(1000) / 50.0
+    angle, speed = 40.0 * np.sin(0.7 * t), 28.0 * np.cos(0.7 * t)
+    (joint,) = draft({"t": t, "q": np.mod(angle + 12.5, 25.0) - 12.5, "qd": speed}).content["joints"].values()
+    assert (joint["position"]["unit"], joint["velocity"]["unit"]) == ("rad", "rad/s")
+    (joint,) = draft({"t": t, "q": np.mod(np.rad2deg(angle), 360.0), "qd": speed}).content["joints"].values()
+    assert (joint["position"]["unit"], joint["velocity"]["unit"]) == ("deg", "rad/s")
