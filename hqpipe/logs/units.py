@@ -23,6 +23,7 @@ _FACTORS = {  # ratio of two channels that should agree → what it means
     1000.0: "the first is in mm, the second in m (×0.001)",
     0.001: "the second is in mm, the first in m (×0.001)",
 }
+_TOO_LARGE = (DEGREE, 0.001)  # of a velocity in SI beside a position in degrees or mm
 _CLOCK = {1e3: "ms (×0.001)", 1e6: "µs (×1e-6)", 1e9: "ns (×1e-9)"}
 _CORRELATED = 0.8  # assumption: below this a slope between two channels says nothing about units
 
@@ -86,7 +87,7 @@ def _spins(trial: Trajectory, j: int, top: float) -> bool:
     if trial.velocity_source != "measured" or _top(trial.velocity[:, j]) > _FASTEST_RAD_S:
         return False
     slope = _slope_on(trial.velocity[:, j], differentiate(trial.position[:, [j]], trial.dt)[:, 0])
-    return slope is not None and _ALIKE[0] < slope < _ALIKE[1]
+    return slope is not None and not any(_ALIKE[0] < abs(slope) / factor < _ALIKE[1] for factor in _TOO_LARGE)
 
 
 def _top(values: np.ndarray) -> float:

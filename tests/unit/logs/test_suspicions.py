@@ -101,6 +101,10 @@ def test_what_spins_in_any_unit_is_not_taken_for_degrees(logs):
     assert degrees(warnings(logs, turning(300, velocity=False))) == []
 
 
+def test_a_velocity_that_is_off_by_another_factor_speaks_against_degrees(logs):
+    assert degrees(warnings(logs, turning(5, factor=2.0))) == []
+
+
 def test_degrees_beside_a_velocity_in_radians_are_told(logs):
     assert degrees(warnings(logs, turning(0.4, factor=180 / np.pi)))
 
