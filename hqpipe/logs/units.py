@@ -7,7 +7,7 @@ import numpy as np
 from hqpipe.logs.differentiate import differentiate
 from hqpipe.logs.findings import Finding
 from hqpipe.logs.trajectory import Trajectory
-from hqpipe.logs.turns import jumps
+from hqpipe.logs.turns import encoder_range, in_words, jumps
 
 DEGREE = np.pi / 180.0
 _POSITION_RAD = 7.0  # just above a full turn: joints of legs and arms stay below it
@@ -23,6 +23,7 @@ _FACTORS = {  # ratio of two channels that should agree → what it means
     1000.0: "the first is in mm, the second in m (×0.001)",
     0.001: "the second is in mm, the first in m (×0.001)",
 }
+_TOO_LARGE = (DEGREE, 0.001)  # of a velocity in SI beside a position in degrees or mm
 _CLOCK = {1e3: "ms (×0.001)", 1e6: "µs (×1e-6)", 1e9: "ns (×1e-9)"}
 _CORRELATED = 0.8  # assumption: below this a slope between two channels says nothing about units
 
@@ -60,8 +61,10 @@ def _clock(file: str, trial: Trajectory, rate_hz: float | None) -> list[Finding]
 def _ranges(file: str, trial: Trajectory) -> list[Finding]:
     found = []
     for j, joint in enumerate(trial.joints):
-        if times := int(np.count_nonzero(np.diff(jumps(trial.position[:, j])))):
-            text = "starts again after a turn ({} times): unwrap it, as hqpipe logs import does"
+        speed = trial.velocity[:, j] if trial.velocity_source == "measured" else None
+        if size := encoder_range(trial.time, trial.position[:, j], speed):
+            times = np.count_nonzero(np.diff(jumps(trial.position[:, j], size)))
+            text = f"starts again after {in_words(size)} ({{}} times): unwrap it, as hqpipe logs import does"
             found.append(Finding("wrap", file, text, joint, "position", float(times)))
         for channel in ("position", "position_command"):
             values = getattr(trial, channel)
@@ -84,7 +87,7 @@ def _spins(trial: Trajectory, j: int, top: float) -> bool:
     if trial.velocity_source != "measured" or _top(trial.velocity[:, j]) > _FASTEST_RAD_S:
         return False
     slope = _slope_on(trial.velocity[:, j], differentiate(trial.position[:, [j]], trial.dt)[:, 0])
-    return slope is not None and _ALIKE[0] < slope < _ALIKE[1]
+    return slope is not None and not any(_ALIKE[0] < abs(slope) / factor < _ALIKE[1] for factor in _TOO_LARGE)
 
 
 def _top(values: np.ndarray) -> float:

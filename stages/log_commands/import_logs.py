@@ -87,23 +87,22 @@ def _drafted(found: Any, target: Path) -> tuple[Any, str, list[str]]:
     """Draft a mapping from the most common kind of recording, write it, and read it as a person's."""
     from hqpipe.logs.imports.draft_file import draft_text
     from hqpipe.logs.imports.guess import draft_map
-    from hqpipe.logs.imports.import_set import representatives
     from hqpipe.logs.imports.mapping import read_map
     from hqpipe.logs.imports.recording import ImportLogError
+    from hqpipe.logs.imports.recording_kinds import recording_kinds
     from hqpipe.system.durable import write_file
 
-    recordings = representatives(found)
-    draft = draft_map(recordings[0])
-    text = draft_text(draft, recordings[0].path.name)
+    first, *others = recording_kinds(found)
+    draft = draft_map(first.example, first.still)
+    name = first.example.path.name
+    text = draft_text(draft, name)
     target.parent.mkdir(parents=True, exist_ok=True)
     write_file(target, text)
     doubtful = sum("CHECK" in reason for reason in draft.reasons.values())
-    told = [
-        f"drafted {target} from {recordings[0].path.name}; {doubtful} lines say CHECK: read it before you trust what follows"
-    ]
-    told += [f"  {name}: not used, {reason}" for name, reason in draft.left.items()]
-    if len(recordings) > 1:
-        told.append(f"  {len(recordings) - 1} other kinds of header, e.g. {recordings[1].path.name}: not drafted")
+    told = [f"drafted {target} from {name}; {doubtful} lines say CHECK: read it before you trust what follows"]
+    told += [f"  {field}: not used, {reason}" for field, reason in draft.left.items()]
+    if others:
+        told.append(f"  {len(others)} other kinds of header, e.g. {others[0].example.path.name}: not drafted")
     if draft.unclear:
         what = f"{target}: the draft lacks what only a person knows ({'; '.join(draft.unclear)})"
         fix = f"complete it, then import with --map {target}"
@@ -116,11 +115,11 @@ def _of_preset(found: Any, target: Path, preset: str) -> tuple[Any, str, list[st
     import yaml
 
     from hqpipe.logs.imports import PRESETS
-    from hqpipe.logs.imports.import_set import representatives
     from hqpipe.logs.imports.mapping import read_map
+    from hqpipe.logs.imports.recording_kinds import recording_kinds
     from hqpipe.system.durable import write_file
 
-    content = PRESETS[preset](representatives(found))
+    content = PRESETS[preset]([kind.example for kind in recording_kinds(found)])
     text = f"# Made by --preset {preset}.\n" + yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
     target.parent.mkdir(parents=True, exist_ok=True)
     write_file(target, text)

@@ -166,6 +166,10 @@ def test_a_preset_makes_the_mapping_and_leaves_it_to_be_seen(rig, tmp_path, monk
         (["a.csv", "--out", "logs", "--guess", "--preset", "x"], "exclude each other"),
         (["a.csv", "--out", "logs", "--preset", "nope"], "unknown preset 'nope'"),
         (["a.xyz", "--out", "logs", "--guess"], "no reader for '.xyz'"),
+        (
+            ["a.json", "--out", "logs", "--guess"],
+            "no reader for '.json' but that of bam, which does not know what is in it",
+        ),
         (["a.csv", "--out", "logs", "--map", "none.yaml"], "no such file"),
     ],
 )
@@ -173,9 +177,29 @@ def test_wrong_arguments(tmp_path, monkeypatch, capfd, arguments, part):
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "a.csv", table(1, rows=60))
     (tmp_path / "a.xyz").touch()
+    (tmp_path / "a.json").write_text("{}")
     assert run_cli(STAGES, ["logs", "import", *arguments]) in (1, 2)
     assert part in " ".join(capfd.readouterr().err.split())
-    assert {p.name for p in tmp_path.iterdir()} == {"a.csv", "a.xyz"}
+    assert {p.name for p in tmp_path.iterdir()} == {"a.csv", "a.json", "a.xyz"}
+
+
+def test_a_folder_of_files_that_nobody_reads_names_them(tmp_path, capfd):
+    (tmp_path / "raw").mkdir()
+    (tmp_path / "raw" / "a.json").write_text("{}")
+    assert run_cli(STAGES, ["logs", "import", str(tmp_path / "raw"), "--out", str(tmp_path / "logs"), "--guess"]) != 0
+    assert "no file to import: no reader for a.json" in " ".join(capfd.readouterr().err.split())
+
+
+def test_a_command_that_moves_in_one_of_the_files_is_one(tmp_path):
+    """The draft reads the longest file, but a command counts by all of them."""
+    for name, rows, moves in (("a", 900, 0.0), ("b", 300, 1.0)):
+        t = np.arange(rows) / 100.0
+        signals = np.stack([t, np.sin(t), moves * np.sin(t + 0.05), 0 * t], axis=1)
+        np.savetxt(tmp_path / f"{name}.csv", signals, delimiter=",", header="t,q,q_cmd,tau_cmd", comments="")
+    arguments = ["logs", "import", str(tmp_path), "--out", str(tmp_path / "logs"), "--guess"]
+    assert run_cli(STAGES, arguments) == 0
+    content = yaml.safe_load((tmp_path / "logs.map.yaml").read_text())
+    assert content["control_mode"] == "position" and "effort_command" not in content["joints"]["joint"]
 
 
 def test_the_group_lists_its_commands_and_near_matches(capfd):

@@ -30,6 +30,7 @@ UNITS = {  # slope of the integrated velocity on the travel → what it means
     0.001: "m/s where the position is in mm",
 }
 UNIT_MATCH = 0.05
+SAME_FACTOR = 0.05  # of a slope, by which joints and trials with the same one differ at most; assumption, as above
 FROZEN_ROWS = 20  # a shorter run of one value is rounding or a pause; assumption
 FROZEN_FACTOR = 10.0  # × the travel of the partner in the longest usual run of one value; assumption
 FROZEN_SHARE = 0.2  # of the partner's standard deviation, likewise
@@ -75,7 +76,7 @@ def value_defects(log_set: LogSet, skip: set[tuple[str, str]]) -> list[Defect]:
 
 
 def velocity_slopes(t: Trajectory) -> dict[int, float | None]:
-    """Joint → slope of the integrated velocity on the travel where it is not ±1, or None if they are unlike.
+    """Joint that moves → slope of the integrated velocity on the travel, 1 where it may be ±1, None if they are unlike.
 
     Over spans from 20 ms to 0.6 s the displacement is compared with the integral of the velocity. Noise in both
     biases either regression towards a smaller slope; the true one lies between the regression of each on the
@@ -101,7 +102,7 @@ def velocity_slopes(t: Trajectory) -> dict[int, float | None]:
         for j in np.flatnonzero(clear & (likeness > best)):
             best[j] = likeness[j]
             found[int(j)] = _odd_slope(xx[:, j], xy[:, j], yy[:, j], float(likeness[j]))
-    return {j: None if slope == 0.0 else slope for j, slope in found.items() if slope != 1.0}
+    return {j: None if slope == 0.0 else slope for j, slope in found.items()}
 
 
 def _blocks(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -125,9 +126,12 @@ def _odd_slope(xx: np.ndarray, xy: np.ndarray, yy: np.ndarray, likeness: float) 
 def _velocity(log_set: LogSet, slopes: dict[int, dict[str, float | None]]) -> list[Defect]:
     groups: dict[tuple[str, tuple[str, ...]], list[tuple[int, float | None]]] = defaultdict(list)
     for j, files in slopes.items():
-        known = [slope for slope in files.values() if slope is not None]
+        odd = {file: slope for file, slope in files.items() if slope != 1.0}
+        known = [slope for slope in odd.values() if slope is not None]
         slope = float(np.median(known)) if known else None
-        groups[_meaning(slope), tuple(files)].append((j, slope))
+        if odd:
+            groups[_meaning(slope), tuple(odd)].append((j, slope))
+    common = _common(slopes)
     defects = []
     for (meaning, files), members in groups.items():
         joints = tuple(log_set.joints[j] for j, _ in members)
@@ -135,9 +139,23 @@ def _velocity(log_set: LogSet, slopes: dict[int, dict[str, float | None]]) -> li
         what = "is unlike the derivative of its position"
         if slope is not None:
             what = f"is {slope:.4g} times the derivative of its position"
-        what += f"{meaning}; correct it, or leave the column out and have it differentiated"
+        fix = "correct it, or leave the column out and have it differentiated"
+        if common and not meaning:
+            meaning = ", as in every joint and trial that moves: the clock of the log may run at another rate "
+            meaning += f"(time × {1.0 / common:.4g})"
+            fix = "correct the clock if it is that, else the unit of the positions or velocities"
+        what += f"{meaning}; {fix}"
         defects.append(of_channel("velocity_mismatch", "velocity", joints, files, len(log_set.trials), what))
     return defects
+
+
+def _common(slopes: dict[int, dict[str, float | None]]) -> float | None:
+    """The slope that all joints have in all trials in which they move; None where there is none but ±1."""
+    found = [slope for files in slopes.values() for slope in files.values()]
+    if not found or None in found or 1.0 in found:
+        return None
+    common = float(np.median(found))
+    return common if common > 0.0 and np.ptp(found) < SAME_FACTOR * common else None
 
 
 def _meaning(slope: float | None) -> str:

@@ -11,10 +11,11 @@ from hqpipe.logs.columns import TIME, joint_column, joints_of
 from hqpipe.logs.imports.align import is_held, lag_of_velocity, onto, overlap
 from hqpipe.logs.imports.arrays import listed
 from hqpipe.logs.imports.clock import MOST_DROPPED, increasing, regularity
-from hqpipe.logs.imports.mapping import FIX, ClockSource, LogMap, Term, speed_of
+from hqpipe.logs.imports.log_map import ClockSource, LogMap, Term
+from hqpipe.logs.imports.mapping import FIX, speed_of
 from hqpipe.logs.imports.recording import ImportLogError, Recording, Stream
 from hqpipe.logs.imports.units import KINDS, UNITS, Unit, kinds_of, to_si
-from hqpipe.logs.turns import TURN, jumps, nearest_turn
+from hqpipe.logs.turns import encoder_range, in_words, jumps, nearest_turn
 
 _LEAST_LAG = 0.5  # samples; a lag below is not worth a line
 _NO_CLOCK = (
@@ -101,19 +102,19 @@ def _integral(clock: np.ndarray, speed: np.ndarray) -> np.ndarray:
 
 
 def _unwrap(recording: Recording, columns: dict[str, np.ndarray], log_map: LogMap, strict: bool) -> list[str]:
-    """Let positions that start again after a turn run on, and their commands with them."""
+    """Let positions that start again at the end of their encoder's range run on, and their commands with them."""
     notes = []
     for joint in joints_of(columns):
-        position, command = joint_column(joint, "position"), joint_column(joint, "position_command")
-        behind = jumps(columns[position])
-        if log_map.sliding(joint) or not behind.any():
+        position, velocity, command = (joint_column(joint, c) for c in ("position", "velocity", "position_command"))
+        size = encoder_range(columns[TIME], columns[position], columns.get(velocity))
+        if log_map.sliding(joint) or not size:
             continue
-        what = f"{position} starts again after a turn"
+        what = f"{position} starts again after {in_words(size)}"
         if strict:
             raise _wrong(recording, position, what, "record it without, or import without --strict")
-        columns[position] = columns[position] + TURN * behind
+        columns[position] = columns[position] + size * jumps(columns[position], size)
         if command in columns:
-            columns[command] = nearest_turn(columns[command], columns[position])
+            columns[command] = nearest_turn(columns[command], columns[position], size)
         notes.append(f"{what}: joined to one motion")
     return notes
 

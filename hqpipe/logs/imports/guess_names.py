@@ -56,7 +56,17 @@ _PHRASES: dict[str, tuple[str, ...]] = {
             "torque desired",
             "torque target",
         ),
-        *("target torque", "tau des", "tau cmd", "tau ref", "tau d", "effort command", "effort cmd", "force command"),
+        *(
+            "target torque",
+            "tau des",
+            "tau cmd",
+            "tau ref",
+            "tau command",
+            "tau d",
+            "effort command",
+            "effort cmd",
+            "force command",
+        ),
         *("force cmd", "force ref", "cmd torque", "cmd effort", "feedforward torque", "tau ff"),
     ),
     "valve_command": (
@@ -261,8 +271,12 @@ def meaning_of(name: str) -> Meaning | None:
             return Meaning(rest.channel, rest.joint, _UNIT_WORDS[low[-1]])
         if rest and rest.channel == "clock" and low[-1] in _ONLY_TIME:
             return Meaning("clock", "", _UNIT_WORDS[low[-1]])
+        if rest is None and words[-1] == "ms":  # `latency_ms` is a time; `Boom Ms` is measured: units know no capital M
+            return None
     found = _read(words, low)
-    return Meaning(found.channel, found.joint, unit) if found else None
+    if found is None or (unit in UNITS and UNITS[unit].kind == "time" and found.channel != "clock"):
+        return None
+    return Meaning(found.channel, found.joint, unit)
 
 
 def _without_unit(name: str) -> tuple[str, str]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from hqpipe.logs.imports.units import UNITS
+from hqpipe.logs.turns import encoder_range, jumps
 
 _RADIANS = 7.0  # just above a full turn, as in `hqpipe.logs.units`
 _DEGREES = 400.0  # just above a full turn
+_LEAST_TURN = 350.0  # just below a full turn in degrees; assumption: the range of an encoder is a turn or more
 _BAR, _PSI = 1.0e3, 1.0e4  # hydraulic supplies are below 700 bar (10,000 psi)
 _MEGAPASCAL = 60.0  # assumption: hydraulics of machines stay below 60 MPa, and rarely run below 60 bar
 _AMPERES = 200.0  # assumption: drives of single joints stay below
@@ -61,6 +63,12 @@ def position_unit(fields: list[np.ndarray], slides: bool) -> Guess | None:
         return unit, f"reaches {top:.4g}: {unit} of a joint that slides"
     if top <= _RADIANS:
         return "rad", f"reaches {top:.3g}: radians; metres if the joint slides"
+    ranges = [found for values in fields if (found := encoder_range(np.arange(len(values)), values))]
+    if ranges and max(ranges) < _LEAST_TURN:
+        return (
+            "rad",
+            f"CHECK: starts again after {max(ranges):.4g}: more than a turn in radians, less than one in degrees",
+        )
     if top <= _DEGREES:
         return "deg", f"CHECK: reaches {top:.4g}: degrees; cm or mm if the joint slides"
     whole = all(np.all(values[np.isfinite(values)] % 1 == 0) for values in fields)
@@ -88,6 +96,8 @@ def velocity_unit(time: np.ndarray, position: np.ndarray, velocity: np.ndarray) 
     Args:
         time: (T,) s. position: (T,) SI. velocity: (T,) as stored.
     """
+    if size := encoder_range(time, position, velocity):
+        position = position + size * jumps(position, size)
     slope = slope_of(velocity, derivative(time, position))
     if slope is None:
         return None

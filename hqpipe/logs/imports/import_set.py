@@ -16,7 +16,8 @@ from hqpipe.logs.columns import TIME, RawTable, check_names, joints_of
 from hqpipe.logs.drive import merged
 from hqpipe.logs.imports.convert import Converted, convert
 from hqpipe.logs.imports.joined import join_files
-from hqpipe.logs.imports.mapping import SKIP, LogMap, TrialRule
+from hqpipe.logs.imports.log_map import LogMap, TrialRule
+from hqpipe.logs.imports.mapping import SKIP
 from hqpipe.logs.imports.recording import ImportLogError, Recording
 from hqpipe.logs.imports.sources import Found, SourceFile
 from hqpipe.logs.imports.summary import Import, TrialSummary, outliers, summarise
@@ -164,32 +165,6 @@ def check_free(out: Path) -> None:
     """
     if out.is_symlink() or (out.exists() and (not out.is_dir() or any(out.iterdir()))):
         raise UsageError(f"{out} exists already", file=out, field="--out", fix="name a new folder, or remove it first")
-
-
-def representatives(found: Found) -> list[Recording]:
-    """One recording per kind of file, a kind being a set of fields; the kind with the most samples first.
-
-    Raises:
-        ImportLogError: no file can be read.
-    """
-    kinds: dict[frozenset[str], tuple[int, int, Recording]] = {}
-    errors: list[LogError] = []
-    for file in found.files:
-        try:
-            recordings = file.reader.read(file.path)
-        except LogError as error:
-            errors.append(error)
-            continue
-        for recording in recordings:
-            kind = frozenset(f"{stream.name}/{name}" for stream in recording.streams for name in stream.fields)
-            rows = max(len(values) for stream in recording.streams for values in stream.fields.values())
-            total, most, best = kinds.get(kind, (0, 0, recording))
-            kinds[kind] = (total + rows, max(most, rows), recording if rows > most else best)
-    if not kinds:
-        if errors:
-            raise errors[0]
-        raise ImportLogError("no file to import", fix="name files or folders of logs")
-    return [best for _, _, best in sorted(kinds.values(), key=lambda kind: -kind[0])]
 
 
 def _skip_found(writing: _Writing, found: Found, strict: bool) -> None:

@@ -1,9 +1,9 @@
-"""The mapping file `hqpipe-log-map/1`: which field is which channel, in which unit, on which clock."""
+"""Reading the mapping file `hqpipe-log-map/1`."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping as MappingType
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,11 @@ from hqpipe.files.entries import Entry
 from hqpipe.logs.columns import CHANNELS as CHANNELS_OF_A_LOG_SET
 from hqpipe.logs.columns import SHARED_UNITS, TIME, joint_column
 from hqpipe.logs.drive import DRIVE, LOAD
+from hqpipe.logs.imports.log_map import ClockSource, LogMap, Source, Term, TrialRule, sliding_by_units
 from hqpipe.logs.imports.recording import ImportLogError
-from hqpipe.logs.imports.units import COUNTS, KINDS, SAMPLES, UNITS, Unit, kinds_of, slides
+from hqpipe.logs.imports.units import COUNTS, KINDS, SAMPLES, UNITS, Unit, kinds_of
+from hqpipe.logs.joint_kinds import KINDS as JOINT_KINDS
+from hqpipe.logs.joint_kinds import PRISMATIC, REVOLUTE
 from hqpipe.logs.manifest import CHOICES, COMMAND_OF, SPLITS
 
 FORMAT = "hqpipe-log-map/1"
@@ -45,93 +48,6 @@ _MOST = 1e12  # of scale, offset and zero; assumption: beyond it lies a slip of 
 _MOST_FILES = 10_000  # patterns of `trials`
 
 
-@dataclass(frozen=True)
-class Term:
-    """One field: value = sign × scale × unit(raw − zero) + offset.
-
-    Attributes:
-        names: of the field; the first one that a recording has is taken.
-        unit: None for the one that the file states, else SI. unit_name: as written.
-        zero: raw reading that means 0. offset: in the unit of the channel.
-    """
-
-    names: tuple[str, ...]
-    unit: Unit | None = None
-    unit_name: str = ""
-    sign: float = 1.0
-    scale: float | None = None
-    zero: float = 0.0
-    offset: float = 0.0
-
-
-@dataclass(frozen=True)
-class Source:
-    """Where a column comes from: the sum of `terms`, plus `offset`; with `integral` a position, the integral of that from 0."""
-
-    terms: tuple[Term, ...]
-    offset: float = 0.0
-    integral: bool = False
-
-
-@dataclass(frozen=True)
-class ClockSource:
-    """A clock: `field` of its stream, None for the stream's own time; `factor` makes it seconds.
-
-    `stream` is the one whose clock the trial keeps, None for that of the effort, else of the position.
-    `rows_hz` is given where no clock was recorded: the rows came at this steady rate.
-    """
-
-    field: str | None = None
-    factor: float | None = None
-    stream: str | None = None
-    rows_hz: float | None = None
-
-
-@dataclass(frozen=True)
-class TrialRule:
-    """What is stated for the files that one of `files` matches."""
-
-    files: tuple[str, ...]
-    split: str | None = None
-    command: dict[str, float] | None = None
-    base: str | None = None
-    drive: dict[str, dict[str, float]] = field(default_factory=dict)
-    load: dict[str, dict[str, float]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class LogMap:
-    """A mapping file.
-
-    Attributes:
-        sources: full column name → where it comes from.
-        clock, clocks: for all streams, and stream → its own.
-        trials: rules, the first that matches a file counts. drive, load: joint → quantity → value, of all trials.
-        join: how the files that make one trial together are named, None where a file is a trial.
-        robot, base, control_mode, effort_source, rate_hz: as in logset.yaml.
-    """
-
-    path: Path
-    sources: MappingType[str, Source]
-    clock: ClockSource = ClockSource()
-    clocks: MappingType[str, ClockSource] = field(default_factory=dict)
-    trials: tuple[TrialRule, ...] = ()
-    drive: dict[str, dict[str, float]] = field(default_factory=dict)
-    load: dict[str, dict[str, float]] = field(default_factory=dict)
-    join: str | None = None
-    robot: str | None = None
-    base: str | None = None
-    control_mode: str | None = None
-    effort_source: str | None = None
-    rate_hz: float | None = None
-
-    def sliding(self, joint: str) -> bool | None:
-        """Whether a joint slides, by the units of its channels; None where they do not say it."""
-        own = [source for name, source in self.sources.items() if name.startswith(f"{joint_column(joint, '')}")]
-        said = {slides(t.unit.kind) for s in own for t in s.terms if t.unit and t.scale is None} - {None}
-        return said.pop() if said else None
-
-
 def read_map(path: Path) -> LogMap:
     """Read and check a mapping file.
 
@@ -156,8 +72,11 @@ def parse_map(content: dict[str, Any], path: Path) -> LogMap:
     if not joints:
         raise fields["joints"].wrong("at least one joint")
     sources: dict[str, Source] = {}
+    kinds: dict[str, str] = {}
     for name, joint in joints.items():
-        sources |= _joint(name, joint)
+        channels, stated = _joint(name, joint)
+        sources |= channels
+        kinds |= {name: stated} if stated else {}
     _check_complete(fields["joints"], sources)
     if "control_mode" in fields:
         _check_mode(fields["control_mode"], sources)
@@ -167,6 +86,7 @@ def parse_map(content: dict[str, Any], path: Path) -> LogMap:
     return LogMap(
         path=path,
         sources=sources,
+        kinds=kinds,
         clock=_clock(fields["clock"]) if "clock" in fields else ClockSource(),
         clocks={n: _clock(c, False) for n, c in fields["clocks"].table().items()} if "clocks" in fields else {},
         trials=tuple(_rule(r, tuple(joints)) for r in fields["trials"].items(0, _MOST_FILES))
@@ -180,10 +100,12 @@ def parse_map(content: dict[str, Any], path: Path) -> LogMap:
     )
 
 
-def _joint(name: str, entry: Entry) -> dict[str, Source]:
+def _joint(name: str, entry: Entry) -> tuple[dict[str, Source], str | None]:
+    """The columns of a joint, and its type where that is stated."""
     if not name or "/" in name or name != name.strip() or not name.isprintable():
         raise entry.error(f"'{name}' is no name of a joint, expected letters, digits, '.', '-' or '_'")
     channels = entry.table()
+    stated = channels.pop("type").text(JOINT_KINDS) if "type" in channels else None
     if not channels:
         raise entry.wrong(f"channels such as {', '.join(CHANNELS[:4])}")
     for channel, source in channels.items():
@@ -193,11 +115,18 @@ def _joint(name: str, entry: Entry) -> dict[str, Source]:
     if "position" not in channels:
         raise entry.error(f"joint '{name}' has no position, expected one for every joint")
     found = {joint_column(name, c): _source(e, joint_column(name, c)) for c, e in channels.items()}
-    kinds = {t.unit.kind for s in found.values() for t in s.terms if t.unit and t.scale is None}
-    if len({slides(kind) for kind in kinds} - {None}) > 1:
-        what = f"its units mix a joint that turns with one that slides ({', '.join(sorted(kinds))})"
+    said = sliding_by_units(found.values())
+    if len(said) > 1:
+        kinds = sorted({t.unit.kind for s in found.values() for t in s.terms if t.unit and t.scale is None})
+        what = f"its units mix a joint that turns with one that slides ({', '.join(kinds)})"
         raise entry.error(what, "give all its channels angular or all of them linear units")
-    return found
+    if stated and said and said != {stated == PRISMATIC}:
+        units = "linear" if stated == REVOLUTE else "angular"
+        raise entry.error(
+            f"its type is {stated}, its units are {units}",
+            "correct the type or the units; where both are right, a scale",
+        )
+    return found, stated
 
 
 def _check_complete(entry: Entry, sources: MappingType[str, Source]) -> None:

@@ -60,9 +60,7 @@ def find_sources(given: Iterable[Path]) -> Found:
         if reader := _reader_of(path, readers):
             files.append(SourceFile(path, reader))
         elif not path.is_dir():
-            suffixes = sorted({suffix for each in readers.values() for suffix in each.suffixes})
-            what = f"{path}: no reader for '{path.suffix or path.name}' (known: {', '.join(suffixes)})"
-            raise UsageError(what, file=path, fix="export it to one of these")
+            raise _unread(path, readers)
         else:
             for inner in sorted(path.iterdir()):
                 if _passed_over(inner):
@@ -104,6 +102,16 @@ def _reader_of(path: Path, readers: dict[str, type[ForeignReader]]) -> type[Fore
     suffix = path.suffix.casefold()
     having = [reader for reader in readers.values() if suffix in reader.suffixes]
     return next((r for r in having if not hasattr(r, "claims_file") or r.claims_file(path)), None)
+
+
+def _unread(path: Path, readers: dict[str, type[ForeignReader]]) -> UsageError:
+    """Why no reader reads a file: nobody knows its suffix, or those who do know other content."""
+    suffix = path.suffix.casefold()
+    picky = [name for name, reader in readers.items() if suffix in reader.suffixes]
+    suffixes = sorted({each for reader in readers.values() for each in reader.suffixes} - {suffix})
+    what = f"no reader for '{path.suffix or path.name}'"
+    what += f" but that of {' and '.join(picky)}, which does not know what is in it" if picky else ""
+    return UsageError(f"{path}: {what}", file=path, fix=f"export it to one of {', '.join(suffixes)}")
 
 
 def _copies(paths: list[Path]) -> dict[Path, Path]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from hqpipe.logs.columns import TIME, joint_column, joints_of
 from hqpipe.logs.imports.clock import regularity
-from hqpipe.logs.imports.mapping import LogMap
+from hqpipe.logs.imports.log_map import LogMap
 from hqpipe.logs.imports.units import KINDS, kinds_of, slides
 
 _OUTLIER = 5.0  # times the usual size; assumption: motions differ by less, units (cm, mm, deg) by more

@@ -101,6 +101,10 @@ def test_what_spins_in_any_unit_is_not_taken_for_degrees(logs):
     assert degrees(warnings(logs, turning(300, velocity=False))) == []
 
 
+def test_a_velocity_that_is_off_by_another_factor_speaks_against_degrees(logs):
+    assert degrees(warnings(logs, turning(5, factor=2.0))) == []
+
+
 def test_degrees_beside_a_velocity_in_radians_are_told(logs):
     assert degrees(warnings(logs, turning(0.4, factor=180 / np.pi)))
 
@@ -117,6 +121,16 @@ def test_a_position_that_starts_again_after_a_turn_is_told(logs):
 
     found = warnings(logs, wrap)
     assert any("joint/hip/position starts again after a turn (4 times)" in text for text in found), found
+
+
+def test_the_range_after_which_a_position_starts_again_is_told(logs):
+    def wrap(columns):
+        time = columns["time"]
+        angle = 20.0 * np.sin(2.0 * np.pi * 2.0 * time / time[-1])
+        columns["joint/hip/position"] = np.mod(angle + 12.5, 25.0) - 12.5
+
+    found = warnings(logs, wrap)
+    assert any("joint/hip/position starts again after 25 rad (8 times)" in text for text in found), found
 
 
 def test_units_of_the_clock_against_the_stated_rate(logs):

@@ -34,6 +34,9 @@ NAMES = {
     "position/left_hip": Meaning("position", "left_hip"),
     "joint/knee/effort": Meaning("effort", "knee"),
     "Boom Ms": Meaning("position", "Boom"),
+    "uart_latency_ms": None,
+    "input delay [ms]": None,
+    "q_ms": Meaning("position", "q"),
     "Boom Cmd": Meaning("command", "Boom"),
     "Boom Error": Meaning("error", "Boom"),
     "knee setpoint": Meaning("position_command", "knee"),
@@ -49,6 +52,7 @@ NAMES = {
     "oil_temp": Meaning("supply/oil_temperature"),
     "motor_current_2": Meaning("current", "joint2"),
     "valve_cmd": Meaning("valve_command"),
+    "tau_command[2]": Meaning("effort_command", "joint2"),
     "knee_tau_des": Meaning("effort_command", "knee"),
     "camera": None,
     "Confidence": None,
@@ -206,3 +210,77 @@ def test_names_of_another_language_are_asked_for_with_what_their_units_say():
     assert found.content["clock"] == {"field": "Zeit", "unit": "s"} and set(found.left) == {"Winkel", "(no effort)"}
     (question,) = found.unclear
     assert "which fields are positions" in question and "in units of angle or length: Winkel" in question
+
+
+def arm(**more: np.ndarray) -> dict[str, np.ndarray]:
+    """Two joints that follow their targets, and what else was logged."""
+    t = np.arange(500) / 50.0
+    fields = {"t": t}
+    for j in range(2):
+        fields |= {f"q[{j}]": np.sin(t + j - 0.05), f"qd[{j}]": np.cos(t + j - 0.05), f"q_cmd[{j}]": np.sin(t + j)}
+        fields[f"tau[{j}]"] = np.cos(2 * t + j)
+    return fields | more
+
+
+@pytest.mark.parametrize("point", [{"ee_pos[0]": "position"}, {"ee_pos[0]": "position", "ee_vel[0]": "velocity"}])
+def test_a_point_of_the_machine_costs_its_joints_nothing(point):
+    found = draft(arm(**{name: np.sin(np.arange(500.0)) for name in point}))
+    joints = found.content["joints"]
+    assert list(joints) == ["joint0", "joint1"] and set(point) <= set(found.left)
+    assert all({"velocity", "effort", "position_command"} <= set(channels) for channels in joints.values())
+    assert "'ee0' has only position" in found.left["ee_pos[0]"]
+
+
+def test_a_time_beside_the_joints_is_none_of_them():
+    found = draft(arm(uart_latency_ms=np.abs(200 * np.sin(np.arange(500.0)))))
+    assert list(found.content["joints"]) == ["joint0", "joint1"]
+    assert found.content["joints"]["joint0"]["position"]["unit"] == "rad"
+
+
+def test_joints_that_all_have_a_position_alone_stay():
+    t = np.arange(500) / 50.0
+    assert list(draft({"t": t, "hip_pos": np.sin(t), "knee_pos": np.cos(t)}).content["joints"]) == ["hip", "knee"]
+
+
+def test_a_command_that_never_changes_is_no_command():
+    t = np.arange(2000) / 200.0
+    fields = {"t": t, "position": np.sin(4 * t - 0.1), "position_cmd": np.zeros(2000), "torque_cmd": np.cos(4 * t)}
+    found = draft(fields)
+    assert found.content["control_mode"] == "torque" and "never changes" in found.left["position_cmd"]
+    kept = draft_map(Recording(Path("a.csv"), (Stream("", fields, {}),)), still=())  # it changes in another file
+    assert kept.content["control_mode"] == "position"
+
+
+def test_a_command_that_changes_in_one_joint_is_a_command_of_all():
+    found = draft(arm(**{"q_cmd[1]": np.zeros(500)}))
+    assert found.content["joints"]["joint1"]["position_command"]["field"] == "q_cmd[1]"
+
+
+def test_plain_commands_of_numbered_joints_are_one_kind():
+    fields = {name.replace("q_cmd", "u"): values for name, values in arm().items()}
+    assert draft(fields).content["joints"]["joint1"]["position_command"]["field"] == "u[1]"
+
+
+def test_the_case_of_a_joint_name_does_not_count():
+    t = np.arange(500) / 50.0
+    found = draft({"t": t, "KNEE_PosFb": np.sin(t), "Knee_Current": np.cos(t)})
+    assert found.content["joints"]["KNEE"]["current"]["field"] == "Knee_Current"
+
+
+def test_a_name_that_begins_with_that_of_the_position_is_of_its_joint():
+    t = np.arange(500) / 50.0
+    fields = {"t": t} | {f"q{j}{what}": np.sin(t + j) for j in (3, 31) for what in ("", "_tau_J_compensated")}
+    joints = draft(fields).content["joints"]
+    assert [channels["effort"]["field"] for channels in joints.values()] == [
+        "q3_tau_J_compensated",
+        "q31_tau_J_compensated",
+    ]
+
+
+def test_a_range_of_less_than_a_turn_in_degrees_is_in_radians():
+    t = np.arange(1000) / 50.0
+    angle, speed = 40.0 * np.sin(0.7 * t), 28.0 * np.cos(0.7 * t)
+    (joint,) = draft({"t": t, "q": np.mod(angle + 12.5, 25.0) - 12.5, "qd": speed}).content["joints"].values()
+    assert (joint["position"]["unit"], joint["velocity"]["unit"]) == ("rad", "rad/s")
+    (joint,) = draft({"t": t, "q": np.mod(np.rad2deg(angle), 360.0), "qd": speed}).content["joints"].values()
+    assert (joint["position"]["unit"], joint["velocity"]["unit"]) == ("deg", "rad/s")

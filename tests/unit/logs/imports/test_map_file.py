@@ -57,6 +57,8 @@ WRONG = [
     ((*HIP, "position", "unit"), "Deg", "joints.hip.position.unit", "did you mean 'deg'"),
     ((*HIP, "position", "unit"), "bar", "joints.hip.position.unit", "bar is a unit of pressure, expected angle"),
     ((*HIP, "position", "unit"), "mm", "joints.hip", "mix a joint that turns with one that slides"),
+    ((*HIP, "type"), "prismatik", "joints.hip.type", "did you mean 'prismatic'"),
+    ((*HIP, "type"), "prismatic", "joints.hip", "its type is prismatic, its units are angular"),
     ((*HIP, "position", "unit"), "counts", "joints.hip.position.unit", "counts_per_turn"),
     ((*HIP, "position", "sgin"), -1, "joints.hip.position.sgin", "did you mean 'sign'"),
     ((*HIP, "position", "sign"), 2, "joints.hip.position.sign", "expected -1 to 1"),

@@ -222,6 +222,23 @@ def test_a_position_that_starts_again_after_a_turn_is_joined(tmp_path):
         run(tmp_path / "strict", tmp_path / "strict" / "t0.csv", content=content, strict=True)
 
 
+def test_a_position_that_starts_again_at_the_end_of_its_encoder_is_joined(tmp_path):
+    time = np.arange(0, 20, 0.01)
+    angle = 40.0 * np.sin(0.7 * time)
+    for seed in range(2):
+        table = {"t": time, "q": np.mod(angle + seed + 12.5, 25.0) - 12.5, "goal": angle + seed + 0.2}
+        write_csv(tmp_path / f"t{seed}.csv", table)
+    joints = {
+        "shaft": {"position": {"field": "q", "unit": "rad"}, "position_command": {"field": "goal", "unit": "rad"}}
+    }
+    content = {"format": "hqpipe-log-map/1", "clock": {"field": "t"}, "joints": joints}
+    result = run(tmp_path, tmp_path, content=content)
+    assert any("joint/shaft/position starts again after 25 rad: joined" in note for note in result.notes())
+    first = read_log_set(tmp_path / "out").trials[0].trajectory
+    np.testing.assert_allclose(first.position[:, 0], angle, atol=0.01)
+    np.testing.assert_allclose(first.position_command[:, 0], angle + 0.2, atol=0.01)
+
+
 def test_sums_zeros_and_the_first_field_that_exists(tmp_path):
     known = machine()
     time, q, target = (known[n] for n in ("time", "joint/hip/position", "joint/hip/position_command"))
