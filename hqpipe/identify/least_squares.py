@@ -167,8 +167,8 @@ class Fitter:
         return stopped(slope, values[free], self.low[free], self.high[free])
 
     def jacobian(self, values: np.ndarray, error: np.ndarray, free: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """(N, F) of the error: those that the model gives, else one-sided differences of the length `steps` (F,), away from a
-        bound."""
+        """(N, F) of the error: those that the model gives, else one-sided differences of the length `steps` (F,), within the
+        bounds."""
         rows = np.zeros(
             (len(free), len(error))
         )  # the sensitivities to one parameter lie side by side: products are faster
@@ -184,7 +184,7 @@ class Fitter:
             step = self._within(values, int(index), float(steps[k]))
             for _ in range(4):
                 moved = values.copy()
-                moved[index] += step
+                moved[index] = min(max(values[index] + step, self.low[index]), self.high[index])  # but for rounding
                 difference = self.error(moved) - error
                 change = float(np.sqrt(difference @ difference))
                 if change > _SEEN * size:
@@ -225,10 +225,14 @@ class Fitter:
         return np.divide(size, slope, out=np.full(len(slope), np.inf), where=slope > 0.0)
 
     def _within(self, values: np.ndarray, index: int, step: float) -> float:
-        """The step, turned round where it would leave the bounds."""
-        if not self.low[index] <= values[index] + step <= self.high[index]:
-            step = -step
-        return step
+        """The step, turned round where it would leave the bounds; up to the farther bound where it would on both sides."""
+        up, down = self.high[index] - values[index], values[index] - self.low[index]
+        ahead, behind = (up, down) if step > 0.0 else (down, up)
+        if abs(step) <= ahead:
+            return step
+        if abs(step) <= behind:
+            return -step
+        return float(up if up >= down else -down)
 
     def _cost(self, values: np.ndarray, error: np.ndarray, free: np.ndarray, noise: float) -> float:
         """Squared errors, and minus twice the logarithm of a Cauchy prior for each effect's parameter."""

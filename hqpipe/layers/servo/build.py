@@ -13,17 +13,18 @@ from hqpipe.identify.base_solution import base_solution
 from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.model import positions
 from hqpipe.layers.servo.candidates import Size, base_of, effects_of, other_joints
+from hqpipe.layers.servo.chosen_windows import chosen
 from hqpipe.layers.servo.coupling import coupling_columns, fitted_coupling, moving
 from hqpipe.layers.servo.joint import ServoJoint, Setting, Split, samples_of
 from hqpipe.layers.servo.prepare import Prepared
+from hqpipe.layers.servo.rows import FINE, LEAST_WINDOW
 from hqpipe.layers.servo.scale import scale_note
 from hqpipe.layers.servo.start import LARGEST, Start, drive_error, start_of
-from hqpipe.layers.servo.tracks import LEAST_WINDOW, thinned, windows_of
+from hqpipe.layers.servo.tracks import windows_of
 from hqpipe.layers.servo.trial_settings import CLEARLY, TrialSettings, moved, one_setting, settings_note, settings_of
 
 RUN_IN = 2.0  # response times before a window, in which the error of an initial state dies out where a loop is closed
 _LEAST_WINDOWS = 4  # of the fit trials; assumption: fewer initial states are no sample
-_FINE = 25.0  # substeps of a response time; Verlet is then exact to about 1e-3
 _MOST_SUBSTEPS = 8
 _CUTS = (0.3, 0.6)  # shares of the largest torque, from which a limit is tried; assumption
 _DIFFERS = 1.05  # ratio of the gains of two trials that tells a bias from a constant torque; assumption
@@ -40,7 +41,7 @@ def joint_model(item: Prepared, length: float, without: Collection[str]) -> Serv
     dt = float(np.median(item.tracks[0].dt))
     samples = max(int(round(length / dt)), LEAST_WINDOW)
     run_in = 0 if item.scale.duty else int(round(RUN_IN * item.response_s / dt))
-    substeps = int(np.clip(np.ceil(_FINE * dt / item.response_s), 1, _MOST_SUBSTEPS))
+    substeps = int(np.clip(np.ceil(FINE * dt / item.response_s), 1, _MOST_SUBSTEPS))
     splits = _splits(item, samples, run_in, substeps)
     if len(splits[0].windows.start) < _LEAST_WINDOWS:
         return (
@@ -117,7 +118,8 @@ def _splits(
         windows = windows_of(tracks, samples, run_in)
         if tracks is item.tracks[1]:
             windows = windows.of(~np.isin(windows.trial, unseen))
-        windows = thinned(windows, max(most * _MOST_STEPS // ((run_in + samples) * substeps), _LEAST_WINDOWS))
+        count = max(most * _MOST_STEPS // ((run_in + samples) * substeps), _LEAST_WINDOWS)
+        windows = chosen(tracks, windows, samples, run_in, count)
         kept, judged = samples_of(tracks, windows, samples, run_in)
         found.append(Split(tracks, windows, rows, kept, judged, np.zeros(len(tracks.position))))
     return found[0], found[1]
@@ -144,6 +146,7 @@ def _built(
         middle=float(fit.position.min() + fit.position.max()) / 2.0,
         reach=item.travel / 2.0,
         speed=size.speed,
+        row_s=item.row_s,
         slow_s=_SLOW * item.response_s,
         torque=float(np.abs(torque).max()) * (_UNSURE if scale.free_gain else 1.0),
         sensor_noise=item.sensor_noise,
@@ -196,7 +199,7 @@ def _size(item: Prepared, start: Start, torque: np.ndarray, window_s: float) -> 
         torque=_largest(torque),
         speed=_largest(fit.velocity),
         travel=item.travel,
-        dt=float(np.median(fit.dt)),
+        dt=item.row_s,
         window_s=window_s,
         gain=start.gain * float(np.median(scale.gain[rows])),
         inertia=float(np.median(scale.inertia[rows])),

@@ -72,7 +72,8 @@ class Split:
 @dataclass(frozen=True)
 class Setting:
     """Length of a window and of the run-in before it, substeps of a sample; middle and half width of the travel; largest speed;
-    time constant of the slow share, s; largest torque, of which a limit cuts off a share; noise of the position sensor."""
+    s from row to row of the log, of which samples may have left some out; time constant of the slow share, s; largest torque,
+    of which a limit cuts off a share; noise of the position sensor."""
 
     samples: int
     run_in: int
@@ -80,6 +81,7 @@ class Setting:
     middle: float
     reach: float
     speed: float
+    row_s: float
     slow_s: float
     torque: float
     sensor_noise: float
@@ -210,18 +212,18 @@ class ServoJoint:
 
     def _numbers(self, values: np.ndarray, split: Split) -> tuple[np.ndarray, np.ndarray]:
         """Numbers of the kernel: those that all trials share, and those of each trial."""
-        scale, rows = self.scale, split.rows
+        scale, setting, rows = self.scale, self.setting, split.rows
         numbers = np.zeros(len(kernel.NAMES))
         numbers[kernel.STRIBECK] = 1.0
         for k, column in self._shared:
             numbers[column] += values[k] - (column == kernel.STRIBECK)
         cut = numbers[kernel.INVERSE_LIMIT]
-        numbers[kernel.INVERSE_LIMIT] = 1.0 / (self.setting.torque * (1.0 - cut)) if cut > 0.0 else 0.0
+        numbers[kernel.INVERSE_LIMIT] = 1.0 / (setting.torque * (1.0 - cut)) if cut > 0.0 else 0.0
         numbers[kernel.SAG] /= scale.winding_ohm or 1.0
         if not scale.duty:
             # A delay is the same as less lead: beside one, commands count in the middle between two rows.
-            lead = min(max(numbers[kernel.COMMAND_LEAD], 0.0), self.dt)
-            numbers[kernel.COMMAND_LEAD] = lead if numbers[kernel.DELAY] == 0.0 else 0.5 * self.dt
+            lead = min(max(numbers[kernel.COMMAND_LEAD], 0.0), setting.row_s)
+            numbers[kernel.COMMAND_LEAD] = lead if numbers[kernel.DELAY] == 0.0 else 0.5 * setting.row_s
         numbers[kernel.DAMPS_ERROR] = float(self.damps_error)
         own = {name: values[k] for (effect, name), k in self._place.items() if not effect}
         own |= {name: min(max(own[name], -most), most) for name, most in self._most.items()}

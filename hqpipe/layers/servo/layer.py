@@ -12,8 +12,8 @@ from hqpipe.identify.model import LayerJoints
 from hqpipe.layers.refusal import no_joint_judged
 from hqpipe.layers.servo.build import joint_model
 from hqpipe.layers.servo.prepare import Prepared, prepare
+from hqpipe.layers.servo.rows import LEAST_WINDOW
 from hqpipe.layers.servo.scale import duty_of
-from hqpipe.layers.servo.tracks import LEAST_WINDOW
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.survey.end_stop import EndStop, end_stops
 from hqpipe.logs.trajectory import LogSet
@@ -48,7 +48,7 @@ class Servo:
         left: dict[str, str] = {}
         stops = end_stops([(trial.file, trial.trajectory) for trial in log_set.trials])
         for joint in log_set.joints:
-            found = prepare(log_set, joint, stops)
+            found = prepare(log_set, joint, stops, window_s)
             if isinstance(found, str):
                 left[joint] = found
             else:

@@ -13,7 +13,6 @@ from hqpipe.logs.differentiate import differentiate, window_s
 from hqpipe.logs.survey.end_stop import EndStop
 from hqpipe.logs.trajectory import Trial
 
-LEAST_WINDOW = 10  # samples; with fewer the initial state, fitted to 7, decides
 _ORDER = 3  # of the polynomial that smooths, as in hqpipe.logs.differentiate
 _SLOWEST = 1.0  # s; assumption: slower responses are those of a load, and not of a servo
 _LAGS = 60  # between one sample and that; assumption: 10 % from one to the next is near enough for a window's length
@@ -152,14 +151,6 @@ def _bridged(tracks: Tracks, longest: int) -> np.ndarray:
         if end - begin > longest:
             result[begin:end] = -1
     return result
-
-
-def thinned(windows: Windows, most: int) -> Windows:
-    """At most `most` of the windows, evenly spaced."""
-    if len(windows.start) <= most:
-        return windows
-    kept = np.unique(np.linspace(0, len(windows.start) - 1, most).round().astype(np.int64))
-    return windows.of(kept)
 
 
 def response_time(tracks: Tracks, follows: np.ndarray | None) -> float:

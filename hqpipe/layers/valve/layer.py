@@ -9,6 +9,7 @@ import numpy as np
 
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.model import LayerJoints
+from hqpipe.identify.window_choice import MIN_WINDOWS
 from hqpipe.layers.refusal import no_joint_judged
 from hqpipe.layers.valve.joint import ValveJoint, of_one_log, samples_of, settings_of
 from hqpipe.layers.valve.kernel import FREE
@@ -23,7 +24,9 @@ from hqpipe.logs.trajectory import LogSet, Trial
 LEAST_ROWS = 20  # of a window; assumption: twice the least that a window of any layer has
 LEAST_S = 0.1  # of a window: that of the other control modes
 CLEAR = 30.0  # of the sensor's noise, that a joint travels in a window of usual speed, if its position is predicted; assumption
+RESPONSES = 5.0  # times that a valve is late, in a window: what is left of a first-order response is e⁻⁵, 0.7 %
 LONGEST_S = 2.0  # of a window chosen by these rules; assumption: longer than a valve and its joint take to settle
+SHORTER = 0.9  # steps in which the longest windows are looked for
 FEWEST_WINDOWS = 10  # of the fit trials; assumption: fewer do not tell an effect from chance
 
 
@@ -117,12 +120,37 @@ def _window(log_set: LogSet, joints: dict[str, Seen], travels: bool, window_s: f
     dt = _dt(log_set)
     if window_s is not None:
         return max(window_s, 10.0 * dt), "as asked for, and at least ten samples"
-    length = max(LEAST_ROWS * dt, LEAST_S)
-    if travels and joints:
-        clear = max(CLEAR * seen.noise / seen.scales.speed for seen in joints.values())
-        length = max(length, min(clear, LONGEST_S))
-    what = "the travel in it is well above the noise of the position" if travels else "it holds the valve's response"
-    return float(length), f"at least {LEAST_ROWS} samples; {what}"
+    length, reason = max(LEAST_ROWS * dt, LEAST_S), f"at least {LEAST_ROWS} samples and {LEAST_S:g} s"
+    if not joints:
+        return float(length), reason
+    length, reason = _settled(log_set, joints, length, reason)
+    if travels:
+        clear = min(max(CLEAR * seen.noise / seen.scales.speed for seen in joints.values()), LONGEST_S)
+        if clear > length:
+            length, reason = clear, "the travel in shorter ones is not well above the noise of the position"
+    return float(length), reason
+
+
+def _settled(log_set: LogSet, joints: dict[str, Seen], least: float, reason: str) -> tuple[float, str]:
+    """Length of a window, s, in which the slowest joint has responded, and why; `least` and its reason if that is longer."""
+    slowest = max(joints, key=lambda name: joints[name].look.delay_s)
+    late = joints[slowest].look.delay_s
+    follows = f"the {1e3 * late:.0f} ms by which {slowest} follows its command"
+    length, why = RESPONSES * late, f"{RESPONSES:g} times {follows}"
+    if length > LONGEST_S:
+        length, why = LONGEST_S, f"at most {LONGEST_S:g} s, less than {why}"
+    while length > least and _windows(log_set, length) < MIN_WINDOWS:
+        length, why = (
+            SHORTER * length,
+            f"of longer ones the trials hold fewer than {MIN_WINDOWS}; {RESPONSES:g} times {follows} were better",
+        )
+    return (length, why) if length > least else (least, reason)
+
+
+def _windows(log_set: LogSet, length: float) -> int:
+    """How many windows of `length` s the smaller of both splits holds, but for the first one of each trial."""
+    splits = [trials for trials in (log_set.fit, log_set.heldout) if trials]
+    return min(sum(max(int(t.trajectory.duration / length) - 1, 0) for t in trials) for trials in splits)
 
 
 def _joint(

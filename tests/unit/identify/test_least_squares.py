@@ -208,3 +208,24 @@ def test_sensitivities_that_a_model_gives_take_the_place_of_differences():
     assert found[0].values == pytest.approx(found[1].values, rel=1e-5, abs=1e-6)
     np.testing.assert_allclose(found[0].jacobian, found[1].jacobian, rtol=1e-6, atol=1e-6)
     assert exact.runs < 0.7 * plain.runs
+
+
+def test_differences_stay_within_both_bounds_however_long_they_grow():
+    class Narrow(ToyJoint):
+        """A parameter that changes nothing, so that its step grows, in a range that is shorter than the longest step."""
+
+        base = (*ToyJoint.base, Parameter("idle", "1", 0.3, 1.0, 0.1, 0.6))
+        tried = ()
+
+        def error(self, values, heldout=False):
+            self.tried += (values[2],)
+            return super().error(np.delete(values, 2), heldout)
+
+    model = Narrow(truth={"coulomb_friction": 0.3})
+    fitter = Fitter(model)
+    for start in (0.1, 0.2, 0.5, 0.6):
+        values = fitter.neutral.copy()
+        values[2] = start
+        fitter.jacobian(values, fitter.error(values), np.array([2]), fitter.long_steps(values, np.array([2])))
+    assert min(model.tried) >= 0.1
+    assert max(model.tried) == 0.6

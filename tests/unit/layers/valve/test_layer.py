@@ -106,6 +106,22 @@ def test_unobserved_samples_are_not_judged(logs):
     assert observed[id(logs.trials[0])][at, 0].all() and len(at) > 500
 
 
+@pytest.mark.parametrize("late", [0.05, 0.2])
+def test_windows_are_several_times_as_long_as_a_joint_is_late(late):
+    command = [strokes(60.0, DT, seed, (0.2, 1.0)) for seed in (1, 2)]
+    found = Valve().joints(log_set(command, DT, delay=late))
+    assert found.window_s == pytest.approx(5.0 * late, rel=0.2)
+    assert found.window_reason.endswith("ms by which rod follows its command")
+
+
+def test_a_short_log_holds_enough_windows_of_a_slow_joint():
+    command = [strokes(12.0, DT, seed, (0.2, 1.0)) for seed in (1, 2)]
+    found = Valve().joints(log_set(command, DT, delay=0.2))
+    assert 0.4 < found.window_s < 0.6
+    assert found.window_reason.startswith("of longer ones the trials hold fewer than 20")
+    assert len(found.models[0].windows[0].begin) >= 15
+
+
 def test_windows_stay_within_their_stretch(logs):
     first, rest = logs.trials[0], logs.trials[1:]
     parts = [replace(first, trajectory=first.trajectory.section(a, a + 450)) for a in (0, 450, 900, 1350)]
