@@ -59,7 +59,7 @@ def test_the_numbers_beside_a_neutral_first_number_do_nothing(model):
 
 
 @pytest.mark.parametrize(
-    "share,unequal,acts", [(0.9, 0.1, False), (1.1, 0.1, True), (1.1, -0.1, True), (1.1, 0.04, False)]
+    "share,unequal,acts", [(0.9, 0.1, False), (1.1, 0.1, True), (1.1, -0.1, True), (1.1, 0.02, False)]
 )
 def test_unequal_areas_act_where_the_orifice_bends_the_flow_and_a_rod_can_be(model, share, unequal, acts):
     orifice, areas = placed(model, "orifice_flow", "effort_max_nm"), placed(model, "direction_asymmetry", "areas")
