@@ -15,7 +15,7 @@ from hqpipe.layers.joint_motion.disturbances import bursts
 from hqpipe.layers.joint_motion.first_fit import blocks, robust_fit, standard_errors
 from hqpipe.layers.joint_motion.motion import ParallelFilter
 from hqpipe.layers.joint_motion.output import Output
-from hqpipe.layers.joint_motion.records import Filters, Part, Record, part_of, usable_samples
+from hqpipe.layers.joint_motion.records import Filters, Part, Record, bridged, part_of, usable_samples
 from hqpipe.logs.joint_kinds import PRISMATIC
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
             trial.split == "heldout",
             trial.trajectory.start,
             values,
-            usable_samples(values, trial.trajectory.recorded[:, j], margin),
+            usable_samples(values, bridged(trial.trajectory.recorded[:, j], band.cutoff, machine.dt), margin),
             view,
         )
         for trial, values, view in zip(logs.trials, output.values, views, strict=True)
