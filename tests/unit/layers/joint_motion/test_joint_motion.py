@@ -96,6 +96,23 @@ def test_scattered_rows_that_were_bridged_cost_only_themselves(runs):
     assert fitted(model, [DRY])[0]["friction_nm"] == pytest.approx(2.0, rel=0.02)
 
 
+def test_advice_fits_the_reason_why_no_joint_is_judged(runs):
+    def advice(change):
+        logs = log_set(runs)
+        trials = tuple(replace(t, trajectory=change(t.trajectory)) for t in logs.trials)
+        with pytest.raises(IdentificationError) as caught:
+            JointMotion().joints(replace(logs, trials=trials))
+        return caught.value.fix
+
+    def gaps(t):
+        observed = np.arange(t.samples)[:, None] % 200 < 20
+        return replace(t, observed=observed)
+
+    assert "no row is missing" in advice(gaps)
+    assert "below the limit" in advice(lambda t: replace(t, effort=np.sign(t.effort)))
+    assert "reversals" in advice(lambda t: replace(t, position=0.0 * t.position))
+
+
 def test_a_gap_is_bridged_where_it_is_short_beside_the_filter():
     recorded = np.ones(100, dtype=bool)
     recorded[10:13] = recorded[50:54] = recorded[96:] = False
