@@ -160,7 +160,7 @@ def _layer_effects(asked: _Asked, joints: LayerJoints, workers: int) -> LayerEff
         if not effects and any(effect.named for effect in model.effects)
     }
     effects = [
-        _effect_shown(model, asked.layer, name, each, compared)
+        _effect_shown(model, asked.layer, name, each, compared, log_set.kinds.get(model.joint))
         for model, by_effect in found
         for name, each in by_effect.items()
     ]
@@ -179,10 +179,13 @@ def _not_judged(reasons: Mapping[str, str]) -> Iterator[LeftOut]:
     return (LeftOut((), (joint,), None, NOT_JUDGED, reason, "") for joint, reason in reasons.items())
 
 
-def _effect_shown(model: JointModel, layer: Any, name: str, found: Isolability, compared: bool) -> EffectShown:
+def _effect_shown(
+    model: JointModel, layer: Any, name: str, found: Isolability, compared: bool, kind: str | None
+) -> EffectShown:
     """
     Args:
         compared: whether the log holds pressures, which tell an offset of the torque from one of the command.
+        kind: of the joint, revolute or prismatic; None where nobody says.
     """
     spread = next(effect for effect in model.effects if effect.name == name).parameters[0].spread
 
@@ -201,7 +204,7 @@ def _effect_shown(model: JointModel, layer: Any, name: str, found: Isolability, 
         falls=small is not None and large is not None and abs(large.value) < abs(small.value),
         share_done_by_base=found.share_done_by_base,
         alike=tuple(other for other in found.alike if other not in settled),
-        experiment=None if found.shows else experiment_for(name, layer.NAME),
+        experiment=None if found.shows else experiment_for(name, layer.NAME, kind),
     )
 
 
@@ -214,11 +217,12 @@ def _pairs(log_set: LogSet, layer: str, effects: Sequence[EffectShown]) -> tuple
             own = joints.setdefault((one, two), [])
             if effect.joint not in own:
                 own.append(effect.joint)
-    return tuple(PairAlike(pair, tuple(own), _experiment(log_set, layer, pair)) for pair, own in joints.items())
+    return tuple(PairAlike(pair, tuple(own), _experiment(log_set, layer, pair, own)) for pair, own in joints.items())
 
 
-def _experiment(log_set: LogSet, layer: str, pair: tuple[str, str]) -> str:
-    text = telling_apart(pair, layer)
+def _experiment(log_set: LogSet, layer: str, pair: tuple[str, str], joints: Sequence[str]) -> str:
+    kinds = {log_set.kinds.get(joint) for joint in joints}
+    text = telling_apart(pair, layer, kinds.pop() if len(kinds) == 1 else None)
     offsets = layer == ACTUATOR and set(pair) == {BIAS, NULL_SHIFT} and log_set.effort_source != "pressure"
     return f"{LOG_PRESSURES}, or {text}" if offsets else text
 

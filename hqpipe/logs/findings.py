@@ -37,7 +37,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Group:
-    """Findings that say the same of several files or joints.
+    """Findings that say the same of several files or joints: of each of the joints in each of the files.
 
     Attributes:
         members: in the order in which they were found.
@@ -70,11 +70,18 @@ class Group:
 
 
 def groups_of(findings: Iterable[Finding]) -> list[Group]:
-    """What was found, each thing once, in the order in which it was found first."""
-    found: dict[tuple[str, str | None, str], list[Finding]] = {}
+    """What was found, each thing once, in the order in which it was found first; joints of other files by themselves."""
+    found: dict[tuple[str, str | None, str], dict[str | None, list[Finding]]] = {}
     for finding in findings:
-        found.setdefault((finding.kind, finding.channel, finding.text), []).append(finding)
-    return [Group(tuple(members)) for members in found.values()]
+        of_joint = found.setdefault((finding.kind, finding.channel, finding.text), {})
+        of_joint.setdefault(finding.joint, []).append(finding)
+    groups = []
+    for of_joint in found.values():
+        by_files: dict[frozenset[str], list[Finding]] = {}
+        for members in of_joint.values():
+            by_files.setdefault(frozenset(finding.file for finding in members), []).extend(members)
+        groups += [Group(tuple(members)) for members in by_files.values()]
+    return groups
 
 
 def grouped(findings: Iterable[Finding], files: Sequence[str]) -> list[str]:

@@ -17,6 +17,7 @@ from hqpipe.report.diagnosis_words import (
     confusions,
     joints_text,
     left_out_words,
+    left_share,
     listed,
     number,
     parameter_name,
@@ -256,13 +257,15 @@ def remains(content: Content) -> str:
     rest = content["unexplained"]
     if content["gap"] is None or rest["share_of_gap"] is None or content["verdict"] == "no_gap":
         return ""
-    share = percent(rest["share_of_gap"])
+    share = percent(left_share(content["gap"]))
     text = f"{share} of the gap is left, which is no more than noise."
     if rest["above_noise"]:
-        text = f"{share} of the gap is unexplained, and it stands above the noise floor."
+        text = (
+            f"{share} of the gap is unexplained; of its square above the noise floor, {percent(rest['share_of_gap'])}."
+        )
     if rest["above_noise"] and rest["where"] and rest["where"] != content["where"]:
         places = [f"{_text(_place(p))} {percent(p['share'])}" for p in rest["where"][:3]]
-        text += f" Most of it: {'; '.join(places)}."
+        text += f" Most of it, in squares: {'; '.join(places)}."
     machine = content["logs"]["joints"]
     bars = "".join(
         f"<tr><th>{_text(words(item['signal']))}</th><td>{_text(joints_text(item['joints'], machine))}</td>"
@@ -272,7 +275,7 @@ def remains(content: Content) -> str:
     )
     if bars:
         bars = (
-            "<p>Signals that predict it, by the share that each accounts for – the trail of what is missing:</p>"
+            "<p>Signals that predict it, by the share of its square that each accounts for – the trail of what is missing:</p>"
             f'<div class="scroll"><table class="plain"><tbody>{bars}</tbody></table></div>'
         )
     elif rest["above_noise"]:

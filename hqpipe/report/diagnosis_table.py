@@ -11,6 +11,7 @@ from hqpipe.report.diagnosis_words import (
     confusions,
     joints_text,
     left_out_words,
+    left_share,
     listed,
     number,
     parameter_name,
@@ -149,7 +150,7 @@ def _rest(content: Content) -> list[_Line]:
     rest = content["unexplained"]
     if not rest["above_noise"] or rest["share_of_gap"] is None:
         return []
-    text = f"{percent(rest['share_of_gap'])} of the gap"
+    text = f"{percent(left_share(content['gap']))} of the gap"
     if rest["where"]:
         place = rest["where"][0]
         regime = "" if place["regime"] == "all" else f" {words(place['regime'])}"

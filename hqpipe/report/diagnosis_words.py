@@ -96,6 +96,11 @@ def sizes(gap: Mapping[str, Any]) -> dict[str, float]:
     return {name: gap[name] / (gap["before"] or 1.0) for name in ("before", "after", "noise_floor", "persistence")}
 
 
+def left_share(gap: Mapping[str, Any]) -> float:
+    """What is left of the gap, noise included: with the shares of the causes, root mean squares too, it makes the whole."""
+    return min(1.0, max(0.0, 1.0 - gap["shrink"]))
+
+
 def size_text(gap: Mapping[str, Any], name: str) -> str:
     """One of the sizes of a gap with its unit: ``67.4 N·m``; of joints without a common one, ``31% of the spread``."""
     if gap["unit"] is not None:

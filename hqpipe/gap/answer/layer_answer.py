@@ -75,7 +75,13 @@ def layer_content(
             "depends_on": depends,
         },
         "next_experiment": next_experiment(
-            joints.layer, found, rest, depends, _worst(errors, evidence), [trial.file for trial in beyond]
+            joints.layer,
+            found,
+            rest,
+            depends,
+            _worst(errors, evidence),
+            [trial.file for trial in beyond],
+            log_set.kinds,
         ),
         "warnings": [
             *(trial.text for trial in beyond),

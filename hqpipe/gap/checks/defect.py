@@ -90,7 +90,7 @@ class Defect:
         part = replace(self, joints=joints, trials=trials, cells=cells, rows=rows)
         if not self.what or not joints or not trials:
             return part
-        return replace(part, message=_message(self.channel, joints, trials, self.total, self.what))
+        return replace(part, message=_message(self.channel, joints, trials, self.total, self.what, cells))
 
 
 def of_channel(
@@ -111,7 +111,7 @@ def of_channel(
         kind, channel, joints, trials, fatal, cells, rows: see `Defect`.
         total: trials of the set. what: the message after the place.
     """
-    message = _message(channel, joints, trials, total, what)
+    message = _message(channel, joints, trials, total, what, cells)
     return Defect(
         kind,
         tuple(trials),
@@ -126,9 +126,24 @@ def of_channel(
     )
 
 
-def _message(channel: str | None, joints: Sequence[str], trials: Sequence[str], total: int, what: str) -> str:
-    others = f" (and of {listed(joints[1:])})" if len(joints) > 1 else ""
-    return f"{joint_column(joints[0], channel)}{others} {where(tuple(trials), total)}: {what}"
+def _message(
+    channel: str | None,
+    joints: Sequence[str],
+    trials: Sequence[str],
+    total: int,
+    what: str,
+    cells: Collection[tuple[str, str]],
+) -> str:
+    """Joints that have the defect in the same trials are told together; `cells` is empty where all of them do."""
+    together: dict[tuple[str, ...], list[str]] = {}
+    for joint in joints:
+        own = tuple(file for file in trials if (file, joint) in cells) if cells else tuple(trials)
+        together.setdefault(own, []).append(joint)
+    places = []
+    for files, (first, *others) in together.items():
+        more = f" (and of {listed(others)})" if others else ""
+        places.append(f"{joint_column(first, channel)}{more} {where(files, total)}")
+    return f"{' and '.join(places)}: {what}"
 
 
 def where(trials: tuple[str, ...], total: int) -> str:

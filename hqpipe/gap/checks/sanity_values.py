@@ -1,18 +1,15 @@
-"""Channels judged by their values: a velocity that is not the derivative of the position, dead and clipped sensors."""
+"""Channels judged by their values: a velocity that is not the derivative of the position, clipped sensors, and dead ones."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from typing import TypeVar
 
 import numpy as np
 
 from hqpipe.gap.checks.defect import Defect, of_channel
+from hqpipe.gap.checks.sanity_dead import dead_defects
 from hqpipe.gap.checks.sanity_order import count, white_noise
-from hqpipe.logs.differentiate import differentiate
 from hqpipe.logs.trajectory import LogSet, Trajectory
-
-T = TypeVar("T")
 
 SPANS_S = (0.02, 0.06, 0.2, 0.6)  # over which travel and integrated velocity are compared; the best one counts
 CLEAR_TRAVEL = 5.0  # × the noise of travel and of integrated velocity: below it they need not agree; assumption
@@ -31,32 +28,26 @@ UNITS = {  # slope of the integrated velocity on the travel → what it means
 }
 UNIT_MATCH = 0.05
 SAME_FACTOR = 0.05  # of a slope, by which joints and trials with the same one differ at most; assumption, as above
-FROZEN_ROWS = 20  # a shorter run of one value is rounding or a pause; assumption
-FROZEN_FACTOR = 10.0  # × the travel of the partner in the longest usual run of one value; assumption
-FROZEN_SHARE = 0.2  # of the partner's standard deviation, likewise
-FROZEN_COUNTS = 20.0  # of the position, that the joint travels meanwhile: stiction holds it within less; assumption
-STILL_SHARE = 0.02  # of the samples: less costs little
 CLIP_RUN, CLIP_RUNS = 5, 3  # samples on end at the extreme, and how often; assumption
 CLIP_LEVELS = 50  # a signal of fewer levels is a square wave or coarsely quantised
 CLIP_SHOWN = 3  # limits in a message
 CLIP_SHARE = 0.02  # of the samples: less costs little
 CLIP_PILE = 10.0  # × as many samples at the extreme as on a level of the decile below it; assumption
 _MEASURED = ("effort", "velocity", "pressure_a", "pressure_b")
-Places = dict[tuple[str, int], dict[str, T]]
-"""(channel, joint) → file → what was found there."""
+Places = dict[tuple[str, int], dict[str, tuple[float, float]]]
+"""(channel, joint) → file → what was found there, see `clip`."""
 _LIMITED_DRIVE = ("current", "estimate")  # such an effort is clipped where the drive itself is
 
 
 def value_defects(log_set: LogSet, skip: set[tuple[str, str]]) -> list[Defect]:
-    """Wrong velocities, frozen channels, clipped channels.
+    """Wrong velocities, dead channels, clipped channels.
 
     Args:
         log_set: trials of one machine.
         skip: (channel, file) that other checks have found broken.
     """
     slopes: dict[int, dict[str, float | None]] = defaultdict(dict)
-    frozen: Places[np.ndarray] = defaultdict(dict)
-    clipped: Places[tuple[float, float]] = defaultdict(dict)
+    clipped: Places = defaultdict(dict)
     for trial in log_set.trials:
         t, file = trial.trajectory, trial.file
         broken = {channel for channel, where_ in skip if where_ == file}
@@ -66,13 +57,11 @@ def value_defects(log_set: LogSet, skip: set[tuple[str, str]]) -> list[Defect]:
         for name, values in t.channels().items():
             if name in broken or (name == "velocity" and t.velocity_source != "measured"):
                 continue
-            for j, rows in _frozen(t, name).items():
-                frozen[name, j][file] = rows
             if name in _MEASURED:
                 for j in range(len(t.joints)):
                     if found := clip(values[:, j]):
                         clipped[name, j][file] = found
-    return _velocity(log_set, slopes) + _constant(log_set, frozen) + _clipped(log_set, clipped)
+    return _velocity(log_set, slopes) + dead_defects(log_set, skip) + _clipped(log_set, clipped)
 
 
 def velocity_slopes(t: Trajectory) -> dict[int, float | None]:
@@ -167,74 +156,6 @@ def _meaning(slope: float | None) -> str:
     return ""
 
 
-def _partners(t: Trajectory, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Channels none of which changes much while `name` stands still, and by how much they must at least, (J,).
-
-    A command may rest, so it has none. A speed of a few counts is none: what it adds up to says nothing.
-    """
-    unit = count(t.position)
-    unit = np.where(unit > 0, unit, unit.max())  # a dead encoder shows no count of its own
-    nothing, least = np.zeros(len(t.joints)), FROZEN_COUNTS * unit
-    command = [] if t.position_command is None else [(t.position_command, least)]
-    if name == "position":
-        clear = np.where(np.abs(t.velocity) > CLEAR_TRAVEL * count(t.velocity), t.velocity, 0.0)
-        speed = [(np.cumsum(clear, axis=0) * t.dt, least)] if t.velocity_source == "measured" else []
-        return speed + command
-    if name == "velocity":
-        return [(differentiate(t.position, t.dt), nothing), (t.position, least)]
-    error = [(t.position_command - t.position, least)] if command else [(t.position, least)]
-    return error if name in ("effort", "pressure_a", "pressure_b") else []
-
-
-def _frozen(t: Trajectory, name: str) -> dict[int, np.ndarray]:
-    """Joint → (K,) rows in which the channel stands still while its partners travel as they never do else."""
-    found: dict[int, np.ndarray] = {}
-    values, partners = getattr(t, name), _partners(t, name)
-    for j in range(len(t.joints) if partners else 0):
-        edges = np.flatnonzero(np.diff(values[:, j]) != 0)
-        start, stop = np.concatenate([[0], edges + 1]), np.concatenate([edges, [t.samples - 1]])
-        long = stop - start >= FROZEN_ROWS
-        if not long.any():
-            continue
-        held = values[start, j]
-        for limit in (values[:, j].min(), values[:, j].max()):
-            returns = (held == limit).sum() >= CLIP_RUNS  # to its limit: such a channel is clipped, not dead
-            if returns or (len(held) > 1 and name not in ("position", "velocity")):
-                long &= held != limit
-        for partner, least in partners:
-            long &= _travels(partner[:, j], start, long, least[j])
-        if long.any() and (stop - start + 1)[long].sum() > STILL_SHARE * t.samples:
-            still = [np.arange(a, b + 1) for a, b in zip(start[long], stop[long], strict=True)]
-            found[j] = np.concatenate(still)
-    return found
-
-
-def _travels(partner: np.ndarray, start: np.ndarray, long: np.ndarray, least: float) -> np.ndarray:
-    """(runs,) True where the partner travels within a run of one value as it does in no usual run."""
-    travel = np.maximum.reduceat(partner, start) - np.minimum.reduceat(partner, start)
-    usual = np.quantile(travel[~long], 0.99) if (~long).sum() > FROZEN_ROWS else 0.0
-    noise = white_noise(partner[:, None])[0]
-    return travel > max(FROZEN_FACTOR * usual, FROZEN_SHARE * partner.std(), 2.0 * CLEAR_TRAVEL * noise, least)
-
-
-def _constant(log_set: LogSet, frozen: Places[np.ndarray]) -> list[Defect]:
-    groups: dict[tuple[str, tuple[str, ...]], list[int]] = defaultdict(list)
-    for (name, j), files in frozen.items():
-        groups[name, tuple(files)].append(j)
-    samples = {trial.file: trial.trajectory.samples for trial in log_set.trials}
-    defects = []
-    for (name, files), members in groups.items():
-        rows = {(file, log_set.joints[j]): frozen[name, j][file] for j in members for file in files}
-        share = max(len(there) / samples[file] for (file, _), there in rows.items())
-        what = (
-            f"stands still for {share:.0%} of the rows while the joint's other channels move: the sensor or its line is "
-            "dead there; cut the trial, or drop the channel"
-        )
-        joints = [log_set.joints[j] for j in members]
-        defects.append(of_channel("constant", name, joints, files, len(log_set.trials), what, rows=rows))
-    return defects
-
-
 def clip(values: np.ndarray) -> tuple[float, float] | None:
     """Limit at which a (T,) signal is cut off, and the share of samples there; None if it is not."""
     for limit in (values.max(), values.min()):
@@ -253,7 +174,7 @@ def clip(values: np.ndarray) -> tuple[float, float] | None:
     return None
 
 
-def _clipped(log_set: LogSet, clipped: Places[tuple[float, float]]) -> list[Defect]:
+def _clipped(log_set: LogSet, clipped: Places) -> list[Defect]:
     groups: dict[tuple[str, tuple[str, ...]], list[int]] = defaultdict(list)
     for (name, j), files in clipped.items():
         groups[name, tuple(files)].append(j)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -16,6 +16,7 @@ from hqpipe.layers.joint_motion.motion import Motion, motion_of, resolution, res
 from hqpipe.layers.joint_motion.output import has_output
 from hqpipe.layers.joint_motion.prepared import Unjudged
 from hqpipe.layers.refusal import no_joint_judged
+from hqpipe.logs.findings import listed
 from hqpipe.logs.trajectory import LogSet
 
 LEAST_TRIAL = 64  # samples: shorter trials have no filtered sample
@@ -70,15 +71,15 @@ class JointMotion:
                 fix="record the torque or the motor current of each joint",
             )
         machine = replace(moving_machine(log_set), posture=self.posture)
-        models, left, warnings = [], {}, []
+        models, left, fixes, warnings = [], {}, {}, []
         for joint in log_set.joints:
             try:
                 models.append(judge(machine, joint, window_s, without))
             except Unjudged as reason:
                 left[joint] = str(reason)
+                fixes.setdefault(reason.fix, []).append(joint)
         if not models:
-            fix = "record motions with reversals at two speeds at least"
-            raise no_joint_judged(log_set.path, "from torque and motion", left, fix)
+            raise no_joint_judged(log_set.path, "from torque and motion", left, _fix(fixes))
         if any(model.unsigned for model in models):
             names = ", ".join(model.joint for model in models if model.unsigned)
             warnings.append(f"the torque of {names} was logged without its sign, which was restored from the motion")
@@ -93,6 +94,13 @@ class JointMotion:
             left=left,
             warnings=tuple(warnings),
         )
+
+
+def _fix(fixes: Mapping[str, Sequence[str]]) -> str:
+    """What to record. fixes: that → joints that ask for it."""
+    if len(fixes) == 1:
+        return next(iter(fixes))
+    return "; ".join(f"{listed(joints)}: {fix}" for fix, joints in fixes.items())
 
 
 def _mean(one: LogSet, other: LogSet, joint: str) -> float:

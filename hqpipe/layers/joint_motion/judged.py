@@ -21,6 +21,7 @@ from hqpipe.layers.joint_motion.output import AMPERE, Output, output_of
 from hqpipe.layers.joint_motion.prepared import (
     BASE,
     FRICTION,
+    SIGNED,
     TOP,
     Prepared,
     Unjudged,
@@ -57,7 +58,7 @@ def judge(machine: MovingMachine, joint: str, window_s: float | None, without: C
             "only the size of the torque was logged; its sign is the one with which inertia, gravity and friction explain it "
             f"best ({100.0 * signs.share:.0f} % of it negative), and samples in which the sign is in doubt are left out"
         )
-    check(joint_data, machine.dt)
+    check(joint_data, machine, bool(signs))
     joint_data = without_bursts(joint_data, machine.dt, notes)
     output, joint_data = _in_newton_metres(output, joint_data, notes)
     projection = instrumental_parts(machine, joint_data, notes)
@@ -157,11 +158,11 @@ def _moving_numbers(data: Prepared, unsigned: bool) -> np.ndarray:
     friction = len(data.group(*BASE))
     if unsigned and found[0] < -AGAINST * errors[0]:
         raise Unjudged(
-            "its torque was logged without its sign, and with the sign that fits best its inertia is negative"
+            "its torque was logged without its sign, and with the sign that fits best its inertia is negative", SIGNED
         )
     both = [0, friction]
     if not unsigned and np.all(found[both] < -AGAINST * errors[both]):
-        raise Unjudged("its torque acts against its motion: one of the two has the wrong sign")
+        raise Unjudged("its torque acts against its motion: one of the two has the wrong sign", "correct that sign")
     return found[[0, friction + 1]]
 
 

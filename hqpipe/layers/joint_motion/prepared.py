@@ -15,7 +15,7 @@ from hqpipe.layers.joint_motion.disturbances import bursts
 from hqpipe.layers.joint_motion.first_fit import blocks, robust_fit, standard_errors
 from hqpipe.layers.joint_motion.motion import ParallelFilter
 from hqpipe.layers.joint_motion.output import Output
-from hqpipe.layers.joint_motion.records import Filters, Part, Record, part_of, usable_samples
+from hqpipe.layers.joint_motion.records import REST_SHARE, Filters, Part, Record, bridged, part_of, usable_samples
 from hqpipe.logs.joint_kinds import PRISMATIC
 
 if TYPE_CHECKING:
@@ -31,8 +31,18 @@ TOP = 0.99  # quantile of a torque that counts as its largest; assumption: a hun
 BEND = 0.02  # of the rms torque: less curvature is harmless to leave out; the accuracy of torque constants is no better
 
 
+REVERSALS = "record motions with reversals at two speeds at least"
+WHOLE = "record longer stretches in which no row is missing"
+BELOW = "record motion that stays below the limit of the torque or current"
+SIGNED = "log the torque with its sign"
+
+
 class Unjudged(Exception):
-    """Why a joint cannot be judged."""
+    """Why a joint cannot be judged; `fix`: what to record instead."""
+
+    def __init__(self, reason: str, fix: str) -> None:
+        super().__init__(reason)
+        self.fix = fix
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,13 +83,15 @@ def prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
     fit = [k for k, trial in enumerate(logs.trials) if trial.split == "fit"]
     band = machine.bandwidths[j]
     if band is None:
-        raise Unjudged("it does not move in the trials of the fit")
+        raise Unjudged("it does not move in the trials of the fit", REVERSALS)
     if not any(np.ptp(output.values[t]) > 0.0 for t in fit):
-        raise Unjudged("its torque is constant in the trials of the fit")
+        raise Unjudged(
+            "its torque is constant in the trials of the fit", "log a torque or current that follows the motion"
+        )
     speeds = np.abs(np.concatenate([machine.motions[t][j].velocity for t in fit]))
     moving = speeds[~np.concatenate([machine.motions[t][j].rest for t in fit])]
     if len(moving) * machine.dt < LEAST_MOVING_S:
-        raise Unjudged(f"it moves for {len(moving) * machine.dt:.1f} s only in the trials of the fit")
+        raise Unjudged(f"it moves for {len(moving) * machine.dt:.1f} s only in the trials of the fit", REVERSALS)
     coupling, near = _coupling(machine, j, output.turns, len(moving) * machine.dt * band.cutoff)
     views, mean = _views(machine, j, near, fit)
     top = float(np.quantile(moving, 0.95))
@@ -92,14 +104,14 @@ def prepare(machine: MovingMachine, joint: str, output: Output) -> Prepared:
         travel,
         np.geomspace(0.02 * top, top, STRIBECK_SPEEDS),
     )
-    margin = round(1.0 / (band.cutoff * machine.dt))
+    margin = _margin(band, machine.dt)
     records = tuple(
         Record(
             trial.file,
             trial.split == "heldout",
             trial.trajectory.start,
             values,
-            usable_samples(values, trial.trajectory.recorded[:, j], margin),
+            usable_samples(values, bridged(trial.trajectory.recorded[:, j], band.cutoff, machine.dt), margin),
             view,
         )
         for trial, values, view in zip(logs.trials, output.values, views, strict=True)
@@ -155,14 +167,44 @@ def _gravity_bends(machine: MovingMachine, output: Output, fit: Sequence[int], j
     return top * np.ptp(position) ** 2 / 8.0 > BEND * float(np.std(torque))
 
 
-def check(data: Prepared, dt: float) -> None:
-    """Raises:
-    Unjudged: too few samples of the fit trials are evidence.
+def check(data: Prepared, machine: MovingMachine, signless: bool) -> None:
+    """Args:
+        signless: whether the torque was logged without its sign.
+
+    Raises:
+        Unjudged: too few samples of the fit trials are evidence.
     """
-    fit = data.parts[0]
-    if len(fit.keep) < LEAST_SAMPLES or len(fit.keep) * data.low_pass.step * dt < LEAST_MOVING_S:
-        seconds = len(fit.keep) * data.low_pass.step * dt
-        raise Unjudged(f"it moves clearly, with a torque that can be used, for {seconds:.1f} s only")
+    fit, step = data.parts[0], data.low_pass.step * machine.dt
+    if _enough(len(fit.keep), step):
+        return
+    moving = int(np.sum(fit.rest <= REST_SHARE))
+    reason = f"it moves clearly, with a torque that can be used, for {len(fit.keep) * step:.1f} s only"
+    total, unusable, lost = _counts(data, machine)
+    if _enough(moving, step):
+        other = SIGNED if signless else BELOW
+        raise Unjudged(f"{reason} of {moving * step:.1f} s", WHOLE if lost > 0.5 * unusable else other)
+    raise Unjudged(reason, WHOLE if lost > 0.5 * total else REVERSALS)
+
+
+def _enough(samples: int, step: float) -> bool:
+    return samples >= LEAST_SAMPLES and samples * step >= LEAST_MOVING_S
+
+
+def _counts(data: Prepared, machine: MovingMachine) -> tuple[int, int, int]:
+    """Samples of the fit trials: all, those that cannot be used, and those lost in gaps or near an end."""
+    total = unusable = lost = 0
+    margin = _margin(data.band, machine.dt)
+    for trial, record in zip(machine.log_set.trials, data.records, strict=True):
+        if not record.heldout:
+            seen = bridged(trial.trajectory.recorded[:, data.j], data.band.cutoff, machine.dt)
+            seen[:margin] = seen[len(seen) - margin :] = False
+            total, unusable, lost = total + len(seen), unusable + np.sum(~record.usable), lost + np.sum(~seen)
+    return total, int(unusable), int(lost)
+
+
+def _margin(band: Bandwidth, dt: float) -> int:
+    """Samples at each end of a trial that the filter of the position spoils."""
+    return round(1.0 / (band.cutoff * dt))
 
 
 def without_bursts(data: Prepared, dt: float, notes: list[str]) -> Prepared:

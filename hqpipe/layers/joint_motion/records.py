@@ -17,6 +17,7 @@ LONGEST = 200_000  # samples of the log at a time: 150 terms of other joints the
 PIECE = 400  # samples of a stretch where a log is too long to use all of it
 REST_SHARE = 0.2  # of the filter's weight that may lie on rest; assumption: a reversal passes, a dwell does not
 REACH = 0.25  # of a period of the cut-off: half of the main lobe of the low-pass
+LONGEST_BRIDGE = 0.25  # of a period of the cut-off: of half of it, the common filter's, a line errs by (2π/8)²/8 = 8 %
 SATURATED_RUN = 5  # samples in a row at a trial's largest torque; assumption: fewer are chance in a coarse channel
 
 
@@ -84,8 +85,26 @@ class Part:
         return Samples(self.files, *(values[self.keep] for values in own))
 
 
+def bridged(recorded: np.ndarray, cutoff: float, dt: float) -> np.ndarray:
+    """(T,) recorded, or interpolated over a gap too short for the filters to tell.
+
+    Args:
+        recorded: (T,). cutoff: Hz, of the low-pass on the position. dt: s.
+    """
+    samples = np.flatnonzero(recorded)
+    gaps = np.diff(samples)
+    found = recorded.copy()
+    for at in np.flatnonzero((gaps > 1) & (gaps * dt * cutoff <= LONGEST_BRIDGE)):
+        found[samples[at] : samples[at + 1]] = True
+    return found
+
+
 def usable_samples(output: np.ndarray, recorded: np.ndarray, margin: int) -> np.ndarray:
-    """(T,) recorded, finite, not at the limit of the drive or the sensor, and `margin` samples from the ends."""
+    """(T,) recorded, finite, not at the limit of the drive or the sensor, and `margin` samples from the ends.
+
+    Args:
+        output, recorded: (T,); short gaps in `recorded` bridged.
+    """
     found = recorded & np.isfinite(output)
     size = np.abs(output)
     top = size >= np.max(size[found], initial=0.0) * (1.0 - 1e-9)

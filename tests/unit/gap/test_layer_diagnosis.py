@@ -255,6 +255,21 @@ def test_the_next_experiment_follows_what_is_left():
     rest = [{"signal": "position", "joints": ["knee"], "share": 0.3}]
     assert "whole range" in next_experiment("joint_motion", [], True, rest, "hip")
     assert "motor current" in next_experiment("servo", [], True, [], "hip")
+    rest = [{"signal": "way since the last reversal", "joints": ["knee"], "share": 0.9}]
+    text = next_experiment("joint_motion", [], True, rest, "knee")
+    assert "amplitudes" in text and "known to the layer joint motion" in text
+
+
+def test_the_next_experiment_fits_the_kind_of_the_joint():
+    def text(*kinds):
+        return next_experiment("joint_motion", [], True, [], "boom", kinds=dict(kinds))
+
+    assert "axis" not in text(("boom", "prismatic")) and "a known mass on it" in text(("boom", "prismatic"))
+    assert "a known distance from the axis, slowly" in text(("boom", "revolute"))
+    assert "of a joint that turns" in text()
+    causes = [{"effect": "payload", "joints": ["boom"], "confused_with": ["armature"]}]
+    told = next_experiment("joint_motion", causes, False, [], "boom", kinds={"boom": "prismatic"})
+    assert "a known mass on it" in told
 
 
 def test_shares_sum_to_one_in_each_family(found):

@@ -30,6 +30,17 @@ def test_joints_are_told_together_and_kinds_apart():
     ]
 
 
+def test_joints_of_other_trials_are_not_told_together():
+    """Where each trial moves another joint, none of them stands still in every trial."""
+    found = [Finding("constant", f, "is constant", j, "position") for f in "abc" for j in "abcd" if f != j]
+    assert grouped(found, list("abc")) == [
+        "in 2 of 3 trials (a, c): joint/b/position is constant",
+        "in 2 of 3 trials (a, b): joint/c/position is constant",
+        "in every trial: joint/d/position is constant",
+        "in 2 of 3 trials (b, c): joint/a/position is constant",
+    ]
+
+
 def test_where_it_was_found():
     assert in_trials(["b", "a", "b"], ["a", "b"]) == "in every trial"
     assert in_trials(["b"], ["a", "b"]) == "b"

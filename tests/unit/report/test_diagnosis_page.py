@@ -273,6 +273,7 @@ def test_other_layers_are_listed(tmp_path):
 def test_what_remains_names_its_signals_and_noise_does_not(tmp_path):
     reader, _ = read(write_page(write_case(tmp_path / "a", unknown())))
     assert "velocity of neighbours" in reader.text and "100% of the gap is unexplained" in reader.text
+    assert "of its square above the noise floor, 100%" in reader.text
     reader, _ = read(write_page(write_case(tmp_path / "b", no_gap())))
     assert "What remains" not in reader.text
 

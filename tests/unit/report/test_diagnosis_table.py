@@ -62,6 +62,13 @@ def test_an_unknown_cause_says_where_and_on_what_it_depends():
     assert "100% of the gap, most at RFP, depends on past torque, velocity of neighbours and time" in text
 
 
+def test_what_is_unknown_is_told_in_the_measure_of_the_causes():
+    case = explained()
+    case["unexplained"] |= {"share_of_gap": 0.1, "above_noise": True}
+    case["gap"]["shrink"] = 0.68
+    assert "unknown 32% of the gap" in "\n".join(lines_of(case))
+
+
 def test_logs_that_cannot_tell_say_why():
     text = "\n".join(lines_of(not_identifiable()))
     assert "– cannot tell" in text and "joint/<name>/position_command" in text and "record the missing" in text

@@ -1,8 +1,6 @@
-"""Wrong units of the velocity, dead channels and clipped ones."""
+"""Wrong units of the velocity and clipped channels."""
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -62,33 +60,6 @@ def test_velocity_of_something_else():
     other = np.cumsum(np.random.default_rng(0).standard_normal((3000, 1)), axis=0) * 0.05
     (found,) = value_defects(broken(plant_logs(), values("velocity", lambda v: other, LFK), [0]), set())
     assert "is unlike the derivative of its position" in found.message and found.trials == ("t0.parquet",)
-
-
-@pytest.mark.parametrize("channel", ["position", "velocity", "effort"])
-@pytest.mark.parametrize("part", [(0.0, 1.0), (0.3, 0.7)], ids=["always", "for a while"])
-def test_dead_channel(channel, part):
-    def freeze(v):
-        v = v.copy()
-        start, stop = (int(share * len(v)) for share in part)
-        v[start:stop] = v[start]
-        return v
-
-    found = value_defects(broken(plant_logs(), values(channel, freeze, LFK), [1]), set())
-    assert ("constant", channel, ("LFK",), ("t1.parquet",)) in [(d.kind, d.channel, d.joints, d.trials) for d in found]
-
-
-def test_a_joint_that_sticks_while_its_speed_shows_a_count_or_two_is_not_dead():
-    """As a servo does whose friction holds it against its command: the speed rests at one count instead of none."""
-
-    def stuck(t):
-        position, velocity, still = t.position.copy(), t.velocity.copy(), slice(t.samples // 3, 2 * t.samples // 3)
-        count = velocity[:, LFK].std() / 40.0
-        velocity[:, LFK] = np.round(velocity[:, LFK] / count) * count
-        position[still, LFK], velocity[still, LFK] = position[still, LFK][0], 2.0 * count
-        return replace(t, position=position, velocity=velocity)
-
-    found = value_defects(broken(plant_logs(), stuck), set())
-    assert "constant" not in {d.kind for d in found if d.channel == "position"}, [d.message for d in found]
 
 
 def test_clipped_effort_and_who_is_to_blame():

@@ -13,6 +13,7 @@ from hqpipe.identify.model import all_parameters
 from hqpipe.layers.joint_motion import JointMotion
 from hqpipe.layers.joint_motion.bandwidth import derivative
 from hqpipe.layers.joint_motion.motion import ParallelFilter
+from hqpipe.layers.joint_motion.records import bridged
 from hqpipe.logs.log_set import read_log_set
 
 DATA = Path(__file__).parents[5] / "shared" / "data"
@@ -75,6 +76,49 @@ def test_samples_that_were_not_recorded_are_no_evidence(runs):
     model = JointMotion().joints(replace(logs, trials=(gap, *logs.trials[1:]))).models[0]
     assert not np.any((model.fit.time > 3.0) & (model.fit.time < 4.0))
     assert fitted(model, [DRY])[0]["friction_nm"] == pytest.approx(2.0, rel=0.05)
+
+
+def test_scattered_rows_that_were_bridged_cost_only_themselves(runs):
+    """Every filtered sample is near one: as in a log that loses 2 % of its rows on the bus."""
+    logs = log_set(runs)
+    whole = JointMotion().joints(logs).models[0]
+    trials = []
+    for k, trial in enumerate(logs.trials):
+        t = trial.trajectory
+        seen = np.random.default_rng(k).random(t.samples) > 0.02
+        seen[[0, -1]] = True
+        rows = np.arange(t.samples)
+        position, effort = (np.interp(rows, rows[seen], v[seen, 0])[:, None] for v in (t.position, t.effort))
+        lost = replace(t, position=position, effort=effort, observed=seen[:, None])
+        trials.append(replace(trial, trajectory=lost))
+    model = JointMotion().joints(replace(logs, trials=tuple(trials))).models[0]
+    assert len(model.fit.time) > 0.95 * len(whole.fit.time)
+    assert fitted(model, [DRY])[0]["friction_nm"] == pytest.approx(2.0, rel=0.02)
+
+
+def test_advice_fits_the_reason_why_no_joint_is_judged(runs):
+    def advice(change):
+        logs = log_set(runs)
+        trials = tuple(replace(t, trajectory=change(t.trajectory)) for t in logs.trials)
+        with pytest.raises(IdentificationError) as caught:
+            JointMotion().joints(replace(logs, trials=trials))
+        return caught.value.fix
+
+    def gaps(t):
+        observed = np.arange(t.samples)[:, None] % 200 < 20
+        return replace(t, observed=observed)
+
+    assert "no row is missing" in advice(gaps)
+    assert "below the limit" in advice(lambda t: replace(t, effort=np.sign(t.effort)))
+    assert "reversals" in advice(lambda t: replace(t, position=0.0 * t.position))
+
+
+def test_a_gap_is_bridged_where_it_is_short_beside_the_filter():
+    recorded = np.ones(100, dtype=bool)
+    recorded[10:13] = recorded[50:54] = recorded[96:] = False
+    found = bridged(recorded, 5.0, 0.0125)  # a quarter of a period is four samples
+    assert found[:50].all() and not found[50:54].any() and not found[96:].any()
+    assert np.array_equal(bridged(recorded, 40.0, 0.0125), recorded)
 
 
 def test_rest_is_no_evidence():
