@@ -212,7 +212,7 @@ class Fitter:
         that is anywhere between them.
         """
         spread, span = self.spread[free], (self.high - self.low)[free]
-        sized, bounded = np.isfinite(spread), np.isfinite(span)
+        sized, bounded = np.isfinite(spread), np.isfinite(span) & (span > 0.0)
         found = np.where(
             sized, 1.0 / np.where(sized, spread, 1.0) ** 2 / (1.0 + self._relative(values, free) ** 2), 0.0
         )

@@ -13,8 +13,9 @@ from numba import njit
 from hqpipe.machine.effect import NONE, Block, Effect, Parameter, Search
 
 LEAST_UNEQUAL = 0.029
-"""Of `areas`: (φ − 1)/(φ + 1) of φ = 1.06, the smallest ratio of the two areas that ISO 7181 lists. Smaller values times the
-largest torque are told as an offset, which has its own name, with this effect beside it."""
+"""Of `areas`: (φ − 1)/(φ + 1) of φ = 1.06, the smallest ratio of the two areas in standard series (ISO 7181): a rod of a
+quarter of the piston's diameter. Assumption: no cylinder has a thinner one. Smaller values times the largest torque are told as
+an offset, which has its own name, with this effect beside it."""
 MOST_UNEQUAL = 0.5  # a rod that leaves a third of the piston's area; larger ones are not built; assumption
 
 

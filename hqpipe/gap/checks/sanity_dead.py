@@ -17,7 +17,9 @@ FROZEN_SHARE = 0.2  # of the partner's standard deviation, likewise
 FROZEN_COUNTS = 20.0  # of the position, that the joint travels meanwhile: stiction holds it within less; assumption
 STILL_SHARE = 0.02  # of the samples: less costs little
 CLIP_RUNS = 3  # runs at the limit of a channel that is clipped and not dead; assumption
-CLEAR_TRAVEL = 5.0  # × the noise of a travel or a speed: what is less shows no motion; assumption
+CLEAR_TRAVEL = (
+    5.0  # × the noise of a travel or a speed: what is less shows no motion, and need not agree with others; assumption
+)
 DEAD = "the joint's other channels move: the sensor or its line is dead there; cut the trial, or drop the channel"
 STUCK = "its command moves: the joint sticks or is held, or the sensor is dead; log the speed, which tells them apart"
 

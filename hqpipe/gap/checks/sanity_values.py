@@ -7,12 +7,11 @@ from collections import defaultdict
 import numpy as np
 
 from hqpipe.gap.checks.defect import Defect, of_channel
-from hqpipe.gap.checks.sanity_dead import dead_defects
+from hqpipe.gap.checks.sanity_dead import CLEAR_TRAVEL, CLIP_RUNS, dead_defects
 from hqpipe.gap.checks.sanity_order import count, white_noise
 from hqpipe.logs.trajectory import LogSet, Trajectory
 
 SPANS_S = (0.02, 0.06, 0.2, 0.6)  # over which travel and integrated velocity are compared; the best one counts
-CLEAR_TRAVEL = 5.0  # × the noise of travel and of integrated velocity: below it they need not agree; assumption
 ALIKE = 0.9  # squared correlation from which the slope between the two is that of their units; assumption
 UNLIKE = 0.5  # squared correlation below which one is not the derivative of the other; assumption
 TOLERANCE = 0.1  # of the slope: low-pass filters and encoder errors stay below it; assumption
@@ -28,7 +27,7 @@ UNITS = {  # slope of the integrated velocity on the travel → what it means
 }
 UNIT_MATCH = 0.05
 SAME_FACTOR = 0.05  # of a slope, by which joints and trials with the same one differ at most; assumption, as above
-CLIP_RUN, CLIP_RUNS = 5, 3  # samples on end at the extreme, and how often; assumption
+CLIP_RUN = 5  # samples on end at the extreme, and `CLIP_RUNS` times so; assumption
 CLIP_LEVELS = 50  # a signal of fewer levels is a square wave or coarsely quantised
 CLIP_SHOWN = 3  # limits in a message
 CLIP_SHARE = 0.02  # of the samples: less costs little

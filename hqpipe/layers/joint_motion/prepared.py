@@ -168,7 +168,9 @@ def _gravity_bends(machine: MovingMachine, output: Output, fit: Sequence[int], j
 
 
 def check(data: Prepared, machine: MovingMachine, signless: bool) -> None:
-    """Args:
+    """Refuse a joint of which too little can be used.
+
+    Args:
         signless: whether the torque was logged without its sign.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Dead channels are found; a joint that sticks is not accused."""
+"""Dead channels are found; a joint that sticks is not taken for one."""
 
 from __future__ import annotations
 

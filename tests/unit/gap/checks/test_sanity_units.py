@@ -1,4 +1,4 @@
-"""A trial in another unit is found; one that moves other joints is not accused."""
+"""A trial in another unit is found; one that moves other joints is not taken for one."""
 
 from __future__ import annotations
 
