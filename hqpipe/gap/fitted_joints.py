@@ -11,6 +11,7 @@ from hqpipe.actuators.augmented import OF_THE_LOG, Augmented
 from hqpipe.layers.actuator.joint import ActuatorJoint
 from hqpipe.layers.actuator.parameters import BASE_NAMES, LOGGED_SPEED
 from hqpipe.logs.finer_clock import continued, held, known_so_far
+from hqpipe.logs.held_commands import steady_steps
 from hqpipe.logs.trajectory import Trajectory
 from hqpipe.machine import EFFECTS
 from hqpipe.machine.chain import Signals, residual_windows
@@ -91,9 +92,12 @@ class FittedJoints:
     def _signals(self, t: Trajectory, j: int, per_row: int) -> Signals:
         """Joint `j` of a trial on the clock of the controller, without windows."""
         rows = [channel[::per_row, j] for channel in (t.position_command, t.position)]
+        shares = self.moving[j].copy()
+        if per_row > 1 and steady_steps(rows[0]) is not None:
+            shares[0] = 0.0  # the next step is not known before it has come
         command, position = (
             (1.0 - share) * held(values, per_row) + share * continued(values, per_row)
-            for values, share in zip(rows, self.moving[j], strict=True)
+            for values, share in zip(rows, shares, strict=True)
         )
         speed = held(extrapolated_speed(rows[1], per_row * t.dt), per_row)
         by_speed, by_opening = self.rows[:, _FLOW].T

@@ -32,8 +32,9 @@ def base_parameters(first: Mapping[str, float], size: Sizes, per_row: int = 1) -
     The speed from one position to the next adds up to the travel however coarse the encoder is; the logged one is right where
     the controller computes with it. `logged_speed` is the share of the second, and `speed_late` by how many rows the
     speed belongs later than its row; it does nothing but beside friction, as does the travel. Between the
-    rows of a log that is slower than the controller, `moving_command` and `moving_position` are 1 where that sees a smooth
-    curve, and 0 where it sees what was logged last.
+    rows of a log that is slower than the controller, `moving_position` is 1 where that sees a smooth curve, and 0 where it sees
+    what was logged last; so is `moving_command`, or where in the time that is open the steps of a held command come, see
+    `hqpipe.logs.held_commands`.
 
     Args:
         first: coefficient → first guess. per_row: samples of the controller from one row of the log to the next; of

@@ -13,6 +13,7 @@ from hqpipe.layers.actuator.window_runs import window_runs
 from hqpipe.logs.differentiate import step_speed
 from hqpipe.logs.end_stops import judged_windows
 from hqpipe.logs.finer_clock import between, held
+from hqpipe.logs.held_commands import command_between
 from hqpipe.logs.trajectory import Trajectory, Trial, recording_of
 from hqpipe.machine.chain import Signals
 
@@ -26,11 +27,12 @@ class Record:
 
     Attributes:
         files: names of the trials. trial: (W,) index into them.
-        signals: for the loops on the clock of the controller, with the speed from one position to the next; command and
-            position as they were logged last. Of long trials runs of windows, each bounded like a trial.
-        moving: (T,) command and position on smooth curves between rows, the same where the controller is no faster than the
-            log. logged: (T,) speed as it was logged. by_speed, by_opening: (T,) flow that all joints draw, as their speeds and
-            as the errors of their positions tell it, rad/s.
+        signals: for the loops on the clock of the controller, with the speed from one position to the next; the command as late
+            as it may have come (`command_between`), the position as it was logged last. Of long trials runs of windows, each
+            bounded like a trial.
+        moving: (T,) command as early as it may have come, and position on a smooth curve between rows; the same where the
+            controller is no faster than the log. logged: (T,) speed as it was logged. by_speed, by_opening: (T,) flow that all
+            joints draw, as their speeds and as the errors of their positions tell it, rad/s.
         step: (S,) samples behind the start of a window that are judged. judged: (W, S) whether each was recorded.
     """
 
@@ -135,6 +137,10 @@ def record_of(
     def smooth(pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:
         return joined(lambda t: between(pick(t), per_row))
 
+    commands = {
+        k: command_between(logs[k].position_command[:, j], per_row) for k in dict.fromkeys(r.trial for r in runs)
+    }
+    late, early = (np.concatenate([run.of(commands[run.trial][end], per_row) for run in runs]) for end in (0, 1))
     effort = smooth(lambda t: t.effort[:, j])
     every, steps = max(1, -(-len(first) * steps // MOST_SAMPLES)), steps * per_row
     target = np.ascontiguousarray(effort[first[None, :] + np.arange(steps + 1)[:, None]])
@@ -142,7 +148,7 @@ def record_of(
     target[1:][~recorded[first[None, :] + np.arange(1, steps + 1)[:, None]]] = np.nan
     step = np.arange(every, steps // per_row + 1, every) * per_row
     signals = Signals(
-        command=kept(lambda t: t.position_command[:, j]),
+        command=late,
         position=kept(lambda t: t.position[:, j]),
         velocity=joined(lambda t: step_speed(between(t.position[:, j], per_row), t.dt / per_row)),
         effort=effort,
@@ -157,7 +163,7 @@ def record_of(
         files=files,
         trial=trial,
         signals=signals,
-        moving=(smooth(lambda t: t.position_command[:, j]), smooth(lambda t: t.position[:, j])),
+        moving=(early, smooth(lambda t: t.position[:, j])),
         logged=smooth(lambda t: t.velocity[:, j]),
         by_speed=signals.demand,
         by_opening=kept(lambda t: np.abs(t.position_command - t.position) @ draws[1]),

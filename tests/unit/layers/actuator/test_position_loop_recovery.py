@@ -118,6 +118,18 @@ def test_a_log_slower_than_the_controller_tells_the_same(rows):
         assert sound.base.values[k] == pytest.approx(planted.GAINS[name], rel=0.05, abs=1e-3), name
 
 
+@pytest.mark.parametrize("rows", [3, 4])
+def test_steps_of_the_command_between_rows_tell_a_delay_from_a_lag(rows):
+    """The target is held for 10 ms, which is no whole number of rows."""
+    late = {"command_delay": {"delay_s": 0.0051}, "valve_lag": {"time_constant_s": 0.004}}
+    (found,) = identify(Actuator().joints(every_row(planted_logs(late, seconds=8.0), rows))).found
+    numbers = {cause.effect: cause.numbers[0].value for cause in found.causes}
+    assert numbers == {
+        "command_delay": pytest.approx(0.0051, abs=0.0003),
+        "valve_lag": pytest.approx(0.004, abs=0.0003),
+    }
+
+
 def share_of_the_logged_speed(log_set):
     (found,) = identify(Actuator().joints(log_set)).found
     names = [p.name for p in found.model.base]
