@@ -113,6 +113,16 @@ class LogSetWriter:
         self._entries.append(entry)
         return path
 
+    def taken_back(self, file: str) -> dict[str, np.ndarray]:
+        """Remove a trial that was added, and return its columns as they were written."""
+        import pyarrow.parquet as pq
+
+        path = self.folder / file
+        table = pq.read_table(path)
+        self._entries = [entry for entry in self._entries if entry.file != file]
+        path.unlink()
+        return {name: table[name].to_numpy() for name in table.column_names}
+
     def _write(self, table: RawTable, entry: TrialEntry, metadata: Mapping[str, str]) -> None:
         import pyarrow as pa
         import pyarrow.parquet as pq

@@ -34,7 +34,7 @@ EFFECT = Effect(
     ),
     meaning="extending and retracting have different gains: unequal areas or an unmeasured constant load",
     source="Jelali & Kroll, Hydraulic Servo-systems, 2003: differential cylinders and asymmetric lands",
-    experiment="motion of the same speed in both directions",
+    experiment="motion at several speeds in both directions, the same ones in each",
     advice="Give each direction its own gain in the valve driver, the two piston areas differ; the ratio should then "
     "come out as zero.",
     shows_as=("gain",),

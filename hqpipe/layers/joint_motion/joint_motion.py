@@ -84,7 +84,7 @@ class JointMotion:
             names = ", ".join(model.joint for model in models if model.unsigned)
             warnings.append(f"the torque of {names} was logged without its sign, which was restored from the motion")
         length = max(model.back * model.dt for model in models)
-        chosen = "as asked" if window_s else "the length of the filter on torque and motion, 0.1 s at least"
+        chosen = "as asked" if window_s else "the length of the filter on torque and motion, about 0.1 s at least"
         return LayerJoints(
             layer=self.NAME,
             metric="inverse_dynamics_rmse",

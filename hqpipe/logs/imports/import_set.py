@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -30,6 +30,8 @@ from hqpipe.system.durable import move_into_place, new_folder, remove, write_fil
 MAP = "import-map.yaml"
 """The mapping that a log set was imported with lies in it under this name."""
 
+MOVES = 0.1
+"""Of the largest spread of a joint's position over the trials, from which it moves in one; assumption."""
 _NAME = re.compile(r"[^A-Za-z0-9._-]+")
 _LONGEST_NAME = 100  # characters of a file's name
 Progress = Callable[[float, float, str], None]
@@ -54,7 +56,8 @@ class _Writing:
     """What was written and skipped so far.
 
     Attributes:
-        last: the latest trial whose split nobody states; it may have to be held out.
+        last: the latest trial whose split nobody states; it may have to be held out. earlier: those before it, which were
+            written to be fitted, without their columns. spreads: joint → spread of its position, of these and of the last one.
     """
 
     writer: LogSetWriter
@@ -62,6 +65,8 @@ class _Writing:
     skipped: dict[str, list[str]] = field(default_factory=dict)
     names: set[str] = field(default_factory=set)
     last: _Trial | None = None
+    earlier: list[_Trial] = field(default_factory=list)
+    spreads: list[dict[str, float]] = field(default_factory=list)
 
     def skip(self, reason: str, name: str) -> None:
         self.skipped.setdefault(reason, []).append(name)
@@ -70,7 +75,10 @@ class _Writing:
         """A name for the trial's file that no other trial has."""
         stem = recording.path.name if recording.path.is_dir() else recording.path.stem
         parts = [stem, recording.name] if recording.name else [stem]
-        base = _NAME.sub("_", "_".join(parts)).strip("._")[:_LONGEST_NAME] or "trial"
+        return self._free(_NAME.sub("_", "_".join(parts)).strip("._")[:_LONGEST_NAME] or "trial")
+
+    def _free(self, base: str) -> str:
+        """A name like this that no trial has."""
         name, count = base, 1
         while name.casefold() in self.names:
             count += 1
@@ -87,7 +95,9 @@ class _Writing:
             return
         if self.last:
             self.write(self.last, "fit")
+            self.earlier.append(replace(self.last, converted=replace(self.last.converted, columns={})))
         self.last = trial
+        self.spreads.append(_spreads(trial.converted.columns))
 
     def write(self, trial: _Trial, split: str) -> None:
         file = f"{trial.stem}.parquet"
@@ -106,16 +116,38 @@ class _Writing:
         self.trials.append(summarise(file, trial.source, split, columns, trial.notes))
 
     def finish(self) -> None:
-        """Write the last trial: held out where no other one is, and in two parts if it is the only one."""
+        """Write the last trial: held out where no other one is, and in two parts if it is the only one. Where a joint of the
+        others does not move in it, as in recordings of one joint at a time, the last part of every trial is held out."""
         if self.last is None:
             return
         if any(trial.split == "heldout" for trial in self.trials):
             self.write(self.last, "fit")
-        elif self.trials:
-            self.write(self.last, "heldout")
+        elif len(self.earlier) == len(self.trials) and not _all_move_in_the_last(self.spreads):
+            for trial in self.earlier:
+                whole = self.writer.taken_back(f"{trial.stem}.parquet")
+                self._write_cut(replace(trial, converted=replace(trial.converted, columns=whole)))
+            self.trials = self.trials[len(self.earlier) :]
+            self._write_cut(self.last)
         else:
-            for part, split in zip(_cut(self.last), SPLITS, strict=True):
-                self.write(part, split)
+            self.write(self.last, "heldout")
+
+    def _write_cut(self, trial: _Trial) -> None:
+        """Write the two parts of a trial."""
+        for part, split in zip(_cut(trial), SPLITS, strict=True):
+            self.write(replace(part, stem=self._free(part.stem)), split)
+
+
+def _spreads(columns: Mapping[str, np.ndarray]) -> dict[str, float]:
+    """Joint → standard deviation of its position."""
+    found = {joint: columns.get(f"joint/{joint}/position") for joint in joints_of(columns)}
+    return {joint: float(np.nanstd(values)) for joint, values in found.items() if np.isfinite(values).any()}
+
+
+def _all_move_in_the_last(spreads: Sequence[Mapping[str, float]]) -> bool:
+    """Whether the last of several trials shows each joint that moves in one of them; of a lone trial nothing else is left."""
+    joints = {joint for each in spreads for joint in each}
+    most = {joint: max(each.get(joint, 0.0) for each in spreads) for joint in joints}
+    return len(spreads) > 1 and all(spreads[-1].get(joint, 0.0) >= MOVES * most[joint] for joint in joints)
 
 
 def import_logs(
@@ -227,7 +259,7 @@ def _converted(
 
 
 def _cut(whole: _Trial) -> list[_Trial]:
-    """A lone trial in two parts, with the gap between them that the reader of log sets would leave."""
+    """A trial in two parts, with the gap between them that the reader of log sets would leave in a lone one."""
     time = whole.converted.columns[TIME]
     parts = []
     for (start, stop), place in zip(
@@ -235,7 +267,7 @@ def _cut(whole: _Trial) -> list[_Trial]:
     ):
         columns = {name: values[start:stop] for name, values in whole.converted.columns.items()}
         columns[TIME] = columns[TIME] - columns[TIME][0]
-        notes = (*whole.notes, f"the {place} part of a lone recording")
+        notes = (*whole.notes, f"the {place} part of a recording")
         converted = replace(whole.converted, columns=columns)
         parts.append(replace(whole, stem=f"{whole.stem}_{place}", converted=converted, notes=notes))
     return parts
