@@ -46,13 +46,16 @@ class Spanned(Planted):
     """An effect that may act for a part of each trial.
 
     Attributes:
-        span: start and end as shares of the trial, None for all of it.
+        span: start and end as shares of the trial, None for all of it. faulty: joints in which there is more of it than in
+            a sound machine; empty if these are all joints that have it.
     """
 
     span: tuple[float, float] | None = None
+    faulty: tuple[str, ...] = ()
 
     def answer(self) -> dict[str, Any]:
-        return super().answer() | {"span": None if self.span is None else list(self.span)}
+        span = None if self.span is None else list(self.span)
+        return super().answer() | {"span": span, "faulty_joints": list(self.faulty or self.joints)}
 
 
 @dataclass(frozen=True)
@@ -220,7 +223,8 @@ def plant(
 def _with_ordinary(case: Case) -> Case:
     """The case with what its machine has anyway.
 
-    Where an effect is planted that sound joints have as well, to a lesser degree, naming it in all of them is right.
+    Where an effect is planted that sound joints have as well, to a lesser degree, naming it in all of them is right, and
+    in the faulty ones it is needed.
     """
     names, planted, also = case.machine.names, list(case.planted), []
     lapped = {joint for one in planted if one.effect == "valve_deadband" and one.span is None for joint in one.joints}
@@ -241,7 +245,8 @@ def _with_ordinary(case: Case) -> Case:
             merged = parameters | one.parameters
             joints = tuple(name for name in names if name in merged)
             scope = "machine" if joints == names else one.scope
-            planted[same] = replace(one, joints=joints, scope=scope, parameters={name: merged[name] for name in joints})
+            merged = {name: merged[name] for name in joints}
+            planted[same] = replace(one, joints=joints, scope=scope, parameters=merged, faulty=one.joints)
     return replace(case, planted=tuple(planted), also=tuple(also))
 
 

@@ -231,7 +231,9 @@ class Judged:
 def _effect_text(effect: TrueEffect, everywhere: bool) -> str:
     span = f" from {effect.span[0]:.0%} to {effect.span[1]:.0%} of the trial" if effect.span else ""
     size = "ordinary" if effect.ordinary else effect.size if effect.factor is None else f"{effect.factor:.2f} × small"
-    return f"{effect.effect}{f' ({size})' if size else ''} in {_joints_text(effect.joints, everywhere)}{span}"
+    faulty = effect.faulty or effect.joints
+    where = _joints_text(faulty, everywhere and set(faulty) == set(effect.joints))
+    return f"{effect.effect}{f' ({size})' if size else ''} in {where}{span}"
 
 
 def _joints_text(joints: Sequence[str], everywhere: bool) -> str:

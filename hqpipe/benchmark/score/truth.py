@@ -50,6 +50,7 @@ class TrueEffect:
         size: "small", "typical", "large" or None. span: start and end as shares of the trial, or None.
         parameters: those with a number in diagnosis.json. factor: size over the small one of a faint effect, else None.
         per_joint: joint → parameters, where joints differ. ordinary: every such machine has it, beside what the case is about.
+        faulty: joints in which there is more of it than in a sound machine; empty if these are all of `joints`.
     """
 
     effect: str
@@ -63,6 +64,7 @@ class TrueEffect:
     factor: float | None = None
     per_joint: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     ordinary: bool = False
+    faulty: tuple[str, ...] = ()
 
     def true_value(self, parameter: str, joints: Sequence[str]) -> float:
         """Of the joints that a cause names, their mean."""
@@ -132,6 +134,7 @@ def _answer(entry: Mapping[str, Any], machine: str) -> Answer:
             effect.get("factor"),
             {joint: _numbers(values) for joint, values in effect.get("per_joint", {}).items()},
             effect.get("ordinary", False),
+            tuple(effect.get("faulty_joints", ())),
         )
         for effect in entry["effects"]
     )
@@ -213,11 +216,11 @@ def true_shares(gaps: Gaps, effects: Sequence[str]) -> dict[str, float]:
 
 
 def _rises(gaps: Gaps | None, effect: TrueEffect) -> dict[str, float]:
-    """By how much the effect alone raises the gap of each of its joints, as a share; empty if that is not known."""
+    """By how much the effect alone raises the gap of each of its faulty joints, as a share; empty if that is not known."""
     name = alone(effect.effect) if gaps and alone(effect.effect) in gaps else "with"
     if not gaps or "all" not in gaps:
         return {}
-    judged = [joint for joint in effect.joints if joint in gaps[name] and joint in gaps["all"]]
+    judged = [joint for joint in effect.faulty or effect.joints if joint in gaps[name] and joint in gaps["all"]]
     return {joint: gaps[name][joint] / gaps["all"][joint] - 1.0 for joint in judged}
 
 
@@ -230,10 +233,10 @@ def must_be_named(gaps: Gaps | None, effect: TrueEffect) -> bool:
 def shown(gaps: Gaps | None, effect: TrueEffect) -> frozenset[str]:
     """The joints in which an effect makes a gap: a limit that a joint never reaches is not there to be found.
 
-    Those whose gap it raises by at least `SHOWN` of what it does to the worst one; all its joints where it raises none.
+    Those whose gap it raises by at least `SHOWN` of what it does to the worst one; all its faulty joints where it raises none.
     """
     rises = _rises(gaps, effect)
     most = max(rises.values(), default=0.0)
     if most < LEAST_RISE:
-        return frozenset(effect.joints)
+        return frozenset(effect.faulty or effect.joints)
     return frozenset(joint for joint, rise in rises.items() if rise >= SHOWN * most)

@@ -116,6 +116,9 @@ def test_an_effect_that_sound_joints_share_is_listed_once_for_all_of_them():
     slow = [lag.parameters[name]["time_constant_s"] for name in lag.settings]
     others = [lag.parameters[name]["time_constant_s"] for name in lag.joints if name not in lag.settings]
     assert not others or min(slow) > max(others)
+    stated = {effect["effect"]: effect["faulty_joints"] for effect in legged_answer(case)["effects"]}
+    assert set(stated["valve_lag"]) == set(lag.settings)
+    assert stated["orifice_flow"] == list(case.machine.names)
 
 
 def test_folder_is_read_by_the_score(tmp_path, monkeypatch):

@@ -267,6 +267,17 @@ def test_what_every_machine_has_counts_where_its_own_gap_is_known():
     assert judged("single", both, diagnosis(own), gaps=gaps).exact()  # too little to make a gap
 
 
+def test_of_what_every_joint_has_the_faulty_ones_must_be_named():
+    planted = effect("position_bias", JOINTS, faulty=("elbow",))
+    said = [cause("position_bias", joints) for joints in (("elbow",), JOINTS, ("shoulder",))]
+    cases = [judged("place", [planted], diagnosis(one)) for one in said]
+    assert [case.place_is_right() for case in cases] == [True, True, False]
+    assert cases[0].truth_text() == "position_bias (typical) in elbow"
+    gap = {"all": 4.0, "shoulder": 9.0, "elbow": 2.0}  # the sound joint's motion changed too
+    gaps = {"with": gap, "all": gap | {"shoulder": 3.0}}
+    assert judged("place", [planted], diagnosis(said[0]), gaps=gaps).place_is_right() is True
+
+
 def test_parameters_of_joints_that_differ():
     per_joint = {"shoulder": {"gap": 0.02}, "elbow": {"gap": 0.03}}
     planted = effect("backlash", JOINTS, parameters={"gap": 0.025}, per_joint=per_joint)
@@ -291,11 +302,12 @@ def test_parameters_of_a_change_are_what_was_added():
 def test_numbers_of_joints_and_ordinary_effects_are_read(tmp_path):
     entry = {"effect": "backlash", "layer": "servo", "outside": False, "joints": ["elbow"], "scope": "joint"}
     entry |= {"size": None, "span": None, "parameters": {"gap": 0.02, "other": None}, "ordinary": True}
-    entry |= {"per_joint": {"elbow": {"gap": 0.02, "other": None}}}
+    entry |= {"per_joint": {"elbow": {"gap": 0.02, "other": None}}, "faulty_joints": ["elbow"]}
     case = {"case": "case_000", "kind": "none", "effects": [entry], "truth": {"all": None}, "family": "servo"}
     (tmp_path / ANSWERS).write_text(json.dumps({"format": FORMAT, "answers": [case]}))
     (answer,) = read_answers(tmp_path)
     assert answer.effects[0].per_joint == {"elbow": {"gap": 0.02}}
+    assert answer.effects[0].faulty == ("elbow",)
     assert answer.sought == () and answer.names == {"backlash"}
 
 
