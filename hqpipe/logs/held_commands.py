@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 
 from hqpipe.logs.finer_clock import between, held
 
-FEWEST_CHANGES = 10  # from which a cycle is believed; assumption: ten changes fit one by chance next to never
+FEWEST_CHANGES = 20  # from which a cycle is believed; assumption: so many that come by chance fit one next to never
 SHORTEST_CYCLE = 1.2  # rows; assumption: what changes in nearly every row is a smooth curve
 _ROUNDS = 5  # of numbering the cycles by their period and the other way round; assumption: two change nothing any more
 _EXACT = 1e-6  # of a row: rounding of a change that falls on a row
@@ -45,7 +45,8 @@ def steady_steps(values: np.ndarray) -> SteadySteps | None:
     if len(rows) < FEWEST_CHANGES:
         return None
     gaps = np.diff(rows)
-    single = gaps[np.abs(gaps - np.median(gaps)) <= 1.0]  # of a cycle of 2.5 rows, 2 and 3
+    usual = np.quantile(gaps, 0.5, method="nearest")
+    single = gaps[np.abs(gaps - usual) <= 1.0]  # of a cycle of 2.5 rows, 2 and 3
     cycle = float(single.mean())
     for _ in range(_ROUNDS):
         if cycle < SHORTEST_CYCLE:

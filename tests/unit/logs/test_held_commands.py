@@ -80,6 +80,7 @@ def test_a_smooth_command_and_one_that_hardly_changes_have_no_cycle():
     assert steady_steps(smooth) is None
     assert steady_steps(few) is None
     assert steady_steps(np.zeros(50)) is None
+    assert steady_steps(np.cumsum(np.isin(np.arange(60) % 11, (0, 1)))) is None  # no gap is near the median of 1 and 10
 
 
 def test_a_log_as_fast_as_the_controller_stays_as_it_is():
