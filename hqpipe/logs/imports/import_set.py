@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from hqpipe.errors import LogError, UsageError
-from hqpipe.logs.checks import check_length
+from hqpipe.logs.checks import MIN_SAMPLES, check_length
 from hqpipe.logs.columns import TIME, RawTable, check_names, joints_of
 from hqpipe.logs.drive import merged
 from hqpipe.logs.imports.convert import Converted, convert
@@ -132,14 +132,19 @@ class _Writing:
             self.write(self.last, "heldout")
 
     def _write_cut(self, trial: _Trial) -> None:
-        """Write the two parts of a trial."""
-        for part, split in zip(_cut(trial), SPLITS, strict=True):
+        """Write the two parts of a trial; of several trials one that is too short for it is fitted whole."""
+        parts = _cut(trial)
+        if self.earlier and min(len(part.converted.columns[TIME]) for part in parts) < MIN_SAMPLES:
+            self.write(trial, "fit")
+            return
+        for part, split in zip(parts, SPLITS, strict=True):
             self.write(replace(part, stem=self._free(part.stem)), split)
 
 
 def _spreads(columns: Mapping[str, np.ndarray]) -> dict[str, float]:
     """Joint → standard deviation of its position."""
-    found = {joint: columns.get(f"joint/{joint}/position") for joint in joints_of(columns)}
+    names = {joint: f"joint/{joint}/position" for joint in joints_of(columns)}
+    found = {joint: columns[name] for joint, name in names.items() if name in columns}
     return {joint: float(np.nanstd(values)) for joint, values in found.items() if np.isfinite(values).any()}
 
 

@@ -20,12 +20,12 @@ JOINTS = {"hip": {"position": "q0", "effort": "u0"}, "knee": {"position": "q1", 
 ENCODER = 1e-4  # rad, of noise where a joint rests
 
 
-def recording(folder: Path, name: str, *sizes: float) -> dict[str, np.ndarray]:
+def recording(folder: Path, name: str, *sizes: float, rows: int = ROWS) -> dict[str, np.ndarray]:
     """A file in which joints swing by these sizes, rad."""
-    rng, time = np.random.default_rng([ord(letter) for letter in name]), np.arange(ROWS) / RATE
+    rng, time = np.random.default_rng([ord(letter) for letter in name]), np.arange(rows) / RATE
     columns = {"t": time}
     for j, size in enumerate(sizes):
-        columns[f"q{j}"] = size * np.sin(2.0 * np.pi * (0.4 + 0.1 * j) * time) + ENCODER * rng.standard_normal(ROWS)
+        columns[f"q{j}"] = size * np.sin(2.0 * np.pi * (0.4 + 0.1 * j) * time) + ENCODER * rng.standard_normal(rows)
         columns[f"u{j}"] = np.cos(2.0 * np.pi * 0.4 * time)
     folder.mkdir(parents=True, exist_ok=True)
     pq.write_table(pa.table(columns), folder / f"{name}.parquet")
@@ -80,3 +80,10 @@ def test_parts_get_names_that_no_recording_has(tmp_path):
         f"{name}.parquet"
         for name in ("run_first_2", "run_last", "run_first_first", "run_first_last", "stop_first", "stop_last")
     )
+
+
+def test_a_recording_too_short_to_be_cut_is_fitted_whole(tmp_path):
+    recording(tmp_path / "raw", "a", 0.5, 0.0)
+    recording(tmp_path / "raw", "b", 0.0, 0.4, rows=30)
+    imported(tmp_path)
+    assert splits(tmp_path) == {"a_first.parquet": "fit", "a_last.parquet": "heldout", "b.parquet": "fit"}
