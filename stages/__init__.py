@@ -56,7 +56,7 @@ STAGES = StageTable(
         Stage("collect", "rollouts", "hqpipe.stages.collect",
               "Record logs of the machine under that policy.", version=3, inputs=(BOOTSTRAP,)),
         Stage("fit-actuator", "actuator", "hqpipe.stages.fit_actuator",
-              "Fit the actuator model to the logs.", version=8, inputs=(LOGS,), switches=(STRICT,)),
+              "Fit the actuator model to the logs.", version=9, inputs=(LOGS,), switches=(STRICT,)),
         Stage("diagnose", "diagnosis", "hqpipe.stages.diagnose",
               "Find where the gap lies, what causes it and how far it shrinks.", version=38,
               inputs=(LOGS, WALKER, REFERENCE), switches=(STRICT,)),

@@ -66,19 +66,22 @@ def load_actuator(folder: Path) -> ActuatorModel:
 def _with_weights(document: Entry, model: type[NetActuator]) -> NetActuator:
     raw, net = document.value, document.inner("net")
     _check_net(net)
-    shapes = model.shapes(len(raw["joints"]), raw["net"]["hidden"], len(raw["net"]["taps"]))
+    sizes = raw["net"]
+    shapes = model.shapes(len(raw["joints"]), sizes["hidden"], len(sizes["taps"]), sizes.get("per_joint", False))
     return model.from_dict(raw, weights_file.load_weights(document.file.with_name(weights_file.FILE), shapes))
 
 
 def _check_net(net: Entry) -> None:
     """Refuse an entry "net" that `NetActuator.to_dict` would not write."""
-    fields = net.mapping(("inputs", "taps", "hidden", "delta"))
+    fields = net.mapping(("inputs", "taps", "hidden", "delta"), ("per_joint",))
     if fields["inputs"].value != list(INPUTS):
         raise fields["inputs"].wrong(str(list(INPUTS)))
     for tap in fields["taps"].items(1, MOST_TAPS):
         tap.whole(0, MOST_TAPS, "every robot remembers that many inputs of every joint")
     fields["hidden"].whole(1, MOST_HIDDEN, "larger nets cannot be stepped at 1 kHz")
     fields["delta"].flag()
+    if "per_joint" in fields:  # files of before there was a choice have one net for all joints
+        fields["per_joint"].flag()
 
 
 def _check_fields(fields: dict[str, Entry], model: type[ActuatorModel]) -> None:

@@ -42,7 +42,9 @@ def check_tensors(tensors: Mapping[str, np.ndarray], shapes: Mapping[str, tuple[
 
 @dataclass(frozen=True, eq=False)
 class NetActuator(ActuatorModel):
-    """One net for the whole robot, (4 J · taps, H, J); see `hqpipe.actuators.loops.net_step`.
+    """One net for the whole robot, (4 J · taps, H, J), or a net (4 · taps, H, 1) for each joint.
+
+    See `hqpipe.actuators.loops.net_step`.
 
     A class states the rows of its first layer per hidden unit (`GATES`), the recurrent states per hidden unit (`STATES`)
     and whether it may look back at past inputs (`LOOKS_BACK`).
@@ -50,6 +52,7 @@ class NetActuator(ActuatorModel):
     Attributes:
         tensors: name → float64 array, read-only, as `shapes` says: matrices are (outputs, inputs), inputs stand tap by
             tap in the order of `INPUTS`, joint by joint. Mean and spread are those of the trials it was fitted to.
+        per_joint: each joint has a net of its own, which reads that joint alone; every tensor has the joints in front.
         taps: how many samples ago the inputs are read, increasing from 0.
         delta: the output is the change of the torque in one sample instead of the torque, N·m.
 
@@ -69,13 +72,14 @@ class NetActuator(ActuatorModel):
     tensors: Mapping[str, np.ndarray] = field(default_factory=dict)
     taps: tuple[int, ...] = (0,)
     delta: bool = False
+    per_joint: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         object.__setattr__(self, "taps", tuple(int(tap) for tap in self.taps))
         self._check_taps()
         given = {name: np.array(value, dtype=np.float64) for name, value in self.tensors.items()}
-        shapes = self.shapes(len(self.joints), self.hidden, len(self.taps))
+        shapes = self.shapes(len(self.joints), self.hidden, len(self.taps), self.per_joint)
         check_tensors(given, shapes, self.NAME)
         tensors = {name: given[name] for name in shapes}
         for value in tensors.values():
@@ -95,30 +99,33 @@ class NetActuator(ActuatorModel):
 
     @property
     def hidden(self) -> int:
-        """H, units of the hidden layer."""
-        matrix = np.asarray(self.tensors.get("output_weight", np.empty((0, 0))))
-        return matrix.shape[1] if matrix.ndim == 2 else 0
+        """H, units of the hidden layer of a net."""
+        matrix = np.asarray(self.tensors.get("output_weight", np.empty(0)))
+        return matrix.shape[-1] if matrix.ndim == 2 + self.per_joint else 0
 
     def mean(self, channel: str) -> np.ndarray:
         """(J,) mean of one of `INPUTS` over the fit trials."""
-        return self.tensors["input_mean"].reshape(CHANNELS, -1)[INPUTS.index(channel)]
+        mean, at = self.tensors["input_mean"], INPUTS.index(channel)
+        return mean[:, at] if self.per_joint else mean.reshape(CHANNELS, -1)[at]
 
     @classmethod
-    def shapes(cls, joints: int, hidden: int, taps: int = 1) -> dict[str, tuple[int, ...]]:
+    def shapes(cls, joints: int, hidden: int, taps: int = 1, per_joint: bool = False) -> dict[str, tuple[int, ...]]:
         """Name → shape of every tensor, for J joints, H hidden units and a number of taps."""
-        width, rows = CHANNELS * joints, cls.GATES * hidden
+        outputs, front = (1, (joints,)) if per_joint else (joints, ())
+        width, rows = CHANNELS * outputs, cls.GATES * hidden
         recurrent = {"recurrent_weight": (rows, hidden), "recurrent_bias": (rows,)} if cls.STATES else {}
-        return {
+        of_one_net = {
             "input_mean": (width,),
             "input_spread": (width,),
-            "output_mean": (joints,),
-            "output_spread": (joints,),
+            "output_mean": (outputs,),
+            "output_spread": (outputs,),
             "input_weight": (rows, width * taps),
             "input_bias": (rows,),
             **recurrent,
-            "output_weight": (joints, hidden),
-            "output_bias": (joints,),
+            "output_weight": (outputs, hidden),
+            "output_bias": (outputs,),
         }
+        return {name: front + shape for name, shape in of_one_net.items()}
 
     @classmethod
     def build(
@@ -130,38 +137,46 @@ class NetActuator(ActuatorModel):
         tensors: Mapping[str, np.ndarray] | None = None,
         taps: Sequence[int] = (0,),
         delta: bool = False,
+        per_joint: bool = False,
         **columns: float | Sequence[float] | np.ndarray,
     ) -> Self:
         """Make a model from its tensors and `effort_limit`, one number or (J,), N·m."""
-        return cls(tuple(joints), cls._table(joints, columns), dt, scope, tensors or {}, tuple(taps), delta)
+        table = cls._table(joints, columns)
+        return cls(tuple(joints), table, dt, scope, tensors or {}, tuple(taps), delta, per_joint)
 
     @property
     def memory_columns(self) -> int:
-        """M: recurrent states spread over the joints, or the number of samples seen and a ring of past inputs."""
+        """M: recurrent states spread over the joints of a net, or the number of samples seen and a ring of past inputs."""
         if self.STATES:
-            return -(-self.STATES * self.hidden // len(self.joints))
+            return -(-self.STATES * self.hidden // (1 if self.per_joint else len(self.joints)))
         return RING + CHANNELS * (self.taps[-1] + 1) if self.taps[-1] else 0
 
     @cached_property
     def weights(self) -> np.ndarray:
         """(W,) float64 in the order of `hqpipe.actuators.loops.net_step`."""
-        t, header = self.tensors, (self.hidden, float(self.delta), len(self.taps), *self.taps)
-        parts = [np.array(header, dtype=np.float64), t["input_mean"], 1.0 / t["input_spread"]]
-        parts += [t["output_mean"], t["output_spread"], t["input_weight"].T, t["input_bias"]]
+        t = self.tensors if self.per_joint else {name: value[None] for name, value in self.tensors.items()}
+        count = len(t["input_mean"])
+        header = np.array((self.hidden, float(self.delta), len(self.taps), *self.taps), dtype=np.float64)
+        parts = [np.tile(header, (count, 1)), t["input_mean"], 1.0 / t["input_spread"]]
+        parts += [t["output_mean"], t["output_spread"], t["input_weight"].swapaxes(1, 2), t["input_bias"]]
         if self.STATES:
-            parts += [t["recurrent_weight"].T, t["recurrent_bias"]]
-        parts += [t["output_weight"].T, t["output_bias"]]
-        flat = np.concatenate([part.ravel() for part in parts])
+            parts += [t["recurrent_weight"].swapaxes(1, 2), t["recurrent_bias"]]
+        parts += [t["output_weight"].swapaxes(1, 2), t["output_bias"]]
+        of_nets = np.concatenate([part.reshape(count, -1) for part in parts], axis=1)
+        flat = np.concatenate([[float(count)], of_nets.ravel()])
         flat.flags.writeable = False
         return flat
 
     def for_joints(self, joints: Sequence[str]) -> Self:
-        """The same model with its joints in another order; a net cannot do without one of them.
+        """The same model with its joints in another order; one net for all cannot do without one of them.
 
         Raises:
             UsageError: `joints` are not those of the net.
         """
         rows = np.array(self._rows(joints))
+        if self.per_joint:
+            own = {name: value[rows] for name, value in self.tensors.items()}
+            return replace(self, joints=tuple(joints), parameters=self.parameters[rows], tensors=own)
         if missing := [name for name in self.joints if name not in joints]:
             raise UsageError(
                 f"{self.NAME}: joint '{missing[0]}' is missing: the net reads all of {len(self.joints)} joints",
@@ -182,10 +197,11 @@ class NetActuator(ActuatorModel):
     def to_dict(self) -> dict[str, Any]:
         """JSON-able form without the tensors."""
         net = {"inputs": list(INPUTS), "taps": list(self.taps), "hidden": self.hidden, "delta": self.delta}
-        return super().to_dict() | {"net": net}
+        return super().to_dict() | {"net": net | {"per_joint": self.per_joint}}
 
     @classmethod
     def from_dict(cls, raw: Mapping[str, Any], tensors: Mapping[str, np.ndarray] | None = None) -> Self:
         """Inverse of `to_dict`, for a mapping that `hqpipe.actuators.files` has checked, and its tensors."""
-        net = {"tensors": tensors or {}, "taps": raw["net"]["taps"], "delta": raw["net"]["delta"]}
+        net = {key: raw["net"][key] for key in ("taps", "delta", "per_joint") if key in raw["net"]}
+        net["tensors"] = tensors or {}
         return cls.build(raw["joints"], dt=raw["dt"], scope=raw["scope"], **net, **cls._columns_of(raw))

@@ -1,15 +1,16 @@
-"""One sample of a neural actuator model for a robot: one net reads all joints and gives all torques.
+"""One sample of a neural actuator model for a robot: one net for all joints, or a net of its own for each.
 
-Inputs are, channel after channel, torque, target, position and velocity of the J joints; in the paper's size (48, 64, 12)
-we read the 48 as 4 signals of 12 joints. An MLP may also read them as they were some samples ago (taps). They are standardised,
-go through one hidden layer, and come out as the torque one sample later or, with `delta`, as its change:
+Inputs of a net are, channel after channel, torque, target, position and velocity of its J joints; in the paper's size
+(48, 64, 12) we read the 48 as 4 signals of 12 joints. An MLP may also read them as they were some samples ago (taps). They are
+standardised, go through one hidden layer, and come out as the torque one sample later or, with `delta`, as its change:
 
     MLP    h = softsign(W x + b)        (softsign: Hwangbo et al. 2019, for the cost of it)
     LSTM   Hochreiter and Schmidhuber 1997 with forget gate; gates in the order input, forget, cell, output
     GRU    Cho et al. 2014, reset gate after the recurrent product; gates in the order reset, update, new
 
-`weights` is one array for all robots: hidden units, delta, the number of taps, the taps; mean and 1/spread of the inputs,
-mean and spread of the outputs; then the matrices, input by output, each followed by its bias.
+`weights` is one array for all robots: the number of nets, which share the joints evenly, and then net after net hidden units,
+delta, the number of taps, the taps; mean and 1/spread of the inputs, mean and spread of the outputs; then the matrices, input
+by output, each followed by its bias.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ MLP: Final = 4
 LSTM: Final = 5
 GRU: Final = 6
 CHANNELS: Final = 4
-HIDDEN, DELTA, TAPS, FIRST_TAP = range(4)
+NETS, FIRST_NET = 0, 1  # of all weights
+HIDDEN, DELTA, TAPS, FIRST_TAP = range(4)  # of the weights of one net
 LIMIT: Final = 0  # column of the parameter table
 SEEN, RING = 0, 1  # columns of an MLP's memory: samples so far, and the ring of past inputs
 
@@ -146,6 +148,35 @@ def _gru(weights: np.ndarray, inputs: np.ndarray, at: int, state: np.ndarray) ->
 
 
 @njit(cache=True, nogil=True)
+def _one_net(
+    kind: int,
+    parameters: np.ndarray,
+    weights: np.ndarray,
+    tau: np.ndarray,
+    memory: np.ndarray,
+    q_des: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+) -> None:
+    """`net_row` for the joints and the weights of one net."""
+    joints, taps, units = tau.shape[0], int(weights[TAPS]), int(weights[HIDDEN])
+    at = FIRST_TAP + taps + 2 * (CHANNELS + 1) * joints
+    inputs = _read(weights, tau, memory, q_des, q, qd)
+    if kind == MLP:
+        hidden = np.empty(units)
+        at = _affine(inputs, weights, at, hidden)
+        for u in range(units):
+            hidden[u] /= 1.0 + abs(hidden[u])
+        _write(parameters, weights, hidden, at, tau)
+        return
+    state = np.empty(2 * units if kind == LSTM else units)
+    _recall(memory, state)
+    at = _lstm(weights, inputs, at, state) if kind == LSTM else _gru(weights, inputs, at, state)
+    _keep(memory, state)
+    _write(parameters, weights, state[:units], at, tau)
+
+
+@njit(cache=True, nogil=True)
 def net_row(
     kind: int,
     parameters: np.ndarray,
@@ -166,18 +197,8 @@ def net_row(
         memory: (J, M) past inputs or recurrent states; all zero before the first sample.
         q_des, q, qd: (J,) rad, rad, rad/s.
     """
-    joints, taps, units = tau.shape[0], int(weights[TAPS]), int(weights[HIDDEN])
-    at = FIRST_TAP + taps + 2 * (CHANNELS + 1) * joints
-    inputs = _read(weights, tau, memory, q_des, q, qd)
-    if kind == MLP:
-        hidden = np.empty(units)
-        at = _affine(inputs, weights, at, hidden)
-        for u in range(units):
-            hidden[u] /= 1.0 + abs(hidden[u])
-        _write(parameters, weights, hidden, at, tau)
-        return
-    state = np.empty(2 * units if kind == LSTM else units)
-    _recall(memory, state)
-    at = _lstm(weights, inputs, at, state) if kind == LSTM else _gru(weights, inputs, at, state)
-    _keep(memory, state)
-    _write(parameters, weights, state[:units], at, tau)
+    nets = int(weights[NETS])
+    joints, size = tau.shape[0] // nets, (weights.shape[0] - FIRST_NET) // nets
+    for n in range(nets):
+        own, row = slice(n * joints, (n + 1) * joints), weights[FIRST_NET + n * size : FIRST_NET + (n + 1) * size]
+        _one_net(kind, parameters[own], row, tau[own], memory[own], q_des[own], q[own], qd[own])

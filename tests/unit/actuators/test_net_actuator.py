@@ -15,7 +15,18 @@ from hqpipe.actuators.weights_file import FILE as WEIGHTS
 from hqpipe.errors import ConfigError, UsageError
 
 JOINTS = ("hip", "knee", "ankle")
-EVERY_NET = [("mlp", {}), ("mlp", {"taps": (0, 2, 5), "delta": True}), ("lstm", {}), ("gru", {"delta": True})]
+EACH_JOINT = [
+    ("mlp", {"taps": (0, 2, 5), "delta": True, "per_joint": True}),
+    ("lstm", {"per_joint": True}),
+    ("gru", {"delta": True, "per_joint": True}),
+]
+EVERY_NET = [
+    ("mlp", {}),
+    ("mlp", {"taps": (0, 2, 5), "delta": True}),
+    ("lstm", {}),
+    ("gru", {"delta": True}),
+    *EACH_JOINT,
+]
 
 
 def run(model, signals):
@@ -43,6 +54,39 @@ def test_a_net_needs_all_of_its_joints():
         model.for_joints(("hip", "knee"))
     with pytest.raises(UsageError, match="no joint 'kne' – did you mean 'knee'"):
         model.for_joints(("hip", "kne", "ankle"))
+
+
+@pytest.mark.parametrize(("kind", "options"), EACH_JOINT)
+def test_a_net_of_each_joint_does_without_the_other_joints(kind, options):
+    model = random_net(kind, JOINTS, effort_limit=[900.0, 500.0, 700.0], **options)
+    signals = driven(model)
+    expected, _ = run(model, signals)
+    alone, _ = run(model.for_joints(("ankle",)), [a[:, [2]] for a in signals])
+    np.testing.assert_allclose(alone, expected[:, [2]], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("kind", "options"), EACH_JOINT)
+def test_a_net_of_each_joint_is_the_net_of_a_robot_with_that_joint(kind, options):
+    model = random_net(kind, JOINTS, **options)
+    signals = driven(model)
+    expected, _ = run(model, signals)
+    for j, joint in enumerate(JOINTS):
+        own = {name: value[j] for name, value in model.tensors.items()}
+        single = type(model).build(
+            (joint,), dt=1e-3, effort_limit=np.inf, tensors=own, taps=model.taps, delta=model.delta
+        )
+        found, _ = run(single, [a[:, [j]] for a in signals])
+        np.testing.assert_allclose(found, expected[:, [j]], rtol=1e-12)
+        assert single.mean("velocity") == model.mean("velocity")[j]
+
+
+def test_a_file_without_the_choice_has_one_net_for_all_joints(tmp_path):
+    model = random_net("gru", JOINTS)
+    path = save_actuator(model, tmp_path)
+    raw = json.loads(path.read_text())
+    assert raw["net"].pop("per_joint") is False
+    path.write_text(json.dumps(raw))
+    np.testing.assert_array_equal(load_actuator(tmp_path).weights, model.weights)
 
 
 def test_a_history_starts_filled_with_the_first_sample():
@@ -117,7 +161,9 @@ def test_both_files_are_exact_and_their_bytes_stable(kind, options, tmp_path):
     model = random_net(kind, JOINTS, effort_limit=[900.0, np.inf, 1.0 / 3.0], **options)
     save_actuator(model, tmp_path / "a")
     loaded = load_actuator(tmp_path / "a")
-    assert (type(loaded), loaded.taps, loaded.delta, loaded.hidden) == (type(model), model.taps, model.delta, 8)
+    for what in ("taps", "delta", "hidden", "per_joint"):
+        assert getattr(loaded, what) == getattr(model, what)
+    assert type(loaded) is type(model) and loaded.hidden == 8
     np.testing.assert_array_equal(loaded.parameters, model.parameters)
     np.testing.assert_array_equal(loaded.weights, model.weights)
     save_actuator(loaded, tmp_path / "b")
@@ -175,6 +221,8 @@ def test_missing_and_broken_weights_say_so(saved):
         ({"hidden": 9}, "output_weight has shape|input_weight has shape"),
         ({"taps": 0}, "net.taps: expected a list"),
         ({"delta": 1}, "net.delta: expected true or false"),
+        ({"per_joint": "yes"}, "net.per_joint: expected true or false"),
+        ({"per_joint": True}, "has shape"),
         ({"inputs": ["effort"]}, "net.inputs: expected"),
         ({"hiden": 8}, "net: unknown field 'hiden' – did you mean 'hidden'"),
     ],

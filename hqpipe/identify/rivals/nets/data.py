@@ -102,16 +102,20 @@ def net_data(trials: list[Trial], *, delta: bool = False, errors: bool = False, 
 
 
 def for_targets(weight: np.ndarray, data: NetData) -> np.ndarray:
-    """The input weights (rows, taps · 4 J) of a net that reads position errors as those of one that reads targets.
+    """Input weights (N, rows, taps · 4 j) of nets that read position errors as those of nets that read targets.
 
-    Both are linear in the same numbers and their means agree, so that the net stays what it is.
+    Both are linear in the same numbers and their means agree, so that the nets stay what they are.
     """
     if data.error_spread is None:
         return weight
-    moved, count = weight.reshape(len(weight), -1, 4, len(data.joints)).copy(), len(data.joints)
-    target, position = (data.tensors["input_spread"][c * count : (c + 1) * count] for c in (1, 2))
-    moved[:, :, 1] = weight.reshape(moved.shape)[:, :, 1] * (target / data.error_spread)
-    moved[:, :, 2] -= weight.reshape(moved.shape)[:, :, 1] * (position / data.error_spread)
+    nets, count = len(weight), len(data.joints)
+    before = weight.reshape(nets, weight.shape[1], -1, 4, count // nets)
+    by_net = (nets, 1, 1, count // nets)
+    per_error = before[..., 1, :] / data.error_spread.reshape(by_net)
+    target, position = (data.tensors["input_spread"][c * count : (c + 1) * count].reshape(by_net) for c in (1, 2))
+    moved = before.copy()
+    moved[..., 1, :] = per_error * target
+    moved[..., 2, :] -= per_error * position
     return moved.reshape(weight.shape)
 
 

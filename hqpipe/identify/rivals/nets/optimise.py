@@ -1,4 +1,4 @@
-"""Adam, with decaying weights, on one-step and on free-running errors of a net."""
+"""Adam on one-step and on free-running errors of a net."""
 
 from __future__ import annotations
 
@@ -61,15 +61,14 @@ class Sequences:
         return self._table[torch.from_numpy(starts + self._steps)]
 
 
-def fit_one_step(
-    net: Net, data: Sequences, iterations: int, rate: float, first: int, course: Course, *, decay: float = 0.0
-) -> None:
-    """Mean squared error of the outputs on the logged torque, at a steady rate; without decay it is plain Adam."""
+def fit_one_step(net: Net, data: Sequences, iterations: int, rate: float, first: int, course: Course) -> None:
+    """Mean squared error of the outputs on the logged torque, at a steady rate."""
 
-    def loss(x: Tensor) -> Tensor:
+    def loss(rows: Tensor) -> Tensor:
+        x = net.sequence(rows)
         return torch.mean((net.outputs(x, first) - net.wanted(x, first)) ** 2)
 
-    adam = torch.optim.AdamW(net.parameters(), lr=rate, weight_decay=decay)
+    adam = torch.optim.Adam(net.parameters(), lr=rate)
     for _ in range(iterations):
         _descend(adam, net, loss(data.draw()), course)
 
@@ -84,9 +83,14 @@ class Validation:
 
     def rmse(self, net: Net) -> float:
         with torch.no_grad():
-            found = net.free_run(self._windows, self._first)
-        error = (found - self._windows[self._first + 1 :, :, : net.joints]) * self._spread
+            error = _free_run_error(net, self._windows, self._first) * self._spread
         return float(torch.sqrt(torch.mean(error**2)))
+
+
+def _free_run_error(net: Net, rows: Tensor, first: int) -> Tensor:
+    """(L − 1 − first, B, J) standardised error of the torques from row `first` on."""
+    x = net.sequence(rows)
+    return net.for_joints(net.free_run(x, first) - x[:, first + 1 :, :, : net.joints])
 
 
 def fit_free_run(
@@ -98,7 +102,6 @@ def fit_free_run(
     first: int,
     course: Course,
     *,
-    decay: float,
     spread: np.ndarray,
     every: int,
     patience: int,
@@ -106,16 +109,16 @@ def fit_free_run(
     """Mean squared error in (N·m)² over whole windows, through time; the best weights on what was set aside are kept.
 
     Args:
-        rate, decay: of AdamW; the rate falls along half a cosine. first: steps of logged context before a window.
+        rate: of Adam; it falls along half a cosine. first: steps of logged context before a window.
         spread: (J,) of the torque, N·m. every: iterations between two looks at what was set aside; after `patience` looks
             without a gain it ends.
     """
     weight = torch.tensor(spread / np.sqrt(np.mean(spread**2)), dtype=torch.float32)
 
-    def loss(x: Tensor) -> Tensor:
-        return torch.mean(((net.free_run(x, first) - x[first + 1 :, :, : net.joints]) * weight) ** 2)
+    def loss(rows: Tensor) -> Tensor:
+        return torch.mean((_free_run_error(net, rows, first) * weight) ** 2)
 
-    adam = torch.optim.AdamW(net.parameters(), lr=rate, weight_decay=decay)
+    adam = torch.optim.Adam(net.parameters(), lr=rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(adam, max(iterations, 1), LAST_RATE * rate)
     keeper = _Keeper(net, course, validation.rmse)
     for iteration in range(iterations):
@@ -152,7 +155,7 @@ class _Keeper:
         self._net.load_state_dict(self._weights)
 
 
-def _descend(adam: torch.optim.AdamW, net: Net, loss: Tensor, course: Course) -> None:
+def _descend(adam: torch.optim.Adam, net: Net, loss: Tensor, course: Course) -> None:
     value = loss.item()
     if not math.isfinite(value):
         raise IdentificationError(

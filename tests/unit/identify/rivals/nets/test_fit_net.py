@@ -34,6 +34,7 @@ def test_same_seed_same_net(logs, kind):
         assert (one.losses, one.stopping, one.best) == (two.losses, two.stopping, two.best)
         assert (one.model.weights != other.model.weights).any()
         assert one.trials == ("t0.parquet", "t1.parquet") and type(one.model) is ACTUATOR_MODELS[kind]
+        assert one.model.per_joint is (fit is fit_strong_net)
     assert torch.get_num_threads() == threads and torch.equal(torch.random.get_rng_state(), before)
 
 
