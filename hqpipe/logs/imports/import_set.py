@@ -134,7 +134,10 @@ class _Writing:
     def _write_cut(self, trial: _Trial) -> None:
         """Write the two parts of a trial; of several trials one that is too short for it is fitted whole."""
         parts = _cut(trial)
-        if self.earlier and min(len(part.converted.columns[TIME]) for part in parts) < MIN_SAMPLES:
+        shortest = min(len(part.converted.columns[TIME]) for part in parts)
+        if shortest < MIN_SAMPLES:
+            if not self.earlier:
+                raise _too_short(trial, shortest)
             self.write(trial, "fit")
             return
         for part, split in zip(parts, SPLITS, strict=True):
@@ -276,6 +279,15 @@ def _cut(whole: _Trial) -> list[_Trial]:
         converted = replace(whole.converted, columns=columns)
         parts.append(replace(whole, stem=f"{whole.stem}_{place}", converted=converted, notes=notes))
     return parts
+
+
+def _too_short(lone: _Trial, rows: int) -> ImportLogError:
+    return ImportLogError(
+        f"{lone.source}: {len(lone.converted.columns[TIME])} rows: the end of a lone recording is held out, and of this one "
+        f"that is {rows} rows, expected at least {MIN_SAMPLES}",
+        file=Path(lone.source),
+        fix="give a longer recording, or a second one",
+    )
 
 
 def _writer(folder: Path, log_map: LogMap) -> LogSetWriter:

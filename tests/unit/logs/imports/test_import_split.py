@@ -12,6 +12,7 @@ import yaml
 
 from hqpipe.logs.imports.import_set import import_logs
 from hqpipe.logs.imports.mapping import read_map
+from hqpipe.logs.imports.recording import ImportLogError
 from hqpipe.logs.imports.sources import find_sources
 from hqpipe.logs.log_set import read_log_set
 
@@ -87,3 +88,10 @@ def test_a_recording_too_short_to_be_cut_is_fitted_whole(tmp_path):
     recording(tmp_path / "raw", "b", 0.0, 0.4, rows=30)
     imported(tmp_path)
     assert splits(tmp_path) == {"a_first.parquet": "fit", "a_last.parquet": "heldout", "b.parquet": "fit"}
+
+
+def test_a_lone_recording_too_short_to_be_cut_is_refused_by_its_own_name(tmp_path):
+    recording(tmp_path / "raw", "a", 0.5, 0.1, rows=30)
+    with pytest.raises(ImportLogError, match=r"a.parquet: 30 rows: the end of a lone .* 8 rows, expected at least 10"):
+        imported(tmp_path)
+    assert not (tmp_path / "out").exists()
