@@ -25,7 +25,8 @@ torture: $(VENV)/.installed
 
 claims: $(VENV)/.installed
 	$(BIN)/hqpipe run all --profile ci --until fit-actuator $(NETS) --set collect.walk_seconds=42 \
-		--set collect.gantry_seconds=20 --set 'fit_actuator.data_seconds=[1,2,5,10,20,60]'
+		--set collect.gantry_seconds=20 --set 'fit_actuator.data_seconds=[2,5,10,20,60]' \
+		--set 'fit_actuator.rivals=[diagnosed,two_chamber,mlp,strong_mlp,strong_gru]'
 	$(BIN)/python benchmarks/claim_figures.py --actuator artifacts/actuator
 	$(BIN)/hqpipe run all --profile ci --until fit-actuator $(NETS)
 	rm -f build/interval_coverage.csv
