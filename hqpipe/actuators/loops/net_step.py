@@ -148,35 +148,6 @@ def _gru(weights: np.ndarray, inputs: np.ndarray, at: int, state: np.ndarray) ->
 
 
 @njit(cache=True, nogil=True)
-def _one_net(
-    kind: int,
-    parameters: np.ndarray,
-    weights: np.ndarray,
-    tau: np.ndarray,
-    memory: np.ndarray,
-    q_des: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
-) -> None:
-    """`net_row` for the joints and the weights of one net."""
-    joints, taps, units = tau.shape[0], int(weights[TAPS]), int(weights[HIDDEN])
-    at = FIRST_TAP + taps + 2 * (CHANNELS + 1) * joints
-    inputs = _read(weights, tau, memory, q_des, q, qd)
-    if kind == MLP:
-        hidden = np.empty(units)
-        at = _affine(inputs, weights, at, hidden)
-        for u in range(units):
-            hidden[u] /= 1.0 + abs(hidden[u])
-        _write(parameters, weights, hidden, at, tau)
-        return
-    state = np.empty(2 * units if kind == LSTM else units)
-    _recall(memory, state)
-    at = _lstm(weights, inputs, at, state) if kind == LSTM else _gru(weights, inputs, at, state)
-    _keep(memory, state)
-    _write(parameters, weights, state[:units], at, tau)
-
-
-@njit(cache=True, nogil=True)
 def net_row(
     kind: int,
     parameters: np.ndarray,
@@ -201,4 +172,18 @@ def net_row(
     joints, size = tau.shape[0] // nets, (weights.shape[0] - FIRST_NET) // nets
     for n in range(nets):
         own, row = slice(n * joints, (n + 1) * joints), weights[FIRST_NET + n * size : FIRST_NET + (n + 1) * size]
-        _one_net(kind, parameters[own], row, tau[own], memory[own], q_des[own], q[own], qd[own])
+        taps, units = int(row[TAPS]), int(row[HIDDEN])
+        at = FIRST_TAP + taps + 2 * (CHANNELS + 1) * joints
+        inputs = _read(row, tau[own], memory[own], q_des[own], q[own], qd[own])
+        if kind == MLP:
+            hidden = np.empty(units)
+            at = _affine(inputs, row, at, hidden)
+            for u in range(units):
+                hidden[u] /= 1.0 + abs(hidden[u])
+        else:
+            state = np.empty(2 * units if kind == LSTM else units)
+            _recall(memory[own], state)
+            at = _lstm(row, inputs, at, state) if kind == LSTM else _gru(row, inputs, at, state)
+            _keep(memory[own], state)
+            hidden = state[:units]
+        _write(parameters[own], row, hidden, at, tau[own])
