@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hqpipe.benchmark.cases.legged.hydraulics import lever
 from hqpipe.benchmark.cases.legged.robots import NEVER, Robot
 
 TICK = 1.0e-3  # s, of the firmware
@@ -103,17 +104,22 @@ class LeggedMachine:
         return self.robot.joints
 
     @property
+    def arms(self) -> np.ndarray:
+        """(J,) m, moment arm of the piston where the robot stands."""
+        return np.array([lever(joint, place)[1] for joint, place in zip(self.cylinders, self.robot.stand, strict=True)])
+
+    @property
     def top_torque(self) -> np.ndarray:
-        """(J,) N·m at the full supply, with half of both areas and the arm in the middle."""
+        """(J,) N·m at the full supply, with half of both areas, where the robot stands."""
         pressure = float(self.supplies[0]["pressure"] - self.supplies[0]["tank"])
-        return pressure * 0.5 * (self.cylinders["area_a"] + self.cylinders["area_b"]) * self.cylinders["radius"]
+        return pressure * 0.5 * (self.cylinders["area_a"] + self.cylinders["area_b"]) * self.arms
 
     @property
     def oil_stiffness(self) -> np.ndarray:
-        """(J,) N·m/rad of both chambers at half stroke."""
+        """(J,) N·m/rad of both chambers at half stroke, with the arm of the stand."""
         c = self.cylinders
         sides = sum(c[f"area_{s}"] ** 2 / (c[f"dead_{s}"] + 0.5 * c["stroke"] * c[f"area_{s}"]) for s in "ab")
-        return c["modulus"] * sides * c["radius"] ** 2
+        return c["modulus"] * sides * self.arms**2
 
 
 def draw_machine(robot: Robot, rng: np.random.Generator) -> LeggedMachine:

@@ -47,7 +47,8 @@ def seal_area(machine: LeggedMachine, j: int) -> float:
 
 
 def arm(machine: LeggedMachine, j: int) -> float:
-    return float(machine.cylinders["radius"][j])
+    """Moment arm of a joint's piston where the robot stands, m."""
+    return float(machine.arms[j])
 
 
 def friction_nm(machine: LeggedMachine, j: int, bar: float) -> float:
