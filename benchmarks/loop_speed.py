@@ -34,7 +34,7 @@ MACHINE = COMMAND_SIDE | {
     ("supply_droop", "droop"): 0.03,
     ("supply_droop", "recovery_s"): 0.15,
     ("position_dependent_stiffness", "slope_per_rad"): 1.5,
-    ("position_dependent_stiffness", "unevenness"): 0.02,
+    ("position_dependent_stiffness", "length_rad"): 0.5,
     ("backlash", "gap"): 0.008,
     ("coulomb_friction", "friction_nm"): 25.0,
     ("coulomb_friction", "asymmetry_nm"): 5.0,

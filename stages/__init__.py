@@ -58,7 +58,7 @@ STAGES = StageTable(
         Stage("fit-actuator", "actuator", "hqpipe.stages.fit_actuator",
               "Fit the actuator model to the logs.", version=9, inputs=(LOGS,), switches=(STRICT,)),
         Stage("diagnose", "diagnosis", "hqpipe.stages.diagnose",
-              "Find where the gap lies, what causes it and how far it shrinks.", version=38,
+              "Find where the gap lies, what causes it and how far it shrinks.", version=39,
               inputs=(LOGS, WALKER, REFERENCE), switches=(STRICT,)),
         Stage("retrain", "policy", "hqpipe.stages.retrain",
               "Train the policy with the actuator model.", version=7, inputs=(ACTUATOR,)),

@@ -20,9 +20,9 @@ MOST_UNEQUAL = 0.5  # a rod that leaves a third of the piston's area; larger one
 
 
 @njit(cache=True, nogil=True, inline="always")
-def asymmetric(opening: float, ratio: float, uneven: float) -> float:
-    """Opening × (1 + (ratio + uneven) · sgn opening)."""
-    return opening + (ratio + uneven) * abs(opening)
+def asymmetric(opening: float, ratio: float) -> float:
+    """Opening × (1 + ratio · sgn opening)."""
+    return opening + ratio * abs(opening)
 
 
 EFFECT = Effect(
@@ -38,5 +38,5 @@ EFFECT = Effect(
     advice="Give each direction its own gain in the valve driver, the two piston areas differ; the ratio should then "
     "come out as zero.",
     shows_as=("gain",),
-    blocks=(Block(asymmetric, ("opening", "ratio", "uneven"), ("opening",), ("ratio", "uneven")),),
+    blocks=(Block(asymmetric, ("opening", "ratio"), ("opening",), ("ratio",)),),
 )

@@ -38,7 +38,6 @@ class Search:
             because every machine has that much of it.
         beside: the effect in whose set it is fitted, as it does nothing without that one; None for its own. "friction": it
             does nothing without friction of some kind, and is fitted with the coefficients.
-        free: False for a number that no fit of this effect moves.
         pauses: whether it shows only in logs in which little flow is drawn at times.
     """
 
@@ -50,7 +49,6 @@ class Search:
     usual: float | None = None
     least: float = 0.0
     beside: str | None = None
-    free: bool = True
     pauses: bool = False
 
 
@@ -254,7 +252,8 @@ class Base:
         plain: the same where none of them is bent.
         gain: the parameter that an opening is multiplied by. needed: law of the opening times the gain that holds a torque.
         signals: signal → number or parameter that it is without effects, beside those of hqpipe.machine.signals.
-        constants: as of an effect.
+        constants: as of an effect. lacks: signals and states that such a drive does not have; blocks that write them are left
+            out.
     """
 
     name: str
@@ -265,3 +264,4 @@ class Base:
     needed: Law
     signals: dict[str, float | str] = field(default_factory=dict)
     constants: tuple[Constants, ...] = ()
+    lacks: tuple[str, ...] = ()

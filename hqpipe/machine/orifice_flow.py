@@ -29,8 +29,8 @@ def orifice(
         inverse_limit: 1/τ_max.
         loss: relative loss of supply pressure.
         mean: what the chambers' mean pressure is off by from half the supply, relative to that; only read beside `lean`.
-        lean: share by which the chamber is stiffer that an opening above 0 feeds, 0 for equal chambers, whose mean pressure
-            is half of the supply at any time.
+        lean: share by which the chamber is stiffer that an opening above 0 feeds; 0 for equal chambers, whose mean pressure
+            is taken to be half of the supply at any time.
         areas: (A₊ − A₋)/(A₊ + A₋) of the sides whose pressures raise and lower the torque: the supply moves a larger load with
             the larger side; 0 for equal ones.
     """
@@ -51,11 +51,12 @@ def narrowed(
     inverse_limit: float,
     loss: float,
     mean: float,
+    strayed: float,
     lean: float,
     areas: float,
 ) -> float:
-    """Flow per opening beside what else bends it; arguments as of `orifice`."""
-    return passed * orifice(opening, effort, inverse_limit, loss, mean, lean, areas)
+    """Flow per opening beside what else bends it; arguments as of `orifice`. strayed: of the mean pressure, for good."""
+    return passed * orifice(opening, effort, inverse_limit, loss, mean + strayed, lean, areas)
 
 
 EFFECT = Effect(
@@ -70,9 +71,12 @@ EFFECT = Effect(
     blocks=(
         Block(
             narrowed,
-            ("passed", "opening", "effort", "effort_max_nm", "loss", "mean", "lean", "direction_asymmetry.areas"),
+            (
+                *("passed", "opening", "effort", "effort_max_nm", "loss", "mean"),
+                *("position_dependent_stiffness.strayed", "lean", "direction_asymmetry.areas"),
+            ),
             ("passed",),
-            ("effort_max_nm", "loss"),
+            ("effort_max_nm", "loss", "lean"),
         ),
     ),
     constants=(Constants(("even",), balance, ("direction_asymmetry.areas", "effort_max_nm"), when=("effort_max_nm",)),),

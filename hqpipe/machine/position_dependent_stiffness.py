@@ -1,9 +1,8 @@
-"""The oil column changes with the position, and with it the stiffness of the joint.
+"""The oil columns of both chambers change with the position, and with them the stiffness of the joint.
 
-Chambers of unequal volume are not driven alike: where their mean pressure is not half the supply, for leakage or because
-the supply sags, one direction passes more oil than the other. That unevenness belongs to the effect, within limits. The
-mean pressure follows a sagging supply only as fast as the valve exchanges the oil. Soft oil that is less compressed is
-displaced with less pressure: in a chamber ṗ = β/V (Q − (1 + p/β) V̇) with the flow Q counted in oil without pressure.
+Chambers of unequal volume are not driven alike. The pressure of the smaller one changes faster, so that the mean of both moves
+with the torque until the valve has exchanged the oil: where it is high, less oil is fed and more is drained. A supply that sags
+is felt by the port that is fed alone, until the mean pressure has followed.
 """
 
 from __future__ import annotations
@@ -11,73 +10,79 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.effect import COMMAND, NONE, Block, Constants, Effect, Law, Parameter, Search, State
+from hqpipe.machine.effect import NONE, Block, Effect, Law, Parameter, Search, State
 
-LEAST = 0.05  # of the stiffness at mid position, so that no position makes it vanish; assumption
-LEVER = 0.02  # rad: a quarter of a chamber's length times how far leakage moves the mean pressure, a few %; assumption
-LENGTH = 0.8  # rad: half of a chamber's length as an angle, for chambers of about 1.6 rad; assumption
-MOST_LEAN = 0.9  # the other chamber is there, too; assumption
-
-
-@njit(cache=True, nogil=True, inline="always")
-def stiffness(slope: float, offset: float) -> float:
-    """Relative stiffness at `offset` rad from the middle."""
-    return max(1.0 + slope * offset, LEAST)
+LENGTH = 0.5  # rad: two equal chambers of 1 rad each, of a joint that turns by 2 rad; assumption
+LONGEST = 1.0  # rad: of a joint that turns by 4 rad, more than any leg's; assumption
+LEAST = 0.05  # of `length`, so that no position empties the smaller chamber; assumption
+MOST_LEAN = 0.95  # share by which one chamber is stiffer: the other is there, too; assumption
+MOST_STRAYED = 0.02  # of half the supply, by which leakage to the outside moves the mean pressure; assumption
 
 
 @njit(cache=True, nogil=True, inline="always")
-def uneven(slope: float, unevenness: float) -> float:
-    """Share by which an opening that raises the torque passes more oil, and the other less."""
-    most = LEVER * abs(slope)
-    return min(max(unevenness, -most), most)
+def smaller(offset: float, slope: float, length: float) -> tuple[float, float]:
+    """Joint stiffness over that in the middle, and by what share of it the chamber that raises the torque is the stiffer one.
 
-
-@njit(cache=True, nogil=True, inline="always")
-def displaced(velocity: float, mean: float, compression: float) -> float:
-    """The speed as the oil feels it, relative to half the supply as mean pressure.
+    What both chambers have alike is counted as constant: with the position it changes in every sound joint, and to second
+    order only. The rest is the smaller chamber's, and goes with one over its length.
 
     Args:
-        mean: what the chambers' mean pressure is off by from half the supply, relative to that. compression: share that the
-            volume is less by at half the supply.
+        offset: rad from the middle. slope: of the stiffness there, relative to it, 1/rad. length: 1/(1/a + 1/b) of the lengths
+            a and b of the chambers in the middle, which are their volumes over area and moment arm, rad.
     """
-    return velocity * (1.0 + compression * mean)
+    lean = min(max(-slope * length, -MOST_LEAN), MOST_LEAN)
+    filled = length + (offset if lean > 0.0 else -offset)
+    share = lean * length / max(filled, LEAST * length, 1e-9)
+    stiffness = 1.0 - abs(lean) + abs(share)
+    return stiffness, share / stiffness
 
 
 @njit(cache=True, nogil=True, inline="always")
-def lean(slope: float) -> float:
-    """By what share of both the chamber whose pressure raises the torque is the stiffer one."""
-    return min(max(-LENGTH * slope, -MOST_LEAN), MOST_LEAN)
+def stiffened(
+    stiff: float, lean: float, position: float, middle: float, slope: float, length: float
+) -> tuple[float, float]:
+    """Stiffness beside what else changes it, and `lean` as of `smaller`."""
+    relative, lean = smaller(position - middle, slope, length)
+    return stiff * relative, lean
 
 
 @njit(cache=True, nogil=True, inline="always")
-def exchanged(mean: float, loss: float, opening: float, exchange: float, dt: float) -> float:
+def exchanged(
+    mean: float,
+    loss: float,
+    opening: float,
+    effort: float,
+    inverse_limit: float,
+    lean: float,
+    leak: float,
+    even: float,
+    speed: float,
+    stiff: float,
+    gain: float,
+    oil: float,
+    dt: float,
+) -> float:
     """Mean pressure of the chambers after one sample, as what it is off by from half the supply, relative to that.
 
+    The other half of the continuity equations of both chambers, whose difference is the torque. Neither pressure falls
+    below that of the tank or exceeds the supply's.
+
     Args:
-        mean: a sample ago. loss: relative loss of supply pressure. opening: of the valve. exchange: one over the opening times
-            the time in which their oil is exchanged; 0 for a mean pressure that stays.
+        loss: relative loss of supply pressure. inverse_limit: 1/τ_max of the orifices; where that is 0 no flow of a sample is
+            worth mentioning beside the oil in the chambers, and the mean stays.
     """
-    if exchange == 0.0:
-        return mean
-    gained = np.sqrt(max(1.0 - 2.0 * loss - mean, 0.0)) - np.sqrt(max(1.0 + mean, 0.0))
-    return mean + min(abs(opening) * exchange * dt, 1.0) * gained
+    load, weight = effort * inverse_limit, 0.5 * lean
+    against = load if opening > 0.0 else -load
+    fed = (0.5 + weight if opening > 0.0 else 0.5 - weight) * np.sqrt(max(1.0 - 2.0 * loss - mean - against, 0.0))
+    drained = (0.5 - weight if opening > 0.0 else 0.5 + weight) * np.sqrt(max(1.0 + mean - against, 0.0))
+    change = gain * abs(opening) * (fed - drained) - lean * (oil * dt * speed + leak * (effort - even))
+    most = max(1.0 - abs(load), 0.0)
+    return min(max(mean + stiff * change * inverse_limit, -most), most)
 
 
 @njit(cache=True, nogil=True, inline="always")
-def mixed(mean: float, loss: float, raw_command: float, raw_position: float, exchange: float, dt: float) -> float:
-    """`exchanged` by the opening that the error of the position asks for, whatever bends that on the way."""
-    return exchanged(mean, loss, raw_command - raw_position, exchange, dt)
-
-
-@njit(cache=True, nogil=True, inline="always")
-def stiffened(stiff: float, position: float, middle: float, slope: float) -> float:
-    """Stiffness relative to that in the middle, beside what else changes it."""
-    return stiff * stiffness(slope, position - middle)
-
-
-@njit(cache=True, nogil=True, inline="always")
-def drained(loss: float) -> float:
-    """Mean pressure of the chambers after a long time at a loss of supply pressure."""
+def settled(loss: float) -> float:
+    """The same after a long time at a loss of supply pressure."""
     return -loss
 
 
@@ -85,10 +90,9 @@ EFFECT = Effect(
     name="position_dependent_stiffness",
     layer="actuator",
     parameters=(
-        Parameter("slope_per_rad", "1/rad", Search(NONE, -4.0, 4.0, (0.3, -0.3))),  # bounds the unevenness
-        Parameter("unevenness", "1", Search(NONE, -0.2, 0.2, (0.0,), counts=False)),
-        Parameter("exchange", "command·s", Search(COMMAND, 0.0, 100.0, (1.0,), counts=False, free=False), inverse=True),
-        Parameter("compression", "1", Search(NONE, 0.0, 0.6, (0.0,), counts=False, free=False)),
+        Parameter("slope_per_rad", "1/rad", Search(NONE, -4.0, 4.0, (0.3, -0.3))),
+        Parameter("length_rad", "rad", Search(NONE, 0.1, LONGEST, (LENGTH,), counts=False), neutral=LENGTH),
+        Parameter("strayed", "1", Search(NONE, -MOST_STRAYED, MOST_STRAYED, (0.0,), counts=False)),
     ),
     meaning="the gain changes with the position, as the oil volumes do",
     source="eqs. (4), (5) of the paper: bulk modulus over chamber volume",
@@ -96,17 +100,20 @@ EFFECT = Effect(
     advice="Schedule the gain with the position, or keep the slope in the simulator so that the policy learns it.",
     blocks=(
         Block(
-            mixed,
-            ("mean", "loss", "raw_command", "raw_position", "exchange", "dt"),
+            stiffened,
+            ("stiff", "lean", "position", "middle", "slope_per_rad", "length_rad"),
+            ("stiff", "lean"),
+            ("slope_per_rad",),
+        ),
+        Block(
+            exchanged,
+            (
+                *("mean", "loss", "opening", "effort", "orifice_flow.effort_max_nm", "lean", "leak", "even"),
+                *("speed", "stiff", "gain", "oil", "dt"),
+            ),
             ("mean",),
             ("slope_per_rad",),
         ),
-        Block(stiffened, ("stiff", "position", "middle", "slope_per_rad"), ("stiff",), ("slope_per_rad",)),
-        Block(displaced, ("speed", "mean", "compression"), ("speed",), ("mean",)),
     ),
-    states=(State("mean", Law(drained, ("loss",))),),
-    constants=(
-        Constants(("uneven",), uneven, ("slope_per_rad", "unevenness"), when=("slope_per_rad",)),
-        Constants(("lean",), lean, ("slope_per_rad",)),
-    ),
+    states=(State("mean", Law(settled, ("loss",))),),
 )

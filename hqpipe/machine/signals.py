@@ -13,7 +13,6 @@ NEUTRAL: dict[str, float | str] = {
     "loss": 0.0,  # of supply pressure, relative
     "mean": 0.0,  # what the mean pressure of the chambers is off by from half the supply, relative to that
     "lean": 0.0,  # share by which the chamber that an opening above 0 feeds is the stiffer one
-    "uneven": 0.0,  # share by which an opening above 0 passes more oil, and one below 0 less
     "even": 0.0,  # torque at which nothing leaks from one chamber to the other, N·m
     "oil": 0.0,  # stiffness of the oil, N·m/rad; 0 for a drive without any
     "passed": 1.0,  # flow per opening, relative to an unloaded valve at full supply

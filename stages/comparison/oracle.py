@@ -17,7 +17,8 @@ from hqpipe.errors import UsageError
 EXPONENT = 1.0  # of the Stribeck curve, whose tail is the nearest to the plant's 1/(1 + (v/v_s)²); assumption
 LEFT_OUT = (
     "piston and chain mass; slew limit, hysteresis and stiction of the spool; crosstalk; ripple; lost frames; the derivative "
-    "gain; curvature of the stiffness over the position; flow past the centred spool; sensors; what acts within a span only"
+    "gain; how the stiffness of equal chambers changes with the position; flow past the centred spool; sensors; what acts "
+    "within a span only"
 )
 """What the plant has, or may have, and no effect of the library."""
 FRICTION = ("coulomb_friction", "stribeck_friction", "viscous_friction")
@@ -99,6 +100,8 @@ def _chambers(p: Any, m: Any, dt: float) -> Columns:
     k4 corrects a root that was made linear where torque and error are opposed; the law of the orifice has the root itself, so
     that it is 0.
     """
+    from hqpipe.machine.position_dependent_stiffness import LENGTH
+
     area_a, area_b, radius = p["cylinder_area_a"], p["cylinder_area_b"], p["radius"]
     stiffness, (a, b) = _stiffness(p), _modulus(p, 0.0)
     mean_pressure = 0.5 * (m["supply_pressure"] + m["supply_return_pressure"])
@@ -113,7 +116,9 @@ def _chambers(p: Any, m: Any, dt: float) -> Columns:
     faster = gain * (1.0 + p["valve_asymmetry"]) * np.sqrt(up)  # speed without load per position error, 1/s
     slower = gain * (1.0 - p["valve_asymmetry"]) * np.sqrt(down)
     step = 1e-4  # rad, of the difference quotient
-    slope = (_stiffness(p, step) - _stiffness(p, -step)) / (2.0 * step * stiffness)
+    slope = _unless_equal((_stiffness(p, step) - _stiffness(p, -step)) / (2.0 * step * stiffness))
+    lean = (area_a**2 * a - area_b**2 * b) / (area_a**2 * a + area_b**2 * b)
+    length = np.divide(-lean, slope, out=np.full(len(p), LENGTH), where=slope != 0.0)
     return {
         "base_k1": stiffness * 0.5 * (faster + slower) * held,
         "base_k2": fade * held,
@@ -121,7 +126,8 @@ def _chambers(p: Any, m: Any, dt: float) -> Columns:
         "orifice_flow_effort_max_nm": 2.0 / (up + down),
         "direction_asymmetry_ratio": _unless_equal((faster - slower) / (faster + slower)),
         "direction_asymmetry_areas": _unless_equal((up - down) / (up + down)),
-        "position_dependent_stiffness_slope_per_rad": _unless_equal(slope),
+        "position_dependent_stiffness_slope_per_rad": slope,
+        "position_dependent_stiffness_length_rad": length,
         "backlash_gap": p["chain_slack"] / radius,
         "leakage_drift_rate_per_s": np.full(len(p), m["fluid_viscosity_per_kelvin"] * m["fluid_heating_rate"]),
     }

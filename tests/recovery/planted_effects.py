@@ -34,7 +34,7 @@ TYPICAL: dict[str, dict[str, float]] = {
     "leakage_drift": {"rate_per_s": 0.08},
     "supply_droop": {"droop": 0.1, "recovery_s": 0.15},
     "orifice_flow": {"effort_max_nm": 900.0},
-    "position_dependent_stiffness": {"slope_per_rad": 1.5, "unevenness": 0.02},
+    "position_dependent_stiffness": {"slope_per_rad": 1.5, "length_rad": 0.45, "strayed": 0.02},
     "backlash": {"gap": 0.008},
     "coulomb_friction": {"friction_nm": 25.0, "asymmetry_nm": 5.0, "presliding_rad": 0.0005},
     "stribeck_friction": {"static_nm": 30.0, "velocity_rad_s": 0.3, "exponent": 1.5},
@@ -151,9 +151,9 @@ def simulate(
         number("orifice_flow", "effort_max_nm", np.inf),
         number("position_dependent_stiffness", "slope_per_rad", 0),
     )
-    ratio = ratio + number("position_dependent_stiffness", "unevenness", 0.0)
-    compression = number("position_dependent_stiffness", "compression", 0.0)
-    exchange = number("position_dependent_stiffness", "exchange", np.inf)
+    length = number("position_dependent_stiffness", "length_rad", 0.5)
+    strayed = number("position_dependent_stiffness", "strayed", 0.0)
+    shorter = -np.sign(slope)  # 1 where the chamber that raises the torque is the smaller one
     slack = 0.5 * number("backlash", "gap", 0.0) * k3 / DT
     dry, uneven = number("coulomb_friction", "friction_nm", 0.0), number("coulomb_friction", "asymmetry_nm", 0.0)
     creep = number("coulomb_friction", "presliding_rad", 1e-3)
@@ -204,20 +204,32 @@ def simulate(
         drawn = flow[0] * np.abs(qd).sum() + flow[1] * np.abs(target[k] - q).sum()
         loss = loss - np.expm1(-DT / recovery) * (droop * drawn - loss)
         against = np.sign(x) * inner / most
-        stiffer = np.clip(-0.8 * slope, -0.9, 0.9)  # unequal chambers: the fed port feels the supply alone
-        feeds = 0.5 * (1.0 + stiffer * np.sign(x))
-        gained = np.sqrt(np.maximum(1.0 - 2.0 * loss - chambers, 0.0)) - np.sqrt(1.0 + chambers)
-        chambers = chambers + np.minimum(np.abs(target[k] - q) * DT / exchange, 1.0) * gained
-        unequal = feeds * np.sqrt(np.maximum(1.0 - 2.0 * loss - chambers - against, 0.0))
-        unequal = unequal + (1.0 - feeds) * np.sqrt(np.maximum(1.0 + chambers - against, 0.0))
-        fed = x * np.where(slope == 0.0, np.sqrt(np.maximum(1.0 - loss - against, 0.0)), unequal)
         across = np.maximum(lap - 0.5 * np.abs(x), 0.0) / most  # what both open lands let pass, per torque
-        braked = k4 * np.where(inner * x < 0.0, np.abs(inner), 0.0) * x
-        oiled = qd * (1.0 + compression * chambers)
-        pulling = beyond(wound, slack)
-        wound = wound + np.maximum(1.0 + slope * (q - middle), 0.05) * (
-            k1 * fed - (k2 * np.exp(thinner * time[k]) + k1 * across) * inner - k3 * oiled + braked
+        leaks = (k2 * np.exp(thinner * time[k]) + k1 * across) * inner
+        more = (
+            np.abs(slope) * length / (1.0 + shorter * (q - middle) / length)
+        )  # of the smaller one, beyond the other's
+        alike = 0.5 * (1.0 - np.abs(slope) * length)
+        raising, lowering = (alike + np.where(side * shorter > 0.0, more, 0.0) for side in (1.0, -1.0))
+        stiff = raising + lowering
+        feeds, drains = np.where(x > 0.0, raising, lowering) / stiff, np.where(x > 0.0, lowering, raising) / stiff
+        pressed, relieved = (
+            np.sqrt(np.maximum(1.0 - 2.0 * loss - chambers - against, 0.0)),
+            np.sqrt(np.maximum(1.0 + chambers - against, 0.0)),
         )
+        mixed = k1 * np.abs(x) * (feeds * pressed - drains * relieved) - (raising - lowering) / stiff * (
+            leaks + k3 * qd
+        )
+        room = np.maximum(
+            1.0 - np.abs(inner) / most, 0.0
+        )  # no chamber is emptier than the tank or fuller than the supply
+        chambers = np.where(slope == 0.0, -loss, np.clip(chambers + stiff * mixed / most, -room, room))
+        away = chambers + strayed
+        pressed = np.sqrt(np.maximum(1.0 - 2.0 * loss - away - against, 0.0))
+        fed = x * (feeds * pressed + drains * np.sqrt(np.maximum(1.0 + away - against, 0.0)))
+        braked = k4 * np.where(inner * x < 0.0, np.abs(inner), 0.0) * x
+        pulling = beyond(wound, slack)
+        wound = wound + stiff * (k1 * fed - leaks - k3 * qd + braked)
         grip = (
             dry + static + load * np.abs(beyond(wound, slack))
         )  # while a piston sticks, friction holds against this change, and its spring follows the joint

@@ -36,7 +36,7 @@ _ARM_SLOTS = [slot("setting", name) for name in ARM]
 _STEP, _MIDDLE = slot("setting", "sample_time"), slot("setting", "middle")
 _ORIFICE, _AREAS = ("orifice_flow", "effort_max_nm"), ("direction_asymmetry", "areas")
 _OFFSET = ("torque_bias", "nm")
-_RATIO, _UNEVEN = ("direction_asymmetry", "ratio"), ("position_dependent_stiffness", "unevenness")
+_RATIO, _STRAYED = ("direction_asymmetry", "ratio"), ("position_dependent_stiffness", "strayed")
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
 SPEEDS = ("raw_velocity", "velocity", "sliding")  # signals that are the speed of the log, or come of it
 _DRIVEN = (SPEEDS, ("demand",), ("raw_command", "command"), ("raw_position", "position"))
@@ -113,7 +113,7 @@ class ActuatorJoint:
         friction = [k for k, (owner, _) in enumerate(self.places) if EFFECTS[owner].effort_sources]
         object.__setattr__(self, "_friction", len(self.base) + np.array(friction, dtype=np.int64))
         object.__setattr__(self, "_of_orifice", self._areas_beside_orifice())
-        directions = [len(self.base) + self.places.index(place) for place in (_RATIO, _UNEVEN) if place in self.places]
+        directions = [len(self.base) + self.places.index(place) for place in (_RATIO, _STRAYED) if place in self.places]
         object.__setattr__(self, "_of_directions", tuple(directions) if len(directions) == 2 else None)
         offset = len(self.base) + self.places.index(_OFFSET) if _OFFSET in self.places else None
         object.__setattr__(self, "_offset", offset)
@@ -193,15 +193,15 @@ class ActuatorJoint:
 
     def idle(self, values: np.ndarray) -> tuple[int, ...]:
         """Places of parameters that change nothing at these values: how friction turns round, where there is none, areas
-        that do not act, and the unevenness of unequal chambers beside directions of unequal gain."""
+        that do not act, and a mean pressure that has strayed beside directions of unequal gain."""
         present = np.any(values[self._friction] != self._neutral[self._friction])
         turning = () if present else (_SPEED_LATE, *_PRESLIDING)
         areas = (self._of_orifice[1],) if self._is_even(values) else ()
         return (*turning, *areas, *((self._of_directions[1],) if self._has_ratio(values) else ()))
 
     def _has_ratio(self, values: np.ndarray) -> bool:
-        """Whether the gains of both directions have a ratio, which is all that the unevenness of chambers would say of them:
-        of two numbers that only their sum shows, neither could be told from none."""
+        """Whether the gains of both directions have a ratio, which is all that a strayed mean pressure would say of them: of
+        two numbers that only their sum shows, neither could be told from none."""
         return self._of_directions is not None and values[self._of_directions[0]] != 0.0
 
     def _is_even(self, values: np.ndarray) -> bool:
@@ -261,7 +261,7 @@ class ActuatorJoint:
         if self._is_even(values):
             row[slot(*_AREAS)] = 0.0
         if self._has_ratio(values):
-            row[slot(*_UNEVEN)] = 0.0
+            row[slot(*_STRAYED)] = 0.0
         return row
 
     def values_of(self, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

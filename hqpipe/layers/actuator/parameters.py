@@ -67,7 +67,7 @@ def effects_of(
             continue
         own = [(name, p) for p in effect.parameters if p.search.beside is None]
         own += [(other.name, p) for other in EFFECTS.values() for p in other.parameters if p.search.beside == name]
-        own = [(owner, p) for owner, p in own if p.search.free and (size.pauses or not p.search.pauses)]
+        own = [(owner, p) for owner, p in own if size.pauses or not p.search.pauses]
         parameters = [_parameter(p, size) for _, p in own]
         places += [(owner, p.name) for owner, p in own]
         if effect.reads("demand"):  # from the supply, as speeds or as openings tell it

@@ -36,4 +36,5 @@ PD = Base(
     plain=Law(plain, ("opening", "velocity", "kp", "kd", "effort_limit")),
     gain="kp",
     needed=Law(needed, ("effort", "velocity", "kd")),
+    lacks=("mean", "lean"),
 )

@@ -64,9 +64,11 @@ def _begin(source: Source, chain: Chain, memory: Memory) -> None:
             if link.logged:
                 continue
             if link.balance:
+                code.started(chain.core)
                 _found(source, chain, code)
                 found = True
             _started(source, chain, memory, code, link)
+        code.started(chain.core)
         if not found:
             _found(source, chain, code)
         source.add(f"m[{WOUND}] = wound")

@@ -141,6 +141,18 @@ class Straight:
             with self.source.under(f"if {when or present(link.when)}:"):
                 self.source.add(line)
 
+    def started(self, links: Iterable[Link], when: str = "True") -> None:
+        """The states of links as they begin, where `when` holds."""
+        starts = {name: start for link in links for name, start in link.starts.items()}
+        if not starts:
+            return
+        for start in starts.values():
+            if isinstance(start, Call):
+                self.needs_of(start)
+        with self.source.under(f"if {when}:"):
+            for name, start in starts.items():
+                self.source.add(f"{self.text(Ref(STATE, name))} = {started(self.source, start, self.text)}")
+
     def law(self, out: str) -> None:
         """The base's law into a variable, plain where nothing bends it."""
         self.needs_of(self.chain.law)

@@ -78,6 +78,7 @@ def _before_windows(source: Source, chain: Chain, arrays: Arrays, states: list[s
             code.unloaded()
             source.add("expected = 0.0")
             code.rewound()
+            code.started(chain.core)
         _advance(source, chain, arrays, states, bool(slack))
         source.add("trial, at = now, last", "w.states[0, i] = wound")
         source.add(*(f"w.states[{1 + j}, i] = m_{name}" for j, name in enumerate(states)))
@@ -171,6 +172,7 @@ def _missing(source: Source, chain: Chain, arrays: Arrays, link) -> None:
         links = [x for x in chain.ahead[at:] if x.call is not None and not x.only_delays]
         source.add(f"m_{state} = start", "total, begun, end = 0.0, 0.0, first")
         source.add(*(f"m_{name} = 0.0" for x in links for name in x.starts if name != state))
+        source.add(*(f"m_{name} = 0.0" for x in chain.core for name in x.starts))
         with source.under("for k in range(first, last - stride + 1, stride):"):
             _fetch(source, arrays, names, "k")
             code = Straight(source, chain, names)
@@ -183,6 +185,7 @@ def _missing(source: Source, chain: Chain, arrays: Arrays, link) -> None:
                     with source.under("if k == first:"):
                         source.add(*(f"m_{name} = {started(source, start, scalar)}" for name, start in own.items()))
                 code.link(x)
+            code.started(chain.core, "k == first")
             for x in chain.core:
                 code.link(x)
             code.law("following")

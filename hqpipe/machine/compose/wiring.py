@@ -151,12 +151,13 @@ class Chain:
             name: value if isinstance(value, float) else self._named("", value)
             for name, value in (NEUTRAL | base.signals).items()
         }
-        self._states = {state.name for effect in self.effects for state in effect.states}
+        self._states = {state.name for effect in self.effects for state in effect.states} - {*base.lacks}
         self.moved_by = {s.name: s.moved_by for effect in self.effects for s in effect.states if s.moved_by}
         owned = [*base.constants, *(c for effect in self.effects for c in effect.constants)]
         self._constants = {name for constants in owned for name in constants.names}
         self.constants = self._ordered_constants()
         links = [link for effect in (*OF_EVERY_CHAIN, *self.effects) for link in self._links(effect, effect.name)]
+        links = [link for link in links if not link.writes & {*base.lacks}]
         reachable = self._reachable(links)
         links = [link for link in links if link.writes & reachable]
         self._links_of = {n: [x for x in links if n in x.writes] for x in links for n in x.writes}

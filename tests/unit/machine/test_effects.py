@@ -16,7 +16,7 @@ from hqpipe.machine.integral_action import integrate, wound_up_for
 from hqpipe.machine.layout import FIELDS, WIDTH, neutral_row, slot, slots
 from hqpipe.machine.load_dependent_friction import load_friction
 from hqpipe.machine.orifice_flow import orifice
-from hqpipe.machine.position_dependent_stiffness import LEAST, exchanged, lean, stiffness
+from hqpipe.machine.position_dependent_stiffness import LEAST, exchanged, smaller, stiffened
 from hqpipe.machine.stribeck_friction import sticking
 from hqpipe.machine.supply_droop import sag
 from hqpipe.machine.transmission_compliance import softened
@@ -139,9 +139,9 @@ def test_saturation_clips_at_the_limit_and_is_off_at_zero():
 
 
 def test_asymmetry_and_drift():
-    assert asymmetric(0.2, 0.1, 0.0) == pytest.approx(0.22)
-    assert asymmetric(-0.2, 0.04, 0.06) == pytest.approx(-0.18)
-    assert asymmetric(-0.2, 0.0, 0.0) == -0.2
+    assert asymmetric(0.2, 0.1) == pytest.approx(0.22)
+    assert asymmetric(-0.2, 0.1) == pytest.approx(-0.18)
+    assert asymmetric(-0.2, 0.0) == -0.2
     assert drifted(0.2, 0.01, 10.0) == pytest.approx(0.22)
     assert drifted(-0.2, -0.5, 10.0) == 0.0, "no negative gain"
 
@@ -221,12 +221,45 @@ def test_unequal_chambers_feel_the_supply_only_where_they_are_fed():
 
 
 def test_mean_pressure_follows_the_supply_as_the_oil_is_exchanged():
-    mean, loss, opening, exchange = 0.0, 0.01, 0.1, 20.0
-    for _ in range(500):  # one time constant, 1/(opening · exchange)
-        mean = exchanged(mean, loss, opening, exchange, 1e-3)
+    mean, loss, opening, gain, largest = 0.0, 0.01, 0.1, 20.0, 1000.0
+    for _ in range(1000):  # one time constant: both roots fall and rise by half of what the mean is off by
+        mean = exchanged(mean, loss, opening, 0.0, 1.0 / largest, 0.0, 0.0, 0.0, 0.0, 1.0, gain, 0.0, 1e-3)
     assert mean == pytest.approx(-loss * (1.0 - np.exp(-1.0)), rel=0.01)
-    assert exchanged(0.0, loss, opening, 0.0, 1e-3) == exchanged(0.0, loss, 0.0, exchange, 1e-3) == 0.0
-    assert lean(0.5) == -lean(-0.5) < 0.0 and -1.0 < lean(1e6) < lean(1.0)
+    assert exchanged(0.3, loss, opening, 0.0, 0.0, 0.5, 0.1, 0.0, 1.0, 1.0, gain, 9.0, 1e-3) == 0.3, "no orifice"
+    still = exchanged(0.0, 0.0, opening, 400.0, 1.0 / largest, 0.0, 0.1, 0.0, 1.0, 1.0, gain, 9.0, 1e-3)
+    assert still == 0.0, "equal chambers"
+    emptied = exchanged(-0.5, 0.0, -0.1, 500.0, 1.0 / largest, 0.9, 0.0, 0.0, 0.0, 1.0, 1e6, 0.0, 1e-3)
+    assert emptied == -0.5, "no pressure below the tank's"
+
+
+@pytest.mark.parametrize(("slope", "length"), [(1.5, 0.4), (-1.5, 0.4), (0.6, 0.8)])
+def test_torque_and_mean_pressure_are_those_of_two_chambers(slope, length):
+    """Against the continuity equations of both chambers, each with its own pressure, and finer steps."""
+    largest, gain, oil, leak, dt = 900.0, 2000.0, 9000.0, 0.05, 1e-3
+    of_one, of_other = (1.0 / length - slope) / 2.0, (1.0 / length + slope) / 2.0  # 1/rad: one over their lengths
+    a = b = 0.5  # pressures over that of the supply
+    torque = mean = 0.0
+    fine, differences = 20, []
+    for k in range(1500):
+        angle, velocity = 0.15 * np.sin(0.012 * k), 1.8 * np.cos(0.012 * k)
+        opening = 0.02 * np.sin(0.03 * k) + velocity * oil * dt / gain
+        stiff, lean = stiffened(1.0, 0.0, angle, 0.0, slope, length)
+        passed = orifice(opening, torque, 1.0 / largest, 0.0, mean, lean, 0.0)
+        change = gain * opening * passed - leak * torque - oil * dt * velocity
+        mean = exchanged(mean, 0.0, opening, torque, 1.0 / largest, lean, leak, 0.0, velocity, stiff, gain, oil, dt)
+        torque += stiff * change
+        for _ in range(fine):
+            fed, drained = (1.0 - a, b) if opening > 0.0 else (a, 1.0 - b)
+            into, out_of = (gain * opening * np.sqrt(2.0 * part) / largest for part in (fed, drained))
+            moved = oil * dt * velocity / largest + leak * (a - b)
+            volume_a, volume_b = 1.0 / of_one + angle, 1.0 / of_other - angle
+            a += length / volume_a * (into - moved) / fine
+            b -= length / volume_b * (out_of - moved) / fine
+        differences.append((torque - largest * (a - b), mean - (a + b - 1.0), torque, mean))
+    off, off_mean, torques, means = np.array(differences).T
+    assert np.std(torques) > 100.0 and np.std(means) > 0.02
+    assert np.sqrt(np.mean(off**2)) < 0.03 * np.std(torques)
+    assert np.sqrt(np.mean(off_mean**2)) < 0.1 * np.std(means)
 
 
 def test_integrator_that_winds_up_while_the_joint_is_held():
@@ -249,10 +282,14 @@ def test_sag_settles_at_droop_times_speed_and_recovers():
     assert loss == pytest.approx(0.2 * np.exp(-1.0))
 
 
-def test_stiffness_has_a_floor():
-    assert stiffness(0.0, 1.0) == 1.0
-    assert stiffness(0.5, -0.4) == pytest.approx(0.8)
-    assert stiffness(4.0, -1.0) == LEAST > 0.0
+def test_the_smaller_chamber_makes_the_slope_and_is_never_empty():
+    for slope, length in ((0.5, 0.4), (-1.5, 0.6)):
+        assert smaller(0.0, slope, length) == pytest.approx((1.0, -slope * length))
+        higher, lower = (smaller(offset, slope, length)[0] for offset in (1e-4, -1e-4))
+        assert (higher - lower) / 2e-4 == pytest.approx(slope, rel=1e-3)
+    assert smaller(0.3, 0.0, 0.5) == (1.0, 0.0)
+    assert smaller(-9.0, -1.0, 0.5)[0] == smaller(9.0, 1.0, 0.5)[0] == 0.5 + 0.5 / LEAST
+    assert 0.0 > smaller(0.0, 1e6, 0.5)[1] > -1.0
 
 
 def test_compliance_in_series_halves_the_stiffness_of_an_equal_spring():

@@ -114,7 +114,6 @@ def test_effects_together_predict_independent_data():
     names = [name for name in planted.TYPICAL if name not in (*LEFT, "backlash")]
     sizes = {name: dict(planted.TYPICAL[name]) for name in names}
     sizes["flow_saturation"]["limit"] = 0.1
-    sizes["position_dependent_stiffness"] |= {"exchange": 0.02, "compression": 0.3}
     data = planted.trajectory(planted.simulate(4.0, [sizes, sizes], 0.0, 5, middle=0.1))
     signals = windows_of([data], 0, STEPS, logged_speed=True)
     assert rms(residual_windows(row(sizes, middle=0.1), signals)) < EXACT

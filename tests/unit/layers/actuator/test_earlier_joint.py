@@ -36,7 +36,7 @@ def test_numbers_go_into_a_row_and_come_back(model, by_opening):
         values[k] = np.clip(p.neutral + rng.uniform(0.1, 0.5) * size, p.low, p.high)
     values[names_of(model).index(("supply_droop", "by_opening"))] = by_opening
     values[names_of(model).index(("direction_asymmetry", "areas"))] = 0.1  # smaller ones do not act
-    values[names_of(model).index(("position_dependent_stiffness", "unevenness"))] = 0.0  # does not act beside a ratio
+    values[names_of(model).index(("position_dependent_stiffness", "strayed"))] = 0.0  # does not act beside a ratio
     values[BASE_NAMES.index(LOGGED_SPEED)] = values[BASE_NAMES.index(SPEED_LATE)] = 0.0
     found, known = model.values_of(model.row(values))
     np.testing.assert_allclose(found, values, rtol=1e-12)

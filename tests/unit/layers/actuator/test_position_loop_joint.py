@@ -72,13 +72,13 @@ def test_unequal_areas_act_where_the_orifice_bends_the_flow_and_a_rod_can_be(mod
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.03])
-def test_chambers_are_uneven_only_where_the_directions_have_no_ratio(model, ratio):
-    slope, uneven = (placed(model, "position_dependent_stiffness", name) for name in ("slope_per_rad", "unevenness"))
+def test_a_mean_pressure_strays_only_where_the_directions_have_no_ratio(model, ratio):
+    slope, strayed = (placed(model, "position_dependent_stiffness", name) for name in ("slope_per_rad", "strayed"))
     values = neutral(model)
     values[[slope, placed(model, "direction_asymmetry", "ratio")]] = 0.6, ratio
     expected = model.error(values)
-    values[uneven] = 0.01
-    assert (uneven in model.idle(values)) is (ratio != 0.0)
+    values[strayed] = 0.01
+    assert (strayed in model.idle(values)) is (ratio != 0.0)
     assert np.array_equal(model.error(values), expected) is (ratio != 0.0)
 
 
