@@ -14,7 +14,7 @@ from hqpipe.identify.effect_band import effect_band
 from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
 from hqpipe.identify.intervals import half_widths
 from hqpipe.identify.left_out import left_out_error
-from hqpipe.identify.search import Known, Names, Search
+from hqpipe.identify.search import LEAST_GAIN, Known, Names, Search
 from hqpipe.identify.uncertain_effects import certainty, replaces, without_uncertain
 from hqpipe.identify.worth_keeping import causes_of, floor_of
 
@@ -93,6 +93,9 @@ def _beside_unknown(
     """What each cause closes, and what is left above the noise without generic shapes, in the band of the effects; over the
     squared error of the base.
 
+    A curve without meaning can describe all that a cause does. Where the causes alone leave no more than a simulator would
+    miss, they need no curve beside them, and count by what they close without.
+
     Args:
         claimed, unshaped: the set with and without its generic shapes.
     """
@@ -102,9 +105,14 @@ def _beside_unknown(
     def square(known: Known) -> float:
         return band.square(left_out_error(search.fitter, known.solution))
 
-    least, noise = square(claimed), floor_of(search) * band.share
-    closes = {name: (square(search.without(claimed, name)) - least) / whole for name in causes}
-    return closes, max(square(unshaped) - noise, 0.0) / whole
+    def closed(known: Known, name: str) -> float:
+        return (square(search.without(known, name)) - square(known)) / whole
+
+    noise = floor_of(search) * band.share
+    left = max(square(unshaped) - noise, 0.0)
+    told_by = unshaped if left <= LEAST_GAIN * max(square(base) - noise, 0.0) else claimed
+    closes = {name: closed(told_by if name in told_by.names else claimed, name) for name in causes}
+    return closes, left / whole
 
 
 def _context(search: Search, best: Known) -> Known:

@@ -33,6 +33,12 @@ def test_the_frictions_of_a_positioning_axis_are_those_of_its_authors():
     assert found["viscous_friction"]["nm_s_per_rad"]["value"] == pytest.approx(203.5, rel=0.02)
 
 
+def test_a_ball_screw_has_friction_though_a_curve_over_the_speed_describes_it_as_well():
+    content = diagnose(real("cranfield_ref")).content
+    assert content["verdict"] == "explained"
+    assert parameters(content)["coulomb_friction"]["friction_nm"]["value"] == pytest.approx(0.74, abs=0.05)
+
+
 def test_the_same_ball_screw_again_has_not_changed():
     content = diagnose(real("cranfield_same"), earlier=EarlierLogs(real("cranfield_ref"))).content
     assert content["gap"]["layer"] == "joint_motion"

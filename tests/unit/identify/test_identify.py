@@ -13,6 +13,7 @@ from hqpipe.identify import uncertain_effects
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.found import JointFound
 from hqpipe.identify.identify import identify
+from hqpipe.identify.joint_answer import _beside_unknown
 from hqpipe.identify.joint_moves import Step
 from hqpipe.identify.joint_search import JointSearch
 from hqpipe.identify.model import Effect, LayerJoints, Parameter
@@ -348,6 +349,35 @@ def test_what_a_shape_describes_is_unknown_where_a_cause_is_held_against_it():
     assert _names(joint) == [] and joint.minor == ("coulomb_friction",)
     (clear,) = _found(ToyJoint("hip", truth=truth | {"coulomb_friction": 0.3}))
     assert _names(clear) == ["coulomb_friction"]
+
+
+class Curved(ToyJoint):
+    """Friction and a little more, and a shape that describes friction and too much of the rest."""
+
+    more = 0.006
+
+    def _part(self, files, truth, *others):
+        samples, regressors = super()._part(files, truth, *others)
+        rest = self.more * regressors[3] * np.abs(regressors[3])
+        regressors = regressors.copy()
+        regressors[6] = regressors[2] + 2.0 * rest / 0.6
+        return replace(samples, output=samples.output + rest), regressors
+
+
+@pytest.mark.parametrize("more,told_alone", [(0.006, True), (0.06, False)])
+def test_a_curve_that_describes_friction_does_not_hide_it_where_friction_alone_leaves_little(more, told_alone):
+    joint = type("Curve", (Curved,), {"more": more})("hip", truth={"coulomb_friction": 0.6}, noise=0.01)
+    search = Search(joint, prior_odds(joint, {}, 0))
+    claimed = search.begun_at({"coulomb_friction": np.full(1, 0.6), "quadratic": np.full(1, 0.1)})
+    unshaped = search.without(claimed, "quadratic")
+    closes, left = _beside_unknown(search, claimed, unshaped, search.base, ["coulomb_friction"])
+    beside, alone = (
+        search.left_out(search.without(known, "coulomb_friction")) - search.left_out(known)
+        for known in (claimed, unshaped)
+    )
+    assert (left < 0.05) is told_alone and beside < 0.5 * alone
+    expected = alone if told_alone else beside
+    assert closes["coulomb_friction"] == pytest.approx(expected / search.left_out(search.base), rel=0.2)
 
 
 def test_intervals_hold_the_truth_nineteen_times_in_twenty():
