@@ -32,7 +32,7 @@ def smaller(offset: float, slope: float, length: float) -> tuple[float, float]:
     """
     lean = min(max(-slope * length, -MOST_LEAN), MOST_LEAN)
     filled = length + (offset if lean > 0.0 else -offset)
-    share = lean * length / max(filled, LEAST * length, 1e-9)
+    share = lean * length / max(filled, LEAST * length, 1e-9)  # a length of 0, as a file may have it, is no lean
     stiffness = 1.0 - abs(lean) + abs(share)
     return stiffness, share / stiffness
 
