@@ -76,12 +76,7 @@ def covariance(fitter: Fitter, solution: Solution) -> Covariance:
     time = correlation_time(error, samples)
     block = blocks(samples, BLOCK * time)
     count = int(block.max()) + 1 if len(block) else 1
-    cell, slopes = block * STATES + samples.state, jacobian.T * error / scale[:, None]
-    sums = np.array([np.bincount(cell, row, count * STATES) for row in slopes]).reshape(-1, count, STATES)
-    full = np.bincount(cell, minlength=count * STATES).reshape(count, STATES)
-    # The scatter over blocks and over states, less what both count.
-    scatter = _scatter(sums.sum(axis=2), full.sum(axis=1)) + _scatter(sums.sum(axis=1), full.sum(axis=0))
-    scatter -= _scatter(sums.reshape(len(sums), count * STATES), full.ravel())
+    scatter = _scatter_in_time_and_state(jacobian.T * error / scale[:, None], block, samples.state)
     values, vectors = np.linalg.eigh(scatter)
     scatter = (vectors * np.maximum(values, 0.0)) @ vectors.T * unit
     expected = noise * time * normal
@@ -108,7 +103,23 @@ def _unknown(free: int) -> Covariance:
     return Covariance(none, none, none, np.inf, 1, 1.0)
 
 
-def _scatter(sums: np.ndarray, full: np.ndarray) -> np.ndarray:
-    """(F, F) of sums (F, G) over groups of `full` (G,) samples; corrected for the freedom that the fit took from them."""
-    filled = np.count_nonzero(full)
-    return sums @ sums.T * filled / max(filled - len(sums), 1)
+def _scatter_in_time_and_state(slopes: np.ndarray, block: np.ndarray, state: np.ndarray) -> np.ndarray:
+    """(F, F) scatter of slopes (F, N) over blocks and over states, less what both count; block, state: (N,) numbers from 0."""
+    cells, cell = np.unique(
+        block * STATES + state, return_inverse=True
+    )  # not all: there may be more of them than samples
+    sums = _summed(slopes, cell, len(cells))
+    in_time = _summed(sums, cells // STATES, int(block.max(initial=-1)) + 1)
+    in_state = _summed(sums, cells % STATES, STATES)
+    return _scatter(in_time) + _scatter(in_state[:, np.bincount(state, minlength=STATES) > 0]) - _scatter(sums)
+
+
+def _summed(rows: np.ndarray, group: np.ndarray, count: int) -> np.ndarray:
+    """(F, count) sums of each row of `rows` (F, N) over groups (N,)."""
+    return np.array([np.bincount(group, row, count) for row in rows]).reshape(-1, count)
+
+
+def _scatter(sums: np.ndarray) -> np.ndarray:
+    """(F, F) of sums (F, G) over groups, each of which has samples; corrected for the freedom that the fit took from them."""
+    groups = sums.shape[1]
+    return sums @ sums.T * groups / max(groups - len(sums), 1)
