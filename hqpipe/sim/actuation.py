@@ -6,7 +6,13 @@ import numpy as np
 from numba import njit
 
 from hqpipe.actuators.loops.actuator_step import table_row, take_back
-from hqpipe.actuators.loops.net_step import MLP, net_row
+from hqpipe.actuators.loops.net_step import MLP, ROBOTS, net_step
+
+
+@njit(cache=True, nogil=True, inline="always")
+def robots_at_once(kind: int) -> int:
+    """How many robots an engine takes through a physics step together: several where they share the weights of a net."""
+    return ROBOTS if kind >= MLP else 1
 
 
 @njit(cache=True, nogil=True, forceinline=True)
@@ -29,7 +35,7 @@ def _hold(
 
 
 @njit(cache=True, nogil=True)
-def actuate_robot(
+def actuate(
     kind: int,
     parameters: np.ndarray,
     weights: np.ndarray,
@@ -43,53 +49,22 @@ def actuate_robot(
     clipped: np.ndarray,
     share: float,
 ) -> None:
-    """Torque of one robot from its present state; all arrays but the first two and `memory` are (J,).
+    """Torques of N robots from their present state; all arrays but the first two and `memory` are (N, J).
 
     Args:
         kind: see hqpipe.actuators.loops.actuator_step.
-        parameters: (J, P), with an infinite effort limit. weights: (W,) of a net, else empty.
+        parameters: (N, J, P), with an infinite effort limit. weights: (W,) of a net, else empty.
         limit: N·m, applied here.
         tau: torque, read and overwritten, N·m.
-        memory: (J, M) of the actuator model, read and overwritten.
+        memory: (N, J, M) of the actuator model, read and overwritten.
         mean_square: grows by `share` times the square of the torque.
         clipped: grows to the largest excess of the demand over the limit.
     """
     if kind >= MLP:
-        net_row(kind, parameters, weights, tau, memory, q_des, q, qd)
-        _hold(kind, limit, tau, memory, mean_square, clipped, share)
+        net_step(kind, weights, tau, memory, q_des, q, qd)
+        for n in range(tau.shape[0]):
+            _hold(kind, limit[n], tau[n], memory[n], mean_square[n], clipped[n], share)
     else:  # a path of its own: beside a net's, the compiler no longer inlines the short laws
-        table_row(kind, parameters, tau, memory, q_des, q, qd)
-        _hold(kind, limit, tau, memory, mean_square, clipped, share)
-
-
-@njit(cache=True, nogil=True)
-def actuate_batch(
-    kind: int,
-    parameters: np.ndarray,
-    weights: np.ndarray,
-    limit: np.ndarray,
-    q_des: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
-    tau: np.ndarray,
-    memory: np.ndarray,
-    mean_square: np.ndarray,
-    clipped: np.ndarray,
-    share: float,
-) -> None:
-    """`actuate_robot` for every row: `parameters` (N, J, P), `weights` (W,), `memory` (N, J, M), the others (N, J)."""
-    for n in range(tau.shape[0]):
-        actuate_robot(
-            kind,
-            parameters[n],
-            weights,
-            limit[n],
-            q_des[n],
-            q[n],
-            qd[n],
-            tau[n],
-            memory[n],
-            mean_square[n],
-            clipped[n],
-            share,
-        )
+        for n in range(tau.shape[0]):
+            table_row(kind, parameters[n], tau[n], memory[n], q_des[n], q[n], qd[n])
+            _hold(kind, limit[n], tau[n], memory[n], mean_square[n], clipped[n], share)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import carray, njit
 
-from hqpipe.sim.actuation import actuate_robot
+from hqpipe.sim.actuation import actuate, robots_at_once
 from hqpipe.sim.frames import add_cross, rotate
 from hqpipe.sim.native_call import call_step, double_pointer
 
@@ -92,42 +92,51 @@ def step_robots(
     duration: float,
 ) -> None:
     """One policy step of `decimation` physics steps for every robot; `duration` in s."""
-    joints, share = layout.qpos.shape[0], 1.0 / decimation
-    for n in range(at.data.shape[0]):
-        applied = carray(double_pointer(at.qfrc_applied[n]), FREE_QVEL + joints)
-        qpos = carray(double_pointer(at.qpos[n]), FREE_QPOS + joints)
-        qvel = carray(double_pointer(at.qvel[n]), FREE_QVEL + joints)
-        rows.effort_mean_square[n] = 0.0
-        rows.effort_clipped[n] = 0.0
-        pushed = rows.impulse[n].any()
+    robots, together = at.data.shape[0], robots_at_once(kind)
+    for first in range(0, robots, together):
+        last = min(first + together, robots)
+        rows.effort_mean_square[first:last] = 0.0
+        rows.effort_clipped[first:last] = 0.0
         for _ in range(decimation):
-            actuate_robot(
+            actuate(
                 kind,
-                rows.parameters[n],
+                rows.parameters[first:last],
                 rows.weights,
-                rows.effort_limit[n],
-                rows.targets[n],
-                rows.joint_position[n],
-                rows.joint_velocity[n],
-                rows.joint_effort[n],
-                rows.actuator_memory[n],
-                rows.effort_mean_square[n],
-                rows.effort_clipped[n],
-                share,
+                rows.effort_limit[first:last],
+                rows.targets[first:last],
+                rows.joint_position[first:last],
+                rows.joint_velocity[first:last],
+                rows.joint_effort[first:last],
+                rows.actuator_memory[first:last],
+                rows.effort_mean_square[first:last],
+                rows.effort_clipped[first:last],
+                1.0 / decimation,
             )
-            if pushed:
-                push(qpos, layout.base_com[n], rows.impulse[n] / duration, applied)
-            for j in range(joints):
-                applied[layout.dof[j]] = rows.joint_effort[n, j]
-            call_step(functions.step, at.model[n], at.data[n])
-            for j in range(joints):
-                rows.joint_position[n, j] = qpos[layout.qpos[j]]
-                rows.joint_velocity[n, j] = qvel[layout.dof[j]]
-        if pushed:
-            applied[:FREE_QVEL] = 0.0
-            rows.impulse[n] = 0.0
-        read_contacts(functions, at, layout, rows, n)
-        read_bodies(functions, at, layout, rows, n)
+            for n in range(first, last):
+                step_physics(functions, at, layout, rows, n, duration)
+        for n in range(first, last):
+            if rows.impulse[n].any():
+                carray(double_pointer(at.qfrc_applied[n]), FREE_QVEL)[:] = 0.0
+                rows.impulse[n] = 0.0
+            read_contacts(functions, at, layout, rows, n)
+            read_bodies(functions, at, layout, rows, n)
+
+
+@njit(cache=True, nogil=True)
+def step_physics(functions: Functions, at: Addresses, layout: Layout, rows: Rows, n: int, duration: float) -> None:
+    """One physics step of one robot with its torques and its share of the impulse over `duration`, s; reads its joints."""
+    joints = layout.qpos.shape[0]
+    applied = carray(double_pointer(at.qfrc_applied[n]), FREE_QVEL + joints)
+    qpos = carray(double_pointer(at.qpos[n]), FREE_QPOS + joints)
+    qvel = carray(double_pointer(at.qvel[n]), FREE_QVEL + joints)
+    if rows.impulse[n].any():
+        push(qpos, layout.base_com[n], rows.impulse[n] / duration, applied)
+    for j in range(joints):
+        applied[layout.dof[j]] = rows.joint_effort[n, j]
+    call_step(functions.step, at.model[n], at.data[n])
+    for j in range(joints):
+        rows.joint_position[n, j] = qpos[layout.qpos[j]]
+        rows.joint_velocity[n, j] = qvel[layout.dof[j]]
 
 
 @njit(cache=True, nogil=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hqpipe.sim.actuation import actuate_batch
+from hqpipe.sim.actuation import actuate
 from hqpipe.sim.engine import PHYSICS_DT, EngineSetup
 from hqpipe.sim.frames import base_from_com, com_from_base, foot_from_com
 from hqpipe.sim.pybullet_robot import load_robot_into, open_world, pybullet, renew_collisions
@@ -49,7 +49,7 @@ class PybulletWorld:
         pushed = np.flatnonzero(a.impulse.any(axis=1))
         share = 1.0 / self.setup.decimation
         for _ in range(self.setup.decimation):
-            actuate_batch(
+            actuate(
                 self.setup.kind,
                 a.parameters,
                 a.weights,

@@ -24,8 +24,8 @@ import numpy as np
 from numba import njit
 
 from hqpipe.actuators.loops.chamber_step import chamber_row
-from hqpipe.actuators.loops.laws import hydraulic_step, pd_step
-from hqpipe.actuators.loops.net_step import MLP, net_row
+from hqpipe.actuators.loops.laws import clip, hydraulic_step, pd_step
+from hqpipe.actuators.loops.net_step import LIMIT, MLP, ROBOTS, net_step
 from hqpipe.machine.chain import loops
 from hqpipe.machine.compose.rows import WOUND
 
@@ -80,6 +80,26 @@ def table_row(
 
 
 @njit(cache=True, nogil=True)
+def _net_rows(
+    kind: int,
+    parameters: np.ndarray,
+    weights: np.ndarray,
+    tau: np.ndarray,
+    memory: np.ndarray,
+    q_des: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+) -> None:
+    """`step_batch` for the kinds that are nets."""
+    for first in range(0, tau.shape[0], ROBOTS):
+        some = slice(first, first + ROBOTS)
+        net_step(kind, weights, tau[some], memory[some], q_des[some], q[some], qd[some])
+    for n in range(tau.shape[0]):
+        for j in range(tau.shape[1]):
+            tau[n, j] = clip(tau[n, j], parameters[j, LIMIT])
+
+
+@njit(cache=True, nogil=True)
 def step_row(
     kind: int,
     parameters: np.ndarray,
@@ -101,7 +121,9 @@ def step_row(
         q_des, q, qd: (J,) rad, rad, rad/s.
     """
     if kind >= MLP:
-        net_row(kind, parameters, weights, tau, memory, q_des, q, qd)
+        one = (1, tau.shape[0])
+        driven = q_des.reshape(one), q.reshape(one), qd.reshape(one)
+        _net_rows(kind, parameters, weights, tau.reshape(one), memory.reshape((1, *memory.shape)), *driven)
     else:
         table_row(kind, parameters, tau, memory, q_des, q, qd)
 
@@ -127,7 +149,7 @@ def step_batch(
     q: np.ndarray,
     qd: np.ndarray,
 ) -> None:
-    """Advance N robots by one sample, in place and without allocation.
+    """Advance N robots by one sample, in place.
 
     Args:
         kind: as in `step_row`.
@@ -137,8 +159,7 @@ def step_batch(
         q_des, q, qd: (N, J) rad, rad, rad/s.
     """
     if kind >= MLP:
-        for n in range(tau.shape[0]):
-            net_row(kind, parameters, weights, tau[n], memory[n], q_des[n], q[n], qd[n])
+        _net_rows(kind, parameters, weights, tau, memory, q_des, q, qd)
     else:  # a loop of its own: beside a net's, the compiler no longer inlines the short laws
         for n in range(tau.shape[0]):
             table_row(kind, parameters, tau[n], memory[n], q_des[n], q[n], qd[n])

@@ -1,4 +1,4 @@
-"""One sample of a neural actuator model for a robot: one net for all joints, or a net of its own for each.
+"""One sample of a neural actuator model for some robots: one net for all joints, or a net of its own for each.
 
 Inputs of a net are, channel after channel, torque, target, position and velocity of its J joints; in the paper's size
 (48, 64, 12) we read the 48 as 4 signals of 12 joints. An MLP may also read them as they were some samples ago (taps). They are
@@ -20,8 +20,6 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-from hqpipe.actuators.loops.laws import clip
-
 MLP: Final = 4
 LSTM: Final = 5
 GRU: Final = 6
@@ -29,6 +27,7 @@ CHANNELS: Final = 4
 NETS, FIRST_NET = 0, 1  # of all weights
 HIDDEN, DELTA, TAPS, FIRST_TAP = range(4)  # of the weights of one net
 LIMIT: Final = 0  # column of the parameter table
+ROBOTS: Final = 16  # at once: what they work with and four rows of weights stay in the cache; 8 to 32 measure alike
 SEEN, RING = 0, 1  # columns of an MLP's memory: samples so far, and the ring of past inputs
 
 
@@ -60,111 +59,146 @@ def _tanh(x: float) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _add_product(x: np.ndarray, weights: np.ndarray, at: int, out: np.ndarray) -> int:
-    """out += x W, with W (inputs, outputs) from `at` on; returns where W ends.
+def _affine(x: np.ndarray, weights: np.ndarray, at: int, out: np.ndarray) -> int:
+    """out = x W + b, with x (N, I), W (I, O) from `at` on and b behind it; returns where b ends.
 
-    Four inputs at a time: an output is then read and written once for four products.
+    Four inputs at a time: an output is then read and written once for four products, and the rows of W serve all robots.
     """
-    size, inputs = out.shape[0], x.shape[0]
-    matrix = weights[at : at + inputs * size].reshape(inputs, size)
+    robots, inputs = x.shape
+    size = out.shape[1]
+    end = at + inputs * size
+    matrix, bias = weights[at:end].reshape(inputs, size), weights[end : end + size]
+    for n in range(robots):
+        for o in range(size):
+            out[n, o] = bias[o]
     whole = inputs - inputs % 4
     for i in range(0, whole, 4):
-        a, b, c, d = x[i], x[i + 1], x[i + 2], x[i + 3]
         of_a, of_b, of_c, of_d = matrix[i], matrix[i + 1], matrix[i + 2], matrix[i + 3]
-        for o in range(size):
-            out[o] += a * of_a[o] + b * of_b[o] + c * of_c[o] + d * of_d[o]
+        for n in range(robots):
+            a, b, c, d = x[n, i], x[n, i + 1], x[n, i + 2], x[n, i + 3]
+            sums = out[n]
+            for o in range(size):
+                sums[o] += a * of_a[o] + b * of_b[o] + c * of_c[o] + d * of_d[o]
     for i in range(whole, inputs):
-        value, row = x[i], matrix[i]
-        for o in range(size):
-            out[o] += value * row[o]
-    return at + inputs * size
-
-
-@njit(cache=True, nogil=True)
-def _affine(x: np.ndarray, weights: np.ndarray, at: int, out: np.ndarray) -> int:
-    """out = x W + b; returns where b ends."""
-    bias = at + x.shape[0] * out.shape[0]
-    out[:] = weights[bias : bias + out.shape[0]]
-    return _add_product(x, weights, at, out) + out.shape[0]
+        row = matrix[i]
+        for n in range(robots):
+            value, sums = x[n, i], out[n]
+            for o in range(size):
+                sums[o] += value * row[o]
+    return end + size
 
 
 @njit(cache=True, nogil=True)
 def _read(
     weights: np.ndarray, tau: np.ndarray, memory: np.ndarray, q_des: np.ndarray, q: np.ndarray, qd: np.ndarray
 ) -> np.ndarray:
-    """(taps · 4 J,) standardised inputs; the ring in `memory` takes up those of this sample.
+    """(N, taps · 4 J) standardised inputs; the ring in `memory` takes up those of this sample.
 
     Before the first sample there was none: a tap that reaches further back reads the first one.
     """
-    joints, taps = tau.shape[0], int(weights[TAPS])
+    (robots, joints), taps = tau.shape, int(weights[TAPS])
     width = CHANNELS * joints
     mean, scale = FIRST_TAP + taps, FIRST_TAP + taps + width
     length = int(weights[FIRST_TAP + taps - 1]) + 1
-    inputs = np.empty(taps * width)
-    for j in range(joints):
-        inputs[j], inputs[joints + j], inputs[2 * joints + j], inputs[3 * joints + j] = tau[j], q_des[j], q[j], qd[j]
-    if length > 1:
+    inputs = np.empty((robots, taps * width))
+    for n in range(robots):
+        row = inputs[n]
         for j in range(joints):
-            now = int(memory[j, SEEN])
-            for c in range(CHANNELS):
-                memory[j, RING + CHANNELS * (now % length) + c] = inputs[c * joints + j]
-                for t in range(taps):
-                    past = (now - min(int(weights[FIRST_TAP + t]), now)) % length
-                    inputs[t * width + c * joints + j] = memory[j, RING + CHANNELS * past + c]
-            memory[j, SEEN] = now + 1.0
-    for t in range(taps):
-        for i in range(width):
-            inputs[t * width + i] = (inputs[t * width + i] - weights[mean + i]) * weights[scale + i]
+            row[j], row[joints + j], row[2 * joints + j], row[3 * joints + j] = (
+                tau[n, j],
+                q_des[n, j],
+                q[n, j],
+                qd[n, j],
+            )
+        if length > 1:
+            for j in range(joints):
+                now = int(memory[n, j, SEEN])
+                for c in range(CHANNELS):
+                    memory[n, j, RING + CHANNELS * (now % length) + c] = row[c * joints + j]
+                    for t in range(taps):
+                        past = (now - min(int(weights[FIRST_TAP + t]), now)) % length
+                        row[t * width + c * joints + j] = memory[n, j, RING + CHANNELS * past + c]
+                memory[n, j, SEEN] = now + 1.0
+        for t in range(taps):
+            for i in range(width):
+                row[t * width + i] = (row[t * width + i] - weights[mean + i]) * weights[scale + i]
     return inputs
 
 
 @njit(cache=True, nogil=True)
-def _write(parameters: np.ndarray, weights: np.ndarray, hidden: np.ndarray, at: int, tau: np.ndarray) -> None:
-    """The output layer, whose matrix starts at `at`, and the effort limit."""
-    joints, taps = tau.shape[0], int(weights[TAPS])
+def _write(weights: np.ndarray, hidden: np.ndarray, at: int, tau: np.ndarray) -> None:
+    """The output layer, whose matrix starts at `at`; hidden: (N, H). tau: (N, J)."""
+    (robots, joints), taps = tau.shape, int(weights[TAPS])
     mean = FIRST_TAP + taps + 2 * CHANNELS * joints
-    out = np.empty(joints)
+    out = np.empty((robots, joints))
     _affine(hidden, weights, at, out)
-    for j in range(joints):
-        value = weights[mean + j] + weights[mean + joints + j] * out[j]
-        tau[j] = clip(tau[j] + value if weights[DELTA] != 0.0 else value, parameters[j, LIMIT])
+    for n in range(robots):
+        for j in range(joints):
+            value = weights[mean + j] + weights[mean + joints + j] * out[n, j]
+            tau[n, j] = tau[n, j] + value if weights[DELTA] != 0.0 else value
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _lstm(weights: np.ndarray, inputs: np.ndarray, at: int, state: np.ndarray) -> int:
-    """Advance `state`, h and c one after the other; returns where the weights of the cell end."""
-    units = state.shape[0] // 2
-    gates, past = np.empty(4 * units), np.empty(4 * units)
-    at = _affine(inputs, weights, at, gates)
-    at = _affine(state[:units], weights, at, past)
-    for u in range(4 * units):
-        gates[u] += past[u]
-    for u in range(units):
-        cell = _tanh(gates[2 * units + u]) * _sigmoid(gates[u])
-        cell += state[units + u] * _sigmoid(gates[units + u])
-        state[units + u] = cell
-        state[u] = _tanh(cell) * _sigmoid(gates[3 * units + u])
+def _mlp(weights: np.ndarray, inputs: np.ndarray, at: int, hidden: np.ndarray) -> int:
+    """Fill `hidden`, (N, H); returns where the weights of the layer end."""
+    at = _affine(inputs, weights, at, hidden)
+    flat = hidden.reshape(-1)
+    for u in range(flat.shape[0]):
+        flat[u] /= 1.0 + abs(flat[u])
     return at
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _gru(weights: np.ndarray, inputs: np.ndarray, at: int, state: np.ndarray) -> int:
-    """Advance the state h; returns where the weights of the cell end."""
-    units = state.shape[0]
-    gates, past = np.empty(3 * units), np.empty(3 * units)
+def _lstm(weights: np.ndarray, inputs: np.ndarray, at: int, hidden: np.ndarray, cell: np.ndarray) -> int:
+    """Advance the states h and c, (N, H); returns where the weights of the cell end."""
+    robots, units = hidden.shape
+    gates, past = np.empty((robots, 4 * units)), np.empty((robots, 4 * units))
     at = _affine(inputs, weights, at, gates)
-    at = _affine(state, weights, at, past)
-    for u in range(units):
-        reset, update = _sigmoid(gates[u] + past[u]), _sigmoid(gates[units + u] + past[units + u])
-        new = _tanh(gates[2 * units + u] + reset * past[2 * units + u])
-        state[u] = new + update * (state[u] - new)
+    at = _affine(hidden, weights, at, past)
+    for n in range(robots):
+        now, before, h, c = gates[n], past[n], hidden[n], cell[n]
+        for g in range(4 * units):
+            now[g] += before[g]
+        for u in range(units):
+            new = _tanh(now[2 * units + u]) * _sigmoid(now[u]) + c[u] * _sigmoid(now[units + u])
+            c[u] = new
+            h[u] = _tanh(new) * _sigmoid(now[3 * units + u])
+    return at
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _gru(weights: np.ndarray, inputs: np.ndarray, at: int, hidden: np.ndarray) -> int:
+    """Advance the state h, (N, H); returns where the weights of the cell end."""
+    robots, units = hidden.shape
+    gates, past = np.empty((robots, 3 * units)), np.empty((robots, 3 * units))
+    at = _affine(inputs, weights, at, gates)
+    at = _affine(hidden, weights, at, past)
+    for n in range(robots):
+        now, before, h = gates[n], past[n], hidden[n]
+        for u in range(units):
+            reset, update = _sigmoid(now[u] + before[u]), _sigmoid(now[units + u] + before[units + u])
+            new = _tanh(now[2 * units + u] + reset * before[2 * units + u])
+            h[u] = new + update * (h[u] - new)
     return at
 
 
 @njit(cache=True, nogil=True)
-def net_row(
+def _recall(memory: np.ndarray, first: int, state: np.ndarray) -> None:
+    """Read recurrent states (N, H) out of the (N, J, M) memory, `first` numbers behind its start, row after row."""
+    for n in range(state.shape[0]):
+        state[n] = memory[n].reshape(-1)[first : first + state.shape[1]]
+
+
+@njit(cache=True, nogil=True)
+def _keep(memory: np.ndarray, first: int, state: np.ndarray) -> None:
+    """The inverse of `_recall`."""
+    for n in range(state.shape[0]):
+        memory[n].reshape(-1)[first : first + state.shape[1]] = state[n]
+
+
+@njit(cache=True, nogil=True)
+def net_step(
     kind: int,
-    parameters: np.ndarray,
     weights: np.ndarray,
     tau: np.ndarray,
     memory: np.ndarray,
@@ -172,30 +206,33 @@ def net_row(
     q: np.ndarray,
     qd: np.ndarray,
 ) -> None:
-    """Advance the joints of one robot by one sample, in place.
+    """Advance N robots by one sample, in place; best some `ROBOTS` of them. The effort limit is left to the caller.
 
     Args:
         kind: MLP, LSTM or GRU.
-        parameters: (J, 1) effort limit, N·m.
         weights: (W,) see above.
-        tau: (J,) joint torque, overwritten, N·m.
-        memory: (J, M) past inputs or recurrent states; all zero before the first sample.
-        q_des, q, qd: (J,) rad, rad, rad/s.
+        tau: (N, J) joint torque, overwritten, N·m.
+        memory: (N, J, M) past inputs or recurrent states; all zero before the first sample.
+        q_des, q, qd: (N, J) rad, rad, rad/s.
     """
-    nets = int(weights[NETS])
-    joints, size = tau.shape[0] // nets, (weights.shape[0] - FIRST_NET) // nets
+    nets, robots = int(weights[NETS]), tau.shape[0]
+    joints, size = tau.shape[1] // nets, (weights.shape[0] - FIRST_NET) // nets
     for n in range(nets):
         own, row = slice(n * joints, (n + 1) * joints), weights[FIRST_NET + n * size : FIRST_NET + (n + 1) * size]
         taps, units = int(row[TAPS]), int(row[HIDDEN])
         at = FIRST_TAP + taps + 2 * (CHANNELS + 1) * joints
-        inputs = _read(row, tau[own], memory[own], q_des[own], q[own], qd[own])
+        inputs = _read(row, tau[:, own], memory[:, own], q_des[:, own], q[:, own], qd[:, own])
+        hidden, kept = np.empty((robots, units)), n * joints * memory.shape[2]
         if kind == MLP:
-            hidden = np.empty(units)
-            at = _affine(inputs, row, at, hidden)
-            for u in range(units):
-                hidden[u] /= 1.0 + abs(hidden[u])
+            at = _mlp(row, inputs, at, hidden)
         else:
-            state = memory[own].reshape(-1)[: 2 * units if kind == LSTM else units]
-            at = _lstm(row, inputs, at, state) if kind == LSTM else _gru(row, inputs, at, state)
-            hidden = state[:units]
-        _write(parameters[own], row, hidden, at, tau[own])
+            _recall(memory, kept, hidden)
+            if kind == LSTM:
+                cell = np.empty((robots, units))
+                _recall(memory, kept + units, cell)
+                at = _lstm(row, inputs, at, hidden, cell)
+                _keep(memory, kept + units, cell)
+            else:
+                at = _gru(row, inputs, at, hidden)
+            _keep(memory, kept, hidden)
+        _write(row, hidden, at, tau[:, own])
