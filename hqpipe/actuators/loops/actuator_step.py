@@ -80,7 +80,7 @@ def table_row(
 
 
 @njit(cache=True, nogil=True)
-def _net_rows(
+def step_batch(
     kind: int,
     parameters: np.ndarray,
     weights: np.ndarray,
@@ -90,13 +90,25 @@ def _net_rows(
     q: np.ndarray,
     qd: np.ndarray,
 ) -> None:
-    """`step_batch` for the kinds that are nets."""
-    for first in range(0, tau.shape[0], ROBOTS):
-        some = slice(first, first + ROBOTS)
-        net_step(kind, weights, tau[some], memory[some], q_des[some], q[some], qd[some])
-    for n in range(tau.shape[0]):
-        for j in range(tau.shape[1]):
-            tau[n, j] = clip(tau[n, j], parameters[j, LIMIT])
+    """Advance N robots by one sample, in place.
+
+    Args:
+        kind: as in `step_row`.
+        parameters, weights: (J, P) and (W,) float64, the same for every robot.
+        tau: (N, J) torque, read and overwritten, N·m.
+        memory: (N, J, M) float64, likewise.
+        q_des, q, qd: (N, J) rad, rad, rad/s.
+    """
+    if kind >= MLP:
+        for first in range(0, tau.shape[0], ROBOTS):
+            some = slice(first, first + ROBOTS)
+            net_step(kind, weights, tau[some], memory[some], q_des[some], q[some], qd[some])
+        for n in range(tau.shape[0]):
+            for j in range(tau.shape[1]):
+                tau[n, j] = clip(tau[n, j], parameters[j, LIMIT])
+    else:  # a loop of its own: beside a net's, the compiler no longer inlines the short laws
+        for n in range(tau.shape[0]):
+            table_row(kind, parameters, tau[n], memory[n], q_des[n], q[n], qd[n])
 
 
 @njit(cache=True, nogil=True)
@@ -123,7 +135,7 @@ def step_row(
     if kind >= MLP:
         one = (1, tau.shape[0])
         driven = q_des.reshape(one), q.reshape(one), qd.reshape(one)
-        _net_rows(kind, parameters, weights, tau.reshape(one), memory.reshape((1, *memory.shape)), *driven)
+        step_batch(kind, parameters, weights, tau.reshape(one), memory.reshape((1, *memory.shape)), *driven)
     else:
         table_row(kind, parameters, tau, memory, q_des, q, qd)
 
@@ -136,30 +148,3 @@ def take_back(kind: int, memory: np.ndarray, excess: float) -> None:
     """
     if kind == AUGMENTED:
         memory[WOUND] -= excess
-
-
-@njit(cache=True, nogil=True)
-def step_batch(
-    kind: int,
-    parameters: np.ndarray,
-    weights: np.ndarray,
-    tau: np.ndarray,
-    memory: np.ndarray,
-    q_des: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
-) -> None:
-    """Advance N robots by one sample, in place.
-
-    Args:
-        kind: as in `step_row`.
-        parameters, weights: (J, P) and (W,) float64, the same for every robot.
-        tau: (N, J) torque, read and overwritten, N·m.
-        memory: (N, J, M) float64, likewise.
-        q_des, q, qd: (N, J) rad, rad, rad/s.
-    """
-    if kind >= MLP:
-        _net_rows(kind, parameters, weights, tau, memory, q_des, q, qd)
-    else:  # a loop of its own: beside a net's, the compiler no longer inlines the short laws
-        for n in range(tau.shape[0]):
-            table_row(kind, parameters, tau[n], memory[n], q_des[n], q[n], qd[n])
