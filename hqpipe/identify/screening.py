@@ -59,6 +59,7 @@ class Screening:
         self._fitter, self._effects = fitter, effects
         self._places = {name: positions(fitter.model, [name])[len(fitter.model.base) :] for name in effects}
         self._promised: dict[tuple[Names, float, str], list[Promise]] = {}
+        self._replaced: dict[tuple[Names, float, str, Names, float], float] = {}
         self._span_of: tuple[Known, np.ndarray] | None = None
 
     def places(self, name: str) -> np.ndarray:
@@ -86,6 +87,21 @@ class Screening:
         found = [(promises[0].gain, name) for name in names if (promises := self.promises(known, name))]
         return sorted(((gain, name) for gain, name in found if gain > 0.0), reverse=True)
 
+    def in_place(self, known: Known, names: Sequence[str], larger: Known) -> list[tuple[float, str]]:
+        """(share that an effect can do of what a larger set changes in the error beyond what the free parameters can, effect),
+        the best first; those that can do nothing of it are left out."""
+        found = [(self._replaces(known, name, larger), name) for name in names]
+        return sorted(((share, name) for share, name in found if share > 0.0), reverse=True)
+
+    def _replaces(self, known: Known, name: str, larger: Known) -> float:
+        key = known.names, known.solution.square, name, larger.names, larger.solution.square
+        if key not in self._replaced:
+            wanted = self.beyond(known, larger.solution.error - known.solution.error)
+            whole = square_of(wanted)
+            gains = [self._along(name, secant, -wanted)[1] for secant in self._secants(known, name)]
+            self._replaced[key] = max(gains, default=0.0) / whole if 0.0 < whole < np.inf else 0.0
+        return self._replaced[key]
+
     def promises(self, known: Known, name: str) -> list[Promise]:
         """What each start of an effect promises, the best first.
 
@@ -97,19 +113,28 @@ class Screening:
         return self._promised[key]
 
     def _promises_of(self, known: Known, name: str) -> list[Promise]:
-        error, found = known.solution.error, []
-        for moved, change, size in self._secants(known, name):
-            first = self.places(name)[0]
-            combination = moved[self.places(name)]
-            low, high = self.shares(name, combination)
-            share = float(np.clip(-float(change @ error) / size, low, high))
-            gain = -2.0 * share * float(change @ error) - share**2 * size
+        first, found = self.places(name)[0], []
+        for secant in self._secants(known, name):
+            share, gain = self._along(name, secant, known.solution.error)
             if gain > 0.0:
-                whole = moved.copy()
-                moved[first] = self._fitter.neutral[first] + share * (combination[0] - self._fitter.neutral[first])
+                whole, _, size = secant
+                moved = whole.copy()
+                moved[first] = self._fitter.neutral[first] + share * (whole[first] - self._fitter.neutral[first])
                 start = np.clip(moved, self._fitter.low, self._fitter.high)
                 found.append(Promise(gain, start, share**2 * size, whole))
         return sorted(found, key=lambda promise: -promise.gain)
+
+    def _along(self, name: str, secant: tuple[np.ndarray, np.ndarray, float], error: np.ndarray) -> tuple[float, float]:
+        """How far along a secant of an effect the squared error is least, within the bounds, and what it is less there.
+
+        Args:
+            secant: see `_secants`. error: (N,).
+        """
+        moved, change, size = secant
+        slope = float(change @ error)
+        low, high = self.shares(name, moved[self.places(name)])
+        share = float(np.clip(-slope / size, low, high))
+        return share, -2.0 * share * slope - share**2 * size
 
     def start(self, known: Known, promise: Promise) -> np.ndarray:
         """(P,) values from which a fit begins: those that the slope suggests, or further on where these do not do what it

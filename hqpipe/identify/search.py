@@ -47,7 +47,8 @@ _LOWER = (
 AT_BOUND = 0.99  # of the way to its bound, from which a number counts as being there; by the tolerance of a fit
 _PROMISED = 0.2
 """Of what a fit takes off the squared error, that its slope promises at least: where less is promised than this share of what
-is needed, only the best is fitted. Seen: in 98 % of the fits on which something hung a slope promised a quarter or more."""
+is needed, only the best is fitted, and none in the place of another effect, where what that does is needed. Seen: in 98 % of
+the fits on which something hung a slope promised a quarter or more."""
 
 
 @dataclass(eq=False)
@@ -325,12 +326,11 @@ class Search:
         return None
 
     def replaced(self, smaller: Known, name: str) -> list[Known]:
-        """A set with each of the effects that promise most in the place of one that was taken out, and enough to replace it,
-        and of those that more joints of the machine have than not."""
+        """A set with each of the effects that can do most of what one does that was taken out, and enough to replace it, and of
+        those that more joints of the machine have than not."""
         others = [other for other in self.addable(smaller.names) if other != name]
-        needed = smaller.solution.square - self.known[smaller.names | {name}].solution.square
-        ranked = self.screening.screened(smaller, others)[:_REPLACED]
-        rivals = [other for gain, other in ranked if gain >= _PROMISED * needed]
+        ranked = self.screening.in_place(smaller, others, self.known[smaller.names | {name}])[:_REPLACED]
+        rivals = [other for share, other in ranked if share >= _PROMISED]
         usual = [other for other in others if self.odds[other] > 0.0 and other not in rivals]
         return [self.grown_by(smaller, other) for other in (*rivals, *usual)]
 

@@ -51,3 +51,20 @@ def test_one_effect_in_the_place_of_two_gives_way_to_both(monkeypatch):
     joint.begin = one.names, one.solution.values
     monkeypatch.setattr(Search, "grown", lambda search, best: best)
     assert searched(search_of(joint), alone=False).names == {"coulomb_friction", "spring"}
+
+
+def test_rivals_do_what_the_effect_does_however_much_others_promise():
+    joint = ToyJoint(truth={"viscous_friction": 0.3, "spring": 2.0, "cubic": 2.0})
+    search = search_of(joint)
+    known = search.begun_at({"viscous_friction": np.full(1, 0.3)})
+    smaller = search.without(known, "viscous_friction")
+    others = [name for name in search.addable(smaller.names) if name != "viscous_friction"]
+    assert {name for _, name in search.screening.screened(smaller, others)[:2]} == {"spring", "cubic"}
+    tried = {next(iter(option.names)) for option in search.replaced(smaller, "viscous_friction")}
+    assert tried == {"coulomb_friction", "quadratic"}
+
+
+def test_what_does_nothing_has_no_rival():
+    search = search_of(ToyJoint())
+    known = search.known[frozenset({"spring"})] = replace(search.base, names=frozenset({"spring"}))
+    assert search.screening.in_place(search.base, ["viscous_friction"], known) == []
