@@ -71,7 +71,7 @@ def _believed(search: Search, best: Known, name: str, tried: Collection[Names]) 
     """
     smaller = search.without(best, name)
     against, options, twins = {"": -search.gain(best, smaller, OVERSTATED if name in search.rare else 1.0)}, {}, set()
-    for option in (*search.replaced(smaller, name), *search.with_given_up(smaller)):
+    for option in (*search.rivals(smaller, name), *search.with_given_up(smaller)):
         other = next(iter(option.names - smaller.names))
         against[other], options[other] = search.preference(option, best), option
         if _is_twin(search, option, best):
@@ -117,7 +117,7 @@ def _is_twin(search: Search, option: Known, best: Known) -> bool:
 def _with_twins(search: Search, core: Known, name: str, belief: Belief) -> Belief:
     """A belief with those effects as well that err as little in the place of a cause where nothing small stands beside it."""
     smaller, alike = search.without(core, name), dict(zip(belief.alike, belief.odds, strict=True))
-    for option in search.replaced(smaller, name):
+    for option in search.rivals(smaller, name):
         (other,) = option.names - smaller.names
         if search.effects[other].named and _is_twin(search, option, core):
             odds = search.preference(option, core) - _said_by_others(search, other, name)

@@ -38,7 +38,7 @@ HALVED = 0.5
 """Of a squared error, that another answer may leave at most where nothing else speaks for it; assumption: chance does not
 halve an error. The cost: a right answer that explains less is not given."""
 REFITTED = 4  # of the screened candidates; assumption: the best one is among them, though a slope is no fit
-_REPLACED = 2  # of the screened candidates, that are tried in the place of another effect; assumption
+_REPLACED = 2  # of the candidates, that are tried in the place of another effect, and as rivals of one; assumption
 _POLISHED = 2  # starts of an effect from which it is fitted; assumption: one of them is near the best minimum
 MOST_EFFECTS = 8  # effects in one joint; assumption: more cannot be told apart in one output
 _LOWER = (
@@ -47,8 +47,8 @@ _LOWER = (
 AT_BOUND = 0.99  # of the way to its bound, from which a number counts as being there; by the tolerance of a fit
 _PROMISED = 0.2
 """Of what a fit takes off the squared error, that its slope promises at least: where less is promised than this share of what
-is needed, only the best is fitted, and none in the place of another effect, where what that does is needed. Seen: in 98 % of
-the fits on which something hung a slope promised a quarter or more."""
+is needed, only the best is fitted, and none in the place of another effect. A rival does this share of what the effect does.
+Seen: in 98 % of the fits on which something hung a slope promised a quarter or more."""
 
 
 @dataclass(eq=False)
@@ -326,13 +326,25 @@ class Search:
         return None
 
     def replaced(self, smaller: Known, name: str) -> list[Known]:
-        """A set with each of the effects that can do most of what one does that was taken out, and enough to replace it, and of
-        those that more joints of the machine have than not."""
-        others = [other for other in self.addable(smaller.names) if other != name]
-        ranked = self.screening.in_place(smaller, others, self.known[smaller.names | {name}])[:_REPLACED]
-        rivals = [other for share, other in ranked if share >= _PROMISED]
-        usual = [other for other in others if self.odds[other] > 0.0 and other not in rivals]
-        return [self.grown_by(smaller, other) for other in (*rivals, *usual)]
+        """A set with each of the effects that promise most in the place of one that was taken out, and enough to replace it,
+        and of those that more joints of the machine have than not."""
+        needed = smaller.solution.square - self.known[smaller.names | {name}].solution.square
+        ranked = self.screening.screened(smaller, self._others(smaller, name))[:_REPLACED]
+        return self._with_one_of(smaller, name, [other for gain, other in ranked if gain >= _PROMISED * needed])
+
+    def rivals(self, smaller: Known, name: str) -> list[Known]:
+        """A set with each of the effects that can do most of what one does that was taken out, and of those that more joints of
+        the machine have than not. What the rest of the error promises says nothing of a rival."""
+        ranked = self.screening.in_place(smaller, self._others(smaller, name), self.known[smaller.names | {name}])
+        return self._with_one_of(smaller, name, [other for share, other in ranked[:_REPLACED] if share >= _PROMISED])
+
+    def _others(self, smaller: Known, name: str) -> list[str]:
+        return [other for other in self.addable(smaller.names) if other != name]
+
+    def _with_one_of(self, smaller: Known, name: str, likely: Sequence[str]) -> list[Known]:
+        """A set with each of some effects, and of those that more joints have than not, in the place of another."""
+        usual = [other for other in self._others(smaller, name) if self.odds[other] > 0.0 and other not in likely]
+        return [self.grown_by(smaller, other) for other in (*likely, *usual)]
 
     def with_given_up(self, smaller: Known) -> list[Known]:
         """A set with each of the effects that were given up and may stand beside it."""

@@ -60,7 +60,7 @@ def test_rivals_do_what_the_effect_does_however_much_others_promise():
     smaller = search.without(known, "viscous_friction")
     others = [name for name in search.addable(smaller.names) if name != "viscous_friction"]
     assert {name for _, name in search.screening.screened(smaller, others)[:2]} == {"spring", "cubic"}
-    tried = {next(iter(option.names)) for option in search.replaced(smaller, "viscous_friction")}
+    tried = {next(iter(option.names)) for option in search.rivals(smaller, "viscous_friction")}
     assert tried == {"coulomb_friction", "quadratic"}
 
 
