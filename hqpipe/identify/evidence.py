@@ -12,10 +12,14 @@ independent samples into that of correlated ones: the ratio of robust to naive i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.stats import norm
 
+from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.least_squares import Fitter, Solution
+from hqpipe.identify.model import Samples
 from hqpipe.identify.sampling import Covariance
 
 
@@ -80,3 +84,16 @@ def occam(fitter: Fitter, solution: Solution, known: Covariance, places: np.ndar
     # the prior is twice as dense on one side, and the posterior is cut at the bound
     price += float(np.sum(np.where(one_sided, np.log(2.0) + norm.logcdf(np.abs(deviation) / sure), 0.0)))
     return price
+
+
+def settled_price(solution: Solution, samples: Samples, settled: Sequence[int]) -> float:
+    """ln of the price of numbers that a prediction takes from the logs by itself, each charged as by Schwarz (1978): half the
+    logarithm of its share of the independent samples.
+
+    Args:
+        solution: a fit, whose errors say how many samples are independent. settled: how many numbers each effect takes.
+    """
+    if not any(settled) or not np.isfinite(solution.square):
+        return 0.0
+    independent = len(solution.error) / correlation_time(solution.error, samples)
+    return sum(0.5 * number * float(np.log(max(independent / number, 1.0))) for number in settled if number)

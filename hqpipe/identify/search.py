@@ -13,8 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from hqpipe.identify.base_solution import base_solution
-from hqpipe.identify.correlation import correlation_time
-from hqpipe.identify.evidence import independence, log_bayes_factor, occam
+from hqpipe.identify.evidence import independence, log_bayes_factor, occam, settled_price
 from hqpipe.identify.joint_moves import Step, Worths
 from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.left_out import left_out_square
@@ -339,6 +338,7 @@ class Search:
         return self._with_one_of(smaller, name, [other for share, other in ranked[:_REPLACED] if share >= _PROMISED])
 
     def _others(self, smaller: Known, name: str) -> list[str]:
+        """Effects that may join a set, without the one that was taken out of it."""
         return [other for other in self.addable(smaller.names) if other != name]
 
     def _with_one_of(self, smaller: Known, name: str, likely: Sequence[str]) -> list[Known]:
@@ -352,18 +352,8 @@ class Search:
         return [self.grown_by(smaller, name) for name in able]
 
     def price_of_settled(self, known: Known, names: Names) -> float:
-        """ln of the price of what effects settle by themselves, each number charged as by Schwarz (1978): half the logarithm of
-        its share of the independent samples.
-
-        Args:
-            known: a set, whose errors say how many samples are independent. names: of the effects.
-        """
-        numbers = [self.effects[name].settled for name in sorted(names) if self.effects[name].settled]
-        if not numbers or not np.isfinite(known.solution.square):
-            return 0.0
-        error = known.solution.error
-        independent = len(error) / correlation_time(error, self.model.fit)
-        return sum(0.5 * number * float(np.log(max(independent / number, 1.0))) for number in numbers)
+        """ln of the price of what effects settle by themselves, see `settled_price`; known: a set, whose errors weigh it."""
+        return settled_price(known.solution, self.model.fit, [self.effects[name].settled for name in sorted(names)])
 
     def _price(self, known: Known) -> float:
         places = np.arange(len(self.model.base), len(known.solution.free))
