@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hqpipe.machine.compose.source import Source, Straight, call, constants, constants_of, present, scalar, started
-from hqpipe.machine.compose.wiring import SIGNAL, STATE, Chain, Link
+from hqpipe.machine.compose.wiring import SIGNAL, STATE, Chain, Link, Ref
 
 if TYPE_CHECKING:
     from hqpipe.machine.compose.windows import Arrays
@@ -86,14 +86,20 @@ def _before_windows(source: Source, chain: Chain, arrays: Arrays, states: list[s
 
 def _skip_forgotten(source: Source, chain: Chain, arrays: Arrays, states: list[str], slack: list[Link]) -> None:
     """Begin later, if every state that is there forgets where it began."""
-    moved_by = [chain.moved_by.get(name) for name in states]
-    if None in moved_by:
+    moved_by = list(dict.fromkeys(chain.moved_by[name] for name in states if name in chain.moved_by))
+    if not moved_by:
         return
     there = [f"on_{name}" for name in moved_by if arrays.when(name) is not None]
-    there += [f"not ({present(link.when)})" for link in slack]
-    begins = [f"remembered(a_{name}, begin, last)" for name in dict.fromkeys(moved_by)]
+    lasting = [x for x in (*chain.core, *chain.behind) for out in x.outs if _lasts(chain, out)]
+    there += [f"not ({present(link.when)})" for link in (*lasting, *slack)]
+    begins = [f"remembered(a_{name}, begin, last)" for name in moved_by]
     with source.under(f"if {' and '.join(there) or True}:"):
         source.add(f"begin = min({', '.join(begins)}, last)")
+
+
+def _lasts(chain: Chain, out: Ref) -> bool:
+    """Whether what a link writes is a state that does not forget where it began."""
+    return out.kind == STATE and out.name not in chain.moved_by
 
 
 def _advance(source: Source, chain: Chain, arrays: Arrays, states: list[str], slack: bool) -> None:

@@ -98,6 +98,17 @@ def test_a_window_does_not_hang_on_which_others_there_are(effect, windows):
     np.testing.assert_allclose(residual_windows(p, some_of(signals, windows)), whole, atol=1e-6)
 
 
+@pytest.mark.parametrize("effect", ["coulomb_friction", "stribeck_friction", "load_dependent_friction"])
+def test_what_friction_has_forgotten_is_not_followed(effect):
+    """A long log costs no more than what leads to its windows: what lies further back may be anything."""
+    signals, p = signals_of(effect), row({effect: planted.TYPICAL[effect]})
+    late = some_of(signals, [30])
+    expected = residual_windows(p, late)
+    effort = signals.effort.copy()
+    effort[: signals.first[10]] = np.nan
+    np.testing.assert_array_equal(residual_windows(p, late._replace(effort=effort)), expected)
+
+
 def test_a_state_is_followed_from_where_it_must_have_been_at_an_end():
     moves = np.full(100, 0.5)
     assert remembered(moves, 0, 80) == 80 - 16, (
