@@ -8,7 +8,7 @@ import numpy as np
 
 from hqpipe.identify.effect_secants import ROUNDING, EffectSecants, Secant
 from hqpipe.identify.model import Effect
-from hqpipe.identify.search import LEAST_GAIN
+from hqpipe.identify.thresholds import LEAST_GAIN
 from hqpipe.identify.visible import UNUSUAL
 
 _STEP = 0.1  # of the spread, or of the value: difference by another number of an effect; assumption

@@ -7,15 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hqpipe.identify.search import HALVED, Known, Names, Search
-from hqpipe.identify.worth_keeping import CONFUSED, causes_of, floor_of, with_small, worth_keeping
+from hqpipe.identify.search import Known, Names, Search
+from hqpipe.identify.thresholds import CONFUSED, HALVED, OVERSTATED
+from hqpipe.identify.worth_keeping import causes_of, floor_of, with_small, worth_keeping
 
 BELIEVED = 0.5  # probability from which an effect, or one of those that are like it, is more likely there than not
-OVERSTATED = 10.0
-"""How many times more the errors of a joint seem to say for an effect that most joints of the machine do not have, against
-nothing in its place, than they do. They are judged by how they scatter, but what a law leaves out is a function of more than
-position and speed, and in one joint of a dozen some effect describes most of it. Seen in mixtures of effects that were set
-aside for this: such stand-ins, for which ln B was 14 to 45. The cost: what few joints have, and show so faintly."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,13 +6,8 @@ import numpy as np
 
 from hqpipe.identify.misfit import misfit, misfit_noise
 from hqpipe.identify.search import Known, Search
-from hqpipe.identify.worth_keeping import LEAST_SHARE, causes_of, is_admitted
-
-BORNE_OUT = 0.25
-"""Of the square of what a cause does to the prediction of the held-out trials, that it must take off their squared error. One
-that has the fitted size there takes off all of it, one that is not there adds as much. Seen: 0.66 and more for 316 causes that
-were there, 0.2 and less for four of five that were not. The cost: a cause of few joints that is less than five eighths as large
-in these trials as in the others."""
+from hqpipe.identify.thresholds import BORNE_OUT, LEAST_SHARE
+from hqpipe.identify.worth_keeping import causes_of, is_admitted
 
 
 def confirmed(search: Search, known: Known, base: Known) -> Known:

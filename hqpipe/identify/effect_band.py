@@ -13,8 +13,8 @@ import numpy as np
 from scipy.signal import periodogram
 
 from hqpipe.identify.model import Samples
+from hqpipe.identify.thresholds import WITHIN_BAND
 
-_HELD = 0.9  # of the square of what effects do that lies in their band; assumption: the rest is edges
 _FASTEST = 0.5  # cycles a sample
 
 
@@ -58,7 +58,7 @@ def effect_band(change: np.ndarray, samples: Samples) -> EffectBand:
     below = np.cumsum(power[order])
     if not (len(below) and below[-1] > 0.0):
         return EffectBand(samples, _FASTEST)
-    return EffectBand(samples, float(frequency[order][np.searchsorted(below, _HELD * below[-1])]))
+    return EffectBand(samples, float(frequency[order][np.searchsorted(below, WITHIN_BAND * below[-1])]))
 
 
 def _powers(values: np.ndarray, samples: Samples) -> Iterator[tuple[np.ndarray, np.ndarray]]:

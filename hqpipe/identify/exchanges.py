@@ -14,7 +14,7 @@ import numpy as np
 from hqpipe.identify.found import Exchange, JointCause, JointFound, SetNumbers
 from hqpipe.identify.joint_moves import Step
 from hqpipe.identify.prior import MOST_JOINTS
-from hqpipe.identify.worth_keeping import CONFUSED
+from hqpipe.identify.thresholds import CONFUSED
 
 LEAST_ODDS = CONFUSED / (1.0 - CONFUSED)
 """Of a rival: it is listed because the logs do not rule it out, and its odds fall below this only where errors are compared as

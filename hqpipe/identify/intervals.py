@@ -22,8 +22,9 @@ from hqpipe.identify.beside import sets_beside
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.least_squares import Fitter, lengths
 from hqpipe.identify.normal_equations import NormalEquations
-from hqpipe.identify.sampling import BLOCK, blocks
+from hqpipe.identify.sampling import blocks
 from hqpipe.identify.search import Known, Search
+from hqpipe.identify.thresholds import BLOCK
 from hqpipe.identify.uncertainty import LEVEL, student, uncertainty
 
 _NORMAL = float(norm.ppf(0.5 + LEVEL / 2.0))  # half width of a 95 % interval over the deviation

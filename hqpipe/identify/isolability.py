@@ -17,8 +17,9 @@ from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.effect_secants import ROUNDING, EffectSecants, Secant, least_size, secant_of_size
 from hqpipe.identify.misfit import misfit_noise
 from hqpipe.identify.search import Search
+from hqpipe.identify.thresholds import LEAST_SHARE
 from hqpipe.identify.visible import UNUSUAL, least_of, least_square
-from hqpipe.identify.worth_keeping import LEAST_SHARE, floor_of
+from hqpipe.identify.worth_keeping import floor_of
 
 _CLEAR = 2.0  # times the size from which an effect shows: there it is clear of the noise; assumption
 

@@ -14,7 +14,8 @@ from hqpipe.identify.effect_band import effect_band
 from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
 from hqpipe.identify.intervals import half_widths
 from hqpipe.identify.left_out import left_out_error
-from hqpipe.identify.search import LEAST_GAIN, Known, Names, Search
+from hqpipe.identify.search import Known, Names, Search
+from hqpipe.identify.thresholds import LEAST_GAIN
 from hqpipe.identify.uncertain_effects import certainty, replaces, without_uncertain
 from hqpipe.identify.worth_keeping import causes_of, floor_of
 

@@ -14,13 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from hqpipe.identify.found import JointFound
 from hqpipe.identify.prior import MOST_JOINTS
-from hqpipe.identify.worth_keeping import LEAST_SHARE
-
-LEAST_OF_UNKNOWN = 0.5
-"""Of what is left unexplained above the noise, in squares, that a cause must close: then a third of what it and the unknown
-make together is known. Assumption: a law that is missing is alike to one of a dozen candidates by a third of its square at
-most, as the best of twelve random directions in a space of ten shapes is in half of all cases. The cost: a real effect smaller
-than that is not named, and counts as unknown."""
+from hqpipe.identify.thresholds import HALVED, LEAST_SHARE
 
 
 def without_minor_causes(
@@ -49,7 +43,7 @@ def _minor(answers: Sequence[JointFound]) -> list[tuple[float, str, int]]:
     found = []
     for effect in sorted({name for joint in answers for name in joint.closes}):
         having = [(j, joint) for j, joint in enumerate(answers) if effect in joint.closes]
-        asked = [{j: (joint.closes_in_band[effect], LEAST_OF_UNKNOWN * joint.unknown) for j, joint in having}]
+        asked = [{j: (joint.closes_in_band[effect], HALVED * joint.unknown) for j, joint in having}]
         if len(answers) > 1 and len(having) <= MOST_JOINTS * len(answers):
             asked.append({j: (joint.closes[effect], LEAST_SHARE * joint.gap) for j, joint in having})
         for told in asked:

@@ -13,9 +13,9 @@ from typing import Protocol
 
 import numpy as np
 
-_CELLS = 6  # of position, and of speed; assumption: a wrong law is off in one way over a sixth of the range
-STATES = _CELLS**2
-MATERIAL = 0.005  # of the output's spread: a change of the error by less is no use to a simulator; assumption
+from hqpipe.identify.thresholds import CELLS, MATERIAL
+
+STATES = CELLS**2
 FORCE_SENSOR = 0.01
 """Class of a force sensor over the spread of what it measures, half of its full scale at most: pressure transmitters and load
 cells of 0.5 % of full scale, as data sheets of industrial ones say. A smaller error may be the sensor's own. The cost: an
@@ -116,7 +116,7 @@ class Samples:
     @cached_property
     def state(self) -> np.ndarray:
         """(N,) number of the state of each sample, below `STATES`: a cell of position and speed, equally full in each."""
-        return _sixth(self.position) * _CELLS + _sixth(self.velocity)
+        return _sixth(self.position) * CELLS + _sixth(self.velocity)
 
     def only(self, kept: np.ndarray) -> Samples:
         """Those that are True in a mask (N,)."""
@@ -190,7 +190,7 @@ def positions(model: JointModel, effects: Sequence[str]) -> np.ndarray:
 
 
 def _sixth(values: np.ndarray) -> np.ndarray:
-    edges = np.quantile(values, np.linspace(0.0, 1.0, _CELLS + 1)[1:-1])
+    edges = np.quantile(values, np.linspace(0.0, 1.0, CELLS + 1)[1:-1])
     return np.searchsorted(edges, values)
 
 

@@ -15,14 +15,12 @@ import numpy as np
 from hqpipe.identify.found import Fitted, JointFound
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel, all_parameters, positions
-from hqpipe.identify.search import HALVED, LEAST_GAIN
 from hqpipe.identify.stretches import LEAST_OUTSIDE, Shown, Stretches, inside, near_ends, stretches_of
+from hqpipe.identify.thresholds import HALVED, LEAST_GAIN, QUIET
 
 UNEXPLAINED = LEAST_OUTSIDE
 """Of the squared error of a joint, from which on a stretch is looked for. An effect that acts for a share s of the time, taken
 for a lasting one of s of its size, leaves 1 − s of its squares, and s is at most 1 − LEAST_OUTSIDE."""
-QUIET = 0.15
-"""Excess outside over excess inside, above the noise, at which the base is nearly right outside; assumption."""
 ROUNDS = 3  # of cutting and fitting the rest again; assumption: a stretch that still moves then has no clear ends
 
 Searched = Callable[[Sequence[JointModel]], tuple[JointFound, ...]]

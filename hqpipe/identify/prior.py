@@ -13,11 +13,10 @@ import numpy as np
 from scipy.special import betaln
 
 from hqpipe.identify.model import Effect, JointModel
+from hqpipe.identify.thresholds import EXPECTED, EXPECTED_LIKE
 
 MOST_JOINTS = 0.5  # share of joints from which on what more of them say is what the machine has: their majority
-_EXPECTED = 1.0  # effects of a joint beforehand; assumption: logs are diagnosed because something is wrong
 _COMMON = 0.5  # of the joints have a common effect, by its definition; no other effect is expected in more
-_WEIGHT = 3.0  # joints that the expectation counts as, beside the other joints of the machine; assumption
 
 
 def prior_odds(model: JointModel, others: Mapping[str, int], joints: int) -> dict[str, float]:
@@ -28,7 +27,7 @@ def prior_odds(model: JointModel, others: Mapping[str, int], joints: int) -> dic
     """
     found = {}
     for effect in model.effects:
-        share = (_WEIGHT * _before(model, effect) + others.get(effect.name, 0)) / (_WEIGHT + joints)
+        share = (EXPECTED_LIKE * _before(model, effect) + others.get(effect.name, 0)) / (EXPECTED_LIKE + joints)
         found[effect.name] = float(np.log(share / (1.0 - share)))
     return found
 
@@ -40,10 +39,10 @@ def log_prior(model: JointModel, effect: Effect, having: np.ndarray, joints: int
         model: of one of the joints. having: (K,) how many of the `joints` have it.
     """
     share = _before(model, effect)
-    with_it, without = _WEIGHT * share, _WEIGHT * (1.0 - share)
+    with_it, without = EXPECTED_LIKE * share, EXPECTED_LIKE * (1.0 - share)
     return betaln(with_it + having, without + joints - having) - betaln(with_it, without)
 
 
 def _before(model: JointModel, effect: Effect) -> float:
     """Share of joints that are expected to have an effect."""
-    return _COMMON if effect.common else min(_EXPECTED / max(len(model.effects), 1), _COMMON)
+    return _COMMON if effect.common else min(EXPECTED / max(len(model.effects), 1), _COMMON)

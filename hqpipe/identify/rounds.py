@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from hqpipe.identify.misfit import misfit_noise
 from hqpipe.identify.screening import Known
-from hqpipe.identify.search import HALVED, MOST_EFFECTS, Search
+from hqpipe.identify.search import MOST_EFFECTS, Search
+from hqpipe.identify.thresholds import HALVED
 
 _ROUNDS = 3  # assumption: what still changes then is a draw
 _FIRSTS = 2  # of the sets with one effect more, those that err least, to which a second one is added; assumption

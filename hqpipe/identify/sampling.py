@@ -14,8 +14,7 @@ import numpy as np
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.least_squares import Fitter, Solution, lengths
 from hqpipe.identify.model import STATES, Samples
-
-BLOCK = 3.0  # autocorrelation times: neighbouring blocks then share a few per cent
+from hqpipe.identify.thresholds import BLOCK
 
 
 def blocks(samples: Samples, length: float) -> np.ndarray:

@@ -17,25 +17,11 @@ from hqpipe.identify.evidence import independence, log_bayes_factor, occam, sett
 from hqpipe.identify.joint_moves import Step, Worths
 from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.left_out import left_out_square
-from hqpipe.identify.model import MATERIAL, Effect, JointModel, positions
+from hqpipe.identify.model import Effect, JointModel, positions
 from hqpipe.identify.sampling import covariance
 from hqpipe.identify.screening import Known, Names, Screening
+from hqpipe.identify.thresholds import LEAST_GAIN, LEAST_RISE, MATERIAL, STRONGER, USUAL_SIZE
 
-LEAST_RISE = 0.1
-"""Share by which the squared error must grow without an effect for it to be a cause: 5 % of the error. An effect with less,
-or one that closes less than `MATERIAL` of the output's spread, is of no use to a simulator; where no model is exact, ever
-smaller effects are significant without end. The cost: a real one that small is not named."""
-USUAL_SIZE = 0.5
-"""Size over what a data sheet of such a machine would give, from which an effect is of usual size; assumption."""
-STRONGER = 2.0
-"""How many times as strong motion may be as in the logs. It shows an effect of usual size that much more, so `LEAST_RISE` and
-`LEAST_GAIN` of such a one are smaller by the square of this; assumption: a simulator is asked for motion that no log holds.
-The cost: what refines the law of another cause, and has that size, may get a name."""
-LEAST_GAIN = 0.05
-"""The same for the search to go on from a set with the effect: half of it, as two effects may close a share together."""
-HALVED = 0.5
-"""Of a squared error, that another answer may leave at most where nothing else speaks for it; assumption: chance does not
-halve an error. The cost: a right answer that explains less is not given."""
 REFITTED = 4  # of the screened candidates; assumption: the best one is among them, though a slope is no fit
 _REPLACED = 2  # of the candidates, that are tried in the place of another effect, and as rivals of one; assumption
 _POLISHED = 2  # starts of an effect from which it is fitted; assumption: one of them is near the best minimum

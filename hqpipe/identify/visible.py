@@ -6,11 +6,10 @@ from collections.abc import Collection
 
 import numpy as np
 
-from hqpipe.identify.beliefs import OVERSTATED
 from hqpipe.identify.correlation import correlation_time
-from hqpipe.identify.minor_causes import LEAST_OF_UNKNOWN
 from hqpipe.identify.search import Known, Search
-from hqpipe.identify.worth_keeping import LEAST_SHARE, floor_of
+from hqpipe.identify.thresholds import HALVED, LEAST_SHARE, OVERSTATED
+from hqpipe.identify.worth_keeping import floor_of
 
 UNUSUAL = 3.0  # spreads of the prior beyond which no machine is; as three standard deviations
 
@@ -71,5 +70,5 @@ def least_square(
     """
     independent = max(len(search.model.fit.trial) / time, 1.0)
     charge = 0.5 * len(search.effects[name].parameters) * float(np.log(independent)) - search.odds[name]
-    rules = max(search.needed(left, is_usual), LEAST_OF_UNKNOWN * unexplained)
+    rules = max(search.needed(left, is_usual), HALVED * unexplained)
     return max(rules, 2.0 * max(charge, 0.0) * variance * time)

@@ -10,17 +10,8 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from hqpipe.identify.misfit import misfit_noise
-from hqpipe.identify.search import HALVED, Known, Search
-
-LEAST_SHARE = 0.01
-"""Square of what a cause does to the prediction, over the squared gap from the base's error to the noise: a tenth of the gap.
-What does less refines the law of another cause. It is not asked to close that share by itself: of a delay and a lag of like
-size either one can take most of the other's part. Of the held-out errors it is the share that a cause must close. The cost: a
-real effect that small beside a large one is not named."""
-LEAST_SIZE = 0.1
-"""Size over what a data sheet of such a machine would give, below which a cause has to close `LEAST_SHARE` of the squared gap
-beside the others; assumption: a gain unequal by 1 % where 10 % are usual is none if it does no more than refine another law."""
-CONFUSED = 0.05  # probability of a set with another effect instead, from which both are said to be alike; assumption
+from hqpipe.identify.search import Known, Search
+from hqpipe.identify.thresholds import CONFUSED, HALVED, LEAST_SHARE, SLIGHT
 
 
 def worth_keeping(search: Search, known: Known, base: Known) -> tuple[Known, dict[str, np.ndarray]]:
@@ -131,7 +122,7 @@ def _is_large(search: Search, known: Known, name: str, least: float, closes: flo
     if not is_admitted(search, known, name) or search.screening.does(known, name) < least:
         return False
     usual = search.fitter.spread[search.screening.places(name)[0]] if search.effects[name].named else np.inf
-    return closes >= least or not np.isfinite(usual) or search.size(known, name) >= LEAST_SIZE * usual
+    return closes >= least or not np.isfinite(usual) or search.size(known, name) >= SLIGHT * usual
 
 
 def is_admitted(search: Search, known: Known, name: str) -> bool:

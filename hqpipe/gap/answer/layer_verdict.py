@@ -13,7 +13,7 @@ import numpy as np
 from hqpipe.gap.residuals.bootstrap import block_weights
 from hqpipe.gap.residuals.layer_errors import LayerErrors
 from hqpipe.identify.found import Fitted
-from hqpipe.identify.search import LEAST_GAIN
+from hqpipe.identify.thresholds import LEAST_GAIN
 
 EXPLAINED = 0.25  # of the squared gap may be left: the causes halve the gap at least; assumption
 SIGNIFICANCE = 0.05  # over all joints together (Bonferroni)

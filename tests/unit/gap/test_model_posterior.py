@@ -19,7 +19,7 @@ from hqpipe.gap.change.since import EarlierLogs
 from hqpipe.gap.diagnosis import diagnose, write_diagnosis
 from hqpipe.gap.model_posterior import AS_FOUND, _together
 from hqpipe.identify.found import Exchange
-from hqpipe.identify.worth_keeping import CONFUSED
+from hqpipe.identify.thresholds import CONFUSED
 from hqpipe.machine import EFFECTS
 
 NORMAL = 1.959964  # half width of a 95 % interval over the deviation
