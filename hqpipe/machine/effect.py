@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 # What a bound or a start value is a multiple of; the numbers come from the fit trials.
-SECOND, COMMAND, EFFORT, VELOCITY, SLOWNESS, FLOW, DAMPING, STIFFNESS, ANGLE, NONE = (
+SECOND, COMMAND, EFFORT, VELOCITY, SLOWNESS, FLOW, DAMPING, STIFFNESS, ANGLE, TRAVEL, CURVE, NONE = (
     "second",
     "command",
     "effort",
@@ -18,6 +18,8 @@ SECOND, COMMAND, EFFORT, VELOCITY, SLOWNESS, FLOW, DAMPING, STIFFNESS, ANGLE, NO
     "damping",
     "stiffness",
     "angle",
+    "travel",
+    "curve",
     "none",
 )
 
@@ -29,7 +31,8 @@ class Search:
     Attributes:
         scale: what the others are multiples of: second, command (RMS of the position error), effort and velocity (RMS),
             slowness (one over the RMS of the machine's total speed), flow (that RMS), damping (effort over velocity), stiffness
-            (effort over travel), angle (standard deviation of the position) or none.
+            (effort over travel), angle (standard deviation of the position), travel (half of a usual stroke: 1 rad, and of a
+            joint that slides the range of its positions), curve (one over travel) or none.
         lower, upper: bounds.
         starts: where fits begin; several where an effect can be inactive over all data and then has no gradient.
         counts: False for a shape parameter: it cannot show by itself that the effect is there.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.effect import NONE, Block, Effect, Law, Parameter, Search, State
+from hqpipe.machine.effect import CURVE, NONE, TRAVEL, Block, Effect, Law, Parameter, Search, State
 
 LENGTH = 0.5  # rad: two equal chambers of 1 rad each, of a joint that turns by 2 rad; assumption
 LONGEST = 1.0  # rad: of a joint that turns by 4 rad, more than any leg's; assumption
@@ -90,8 +90,8 @@ EFFECT = Effect(
     name="position_dependent_stiffness",
     layer="actuator",
     parameters=(
-        Parameter("slope_per_rad", "1/rad", Search(NONE, -4.0, 4.0, (0.3, -0.3))),
-        Parameter("length_rad", "rad", Search(NONE, 0.1, LONGEST, (LENGTH,), counts=False), neutral=LENGTH),
+        Parameter("slope_per_rad", "1/rad", Search(CURVE, -4.0, 4.0, (0.3, -0.3))),
+        Parameter("length_rad", "rad", Search(TRAVEL, 0.1, LONGEST, (LENGTH,), counts=False), neutral=LENGTH),
         Parameter("strayed", "1", Search(NONE, -MOST_STRAYED, MOST_STRAYED, (0.0,), counts=False)),
     ),
     meaning="the gain changes with the position, as the oil volumes do",

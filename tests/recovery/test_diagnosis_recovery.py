@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from planted_effects import TYPICAL, logs_of
 
 from hqpipe.gap.diagnosis import diagnose
+from hqpipe.logs.joint_kinds import PRISMATIC
 
 SECONDS = 6.0
 
@@ -43,6 +46,23 @@ def test_friction_and_valve_limit_in_different_joints():
     assert named(content) == {("coulomb_friction", logs.joints[:1]), ("flow_saturation", logs.joints[1:2])}
     assert parameter(content, "coulomb_friction", "friction_nm") == pytest.approx(25.0, rel=0.1)
     assert parameter(content, "flow_saturation", "limit") == pytest.approx(0.06, rel=0.05)
+
+
+def test_the_chambers_of_a_short_slide_are_found_like_those_of_a_joint_that_turns():
+    """The same machine with cylinders that act on a slide instead of a lever of 5 cm."""
+    turning, lever = logs_of([size("position_dependent_stiffness")] * 2, seconds=SECONDS), 0.05
+
+    def slid(trial):
+        t = trial.trajectory
+        motion = {name: lever * getattr(t, name) for name in ("position", "velocity", "position_command")}
+        return replace(trial, trajectory=replace(t, effort=t.effort / lever, **motion))
+
+    kinds = dict.fromkeys(turning.joints, PRISMATIC)
+    content = diagnose(replace(turning, trials=tuple(map(slid, turning.trials)), kinds=kinds)).content
+    assert named(content) == {("position_dependent_stiffness", turning.joints)}
+    assert content["causes"][0]["parameters"]["slope_per_rad"]["unit"] == "1/m"
+    assert parameter(content, "position_dependent_stiffness", "slope_per_rad") == pytest.approx(1.5 / lever, rel=0.05)
+    assert parameter(content, "position_dependent_stiffness", "length_rad") == pytest.approx(0.45 * lever, rel=0.05)
 
 
 def test_sagging_supply_is_a_cause_of_the_machine():

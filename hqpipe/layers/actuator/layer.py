@@ -162,7 +162,8 @@ class Actuator:
 
     def _sizes(self, log_set: LogSet, j: int, draws: np.ndarray) -> Sizes:
         """Sizes that the numbers of joint `j` refer to; the noise is always that of the logs that are judged."""
-        own = sizes_of([t.trajectory for t in log_set.fit], j, draws)
+        slides = log_set.kinds.get(log_set.joints[j]) == PRISMATIC
+        own = sizes_of([t.trajectory for t in log_set.fit], j, draws, slides)
         if self.earlier is None:
             return own
         then, k = [t.trajectory for t in self.earlier.fit], self.earlier.joints.index(log_set.joints[j])
@@ -170,7 +171,7 @@ class Actuator:
             return own
         everywhere = np.ones(len(self.earlier.joints))
         everywhere[[self.earlier.joints.index(name) for name in log_set.joints]] = draws
-        return replace(sizes_of(then, k, everywhere), noise=own.noise)
+        return replace(sizes_of(then, k, everywhere, slides), noise=own.noise)
 
     def _neutral(self, joint: str, size: Sizes, step: float) -> np.ndarray:
         """(WIDTH,) a row of the loops without effects; step: s."""

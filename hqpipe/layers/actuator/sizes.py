@@ -12,6 +12,9 @@ from hqpipe.logs.end_stops import away_from_stops
 from hqpipe.logs.trajectory import Trajectory
 from hqpipe.machine import effect as scales
 
+TRAVEL = 1.0
+"""rad: half of the stroke of a joint that turns by 2 rad. A slide has any stroke, and its trials are taken to use half of it;
+assumptions."""
 LITTLE, AT_TIMES = 0.3, 0.1  # of the usual flow, and of the time; a sine is below that for 0.14 of it; assumptions
 
 
@@ -60,11 +63,11 @@ def at_rest(trials: Sequence[Trajectory], j: int) -> str | None:
     return None
 
 
-def sizes_of(trials: Sequence[Trajectory], j: int, draws: np.ndarray) -> Sizes:
+def sizes_of(trials: Sequence[Trajectory], j: int, draws: np.ndarray, slides: bool = False) -> Sizes:
     """Sizes of joint `j`, which is not `at_rest`, away from its end stops.
 
     Args:
-        draws: (J,) what the speed of each joint counts in the flow.
+        draws: (J,) what the speed of each joint counts in the flow. slides: whether the joint is known to slide.
     """
 
     def together(pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:
@@ -75,6 +78,7 @@ def sizes_of(trials: Sequence[Trajectory], j: int, draws: np.ndarray) -> Sizes:
     position = together(lambda t: t.position[:, j])
     drawn = np.concatenate([np.abs(t.velocity) @ draws for t in trials])
     flow, angle = _rms(drawn), float(np.std(position))
+    travel = float(np.ptp(position)) if slides else TRAVEL
     return Sizes(
         of={
             scales.SECOND: 1.0,
@@ -85,6 +89,8 @@ def sizes_of(trials: Sequence[Trajectory], j: int, draws: np.ndarray) -> Sizes:
             scales.SLOWNESS: 1.0 / flow,
             scales.FLOW: flow,
             scales.ANGLE: angle,
+            scales.TRAVEL: travel,
+            scales.CURVE: 1.0 / travel,
             scales.DAMPING: _rms(effort) / _rms(velocity),
             scales.STIFFNESS: _rms(effort) / angle,
         },
