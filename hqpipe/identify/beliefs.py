@@ -66,10 +66,10 @@ def _believed(search: Search, best: Known, name: str, tried: Collection[Names]) 
         tried: sets of which nothing else was worth keeping than what is compared here: no rivals any more.
     """
     smaller = search.without(best, name)
-    against, options, twins = {"": -search.gain(best, smaller, OVERSTATED if name in search.rare else 1.0)}, {}, set()
+    against, options, twins = {"": -search.gain(best, smaller, _overstated(search, name))}, {}, set()
     for option in (*search.rivals(smaller, name), *search.with_given_up(smaller)):
         other = next(iter(option.names - smaller.names))
-        against[other], options[other] = search.preference(option, best), option
+        against[other], options[other] = search.preference(option, best, _overstated(search, name, other)), option
         if _is_twin(search, option, best):
             twins.add(other)
     weights = {other: _odds(value) for other, value in against.items()}
@@ -101,7 +101,7 @@ def _is_twin(search: Search, option: Known, best: Known) -> bool:
     (other,), (name,) = option.names - best.names, best.names - option.names
     if search.effects[other].sizes != search.effects[name].sizes:
         return False
-    if search.telling(option, best) > np.log(CONFUSED):
+    if search.telling(option, best, _overstated(search, name, other)) > np.log(CONFUSED):
         return True
     without = search.left_out(search.without(best, name)) - search.left_out(best)
     if search.left_out(option) - search.left_out(best) > HALVED * without:
@@ -116,9 +116,17 @@ def _with_twins(search: Search, core: Known, name: str, belief: Belief) -> Belie
     for option in search.rivals(smaller, name):
         (other,) = option.names - smaller.names
         if search.effects[other].named and _is_twin(search, option, core):
-            odds = search.preference(option, core) - _said_by_others(search, other, name)
+            odds = search.preference(option, core, _overstated(search, name, other)) - _said_by_others(
+                search, other, name
+            )
             alike.setdefault(other, _odds(min(odds, 0.0)))
     return replace(belief, alike=tuple(alike), odds=tuple(alike.values()))
+
+
+def _overstated(search: Search, name: str, other: str = "") -> float:
+    """How many times more the errors seem to say than they do for a cause that few joints have, against nothing in its place or
+    what most joints have."""
+    return OVERSTATED if name in search.rare and (not other or other in search.shared) else 1.0
 
 
 def _said_by_others(search: Search, other: str, name: str) -> float:

@@ -86,6 +86,7 @@ def _searched(
         answers = with_shared_names(answers, lambda steps: pool.some("renamed", steps), given_up)
         for j, joint in pool.some("with_rare", _rare(answers)).items():
             answers[j] = joint
+        answers = with_shared_names(answers, lambda steps: pool.some("renamed", steps), given_up)
         answers = without_minor_causes(answers, lambda least: pool.some("without", least))
         rare = _names(models) - _shared(answers) if len(models) > 1 else frozenset()
         sets = [(frozenset(joint.kept.effects), frozenset(joint.base.effects), rare) for joint in answers]

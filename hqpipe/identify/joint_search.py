@@ -15,7 +15,7 @@ from hqpipe.identify.joint_moves import Step, Worths
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel
 from hqpipe.identify.prior import MOST_JOINTS
-from hqpipe.identify.rounds import searched
+from hqpipe.identify.rounds import searched, with_one_for_two
 from hqpipe.identify.search import Known, Names, Search
 from hqpipe.identify.set_numbers import set_numbers
 from hqpipe.identify.visible import least_visible
@@ -146,6 +146,7 @@ class JointSearch:
     def with_rare(self, rare: Names) -> JointFound:
         """The answer once more, with causes that most joints of the machine do not have, for which more has to speak."""
         self._search.rare = rare
+        self._known = with_one_for_two(self._search, self._known)
         return self.answered()
 
     def without(self, effect: str) -> JointFound:

@@ -3,10 +3,12 @@ of one; in a joint that has no others to learn from, nor the addition of two."""
 
 from __future__ import annotations
 
+from itertools import combinations
+
 from hqpipe.identify.misfit import misfit_noise
 from hqpipe.identify.screening import Known
 from hqpipe.identify.search import MOST_EFFECTS, Search
-from hqpipe.identify.thresholds import HALVED
+from hqpipe.identify.thresholds import HALVED, OVERSTATED
 
 _ROUNDS = 3  # assumption: what still changes then is a draw
 _FIRSTS = 2  # of the sets with one effect more, those that err least, to which a second one is added; assumption
@@ -63,6 +65,18 @@ def _two_for_one(search: Search, best: Known) -> Known | None:
             if search.preference(two, best) > 0.0:
                 return two
     return None
+
+
+def with_one_for_two(search: Search, best: Known) -> Known:
+    """The set with one effect in the place of two that few joints of the machine have, as long as the errors, which say too
+    much for these, do not refute it; among others with each of those that half of all joints have, as friction."""
+    for pair in combinations(sorted(best.names & search.rare), 2):
+        smaller = search.without(search.without(best, pair[0]), pair[1])
+        common = [name for name in search.addable(smaller.names) if search.effects[name].common and name not in pair]
+        for option in (*search.rivals(smaller, *pair), *(search.grown_by(smaller, name) for name in common)):
+            if search.preference(option, best, OVERSTATED) > 0.0:
+                return with_one_for_two(search, option)
+    return best
 
 
 def _with_two(search: Search, best: Known) -> Known:

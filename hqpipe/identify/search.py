@@ -191,14 +191,14 @@ class Search:
         odds = sum(self.odds[name] for name in sorted(more)) - self.price_of_settled(large, more)
         return log_bayes_factor(self.fitter, large.solution, large.covariance, small.solution, overstated) + odds
 
-    def preference(self, one: Known, other: Known) -> float:
-        """ln of the posterior odds of a set against another that is no part of it."""
-        return self.telling(one, other) + self._price(one) - self._price(other)
+    def preference(self, one: Known, other: Known, overstated: float = 1.0) -> float:
+        """ln of the posterior odds of a set against another that is no part of it; overstated: see `log_bayes_factor`."""
+        return self.telling(one, other, overstated) + self._price(one) - self._price(other)
 
-    def telling(self, one: Known, other: Known) -> float:
+    def telling(self, one: Known, other: Known, overstated: float = 1.0) -> float:
         """What the errors of two sets say for the first of them, ln; both are judged by those of the better."""
         better = min(one, other, key=lambda k: k.solution.square)
-        worth = 0.5 * self._counts(better) / better.covariance.noise
+        worth = 0.5 * self._counts(better) / (overstated * better.covariance.noise)
         return worth * (other.solution.square - one.solution.square)
 
     def _counts(self, known: Known) -> float:
@@ -315,21 +315,22 @@ class Search:
         and of those that more joints of the machine have than not."""
         needed = smaller.solution.square - self.known[smaller.names | {name}].solution.square
         ranked = self.screening.screened(smaller, self._others(smaller, name))[:_REPLACED]
-        return self._with_one_of(smaller, name, [other for gain, other in ranked if gain >= _PROMISED * needed])
+        return self._with_one_of(smaller, [other for gain, other in ranked if gain >= _PROMISED * needed], name)
 
-    def rivals(self, smaller: Known, name: str) -> list[Known]:
-        """A set with each of the effects that can do most of what one does that was taken out, and of those that more joints of
-        the machine have than not. What the rest of the error promises says nothing of a rival."""
-        ranked = self.screening.in_place(smaller, self._others(smaller, name), self.known[smaller.names | {name}])
-        return self._with_one_of(smaller, name, [other for share, other in ranked[:_REPLACED] if share >= _PROMISED])
+    def rivals(self, smaller: Known, *names: str) -> list[Known]:
+        """A set with each of the effects that can do most of what those do that were taken out, and of those that more joints
+        of the machine have than not. What the rest of the error promises says nothing of a rival."""
+        ranked = self.screening.in_place(smaller, self._others(smaller, *names), self.known[smaller.names.union(names)])
+        likely = [other for share, other in ranked[:_REPLACED] if share >= _PROMISED]
+        return self._with_one_of(smaller, likely, *names)
 
-    def _others(self, smaller: Known, name: str) -> list[str]:
-        """Effects that may join a set, without the one that was taken out of it."""
-        return [other for other in self.addable(smaller.names) if other != name]
+    def _others(self, smaller: Known, *names: str) -> list[str]:
+        """Effects that may join a set, without those that were taken out of it."""
+        return [other for other in self.addable(smaller.names) if other not in names]
 
-    def _with_one_of(self, smaller: Known, name: str, likely: Sequence[str]) -> list[Known]:
-        """A set with each of some effects, and of those that more joints have than not, in the place of another."""
-        usual = [other for other in self._others(smaller, name) if self.odds[other] > 0.0 and other not in likely]
+    def _with_one_of(self, smaller: Known, likely: Sequence[str], *names: str) -> list[Known]:
+        """A set with each of some effects, and of those that more joints have than not, in the place of others."""
+        usual = [other for other in self._others(smaller, *names) if self.odds[other] > 0.0 and other not in likely]
         return [self.grown_by(smaller, other) for other in (*likely, *usual)]
 
     def with_given_up(self, smaller: Known) -> list[Known]:

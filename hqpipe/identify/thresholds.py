@@ -53,9 +53,10 @@ large in these trials as in the others."""
 
 OVERSTATED: Final = 10.0
 """How many times more the errors of a joint seem to say for an effect that most joints of the machine do not have, against
-nothing in its place, than they do. They are judged by how they scatter, but what a law leaves out is a function of more than
-position and speed, and in one joint of a dozen some effect describes most of it. Seen in mixtures of effects that were set
-aside for this: such stand-ins, for which ln B was 14 to 45. The cost: what few joints have, and show so faintly."""
+nothing or a cause of most joints in its place, than they do. They are judged by how they scatter, but what a law leaves out is
+a function of more than position and speed, and in one joint of a dozen some effect describes most of it. Seen in mixtures of
+effects that were set aside for this: such stand-ins, for which ln B was 14 to 45. The cost: what few joints have, and show so
+faintly."""
 
 CONFUSED: Final = 0.05
 """Probability of a set with another effect instead, from which both are said to be alike. The cost: a less probable one is not

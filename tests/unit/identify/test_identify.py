@@ -18,7 +18,7 @@ from hqpipe.identify.joint_moves import Step
 from hqpipe.identify.joint_search import JointSearch
 from hqpipe.identify.model import Effect, LayerJoints, Parameter
 from hqpipe.identify.prior import prior_odds
-from hqpipe.identify.rounds import searched
+from hqpipe.identify.rounds import searched, with_one_for_two
 from hqpipe.identify.search import Search
 from hqpipe.identify.uncertain_effects import certainty, without_uncertain
 from hqpipe.identify.worth_keeping import _likelier
@@ -497,3 +497,56 @@ def test_what_few_joints_have_must_show_more_than_what_most_have():
     assert named(0.12, 0.0, 0.0, 0.0) == [False] * 4
     assert named(0.4, 0.0, 0.0, 0.0) == [True, False, False, False]
     assert named(0.12, 0.12, 0.12, 0.12) == [True] * 4
+
+
+def test_what_most_joints_have_needs_less_to_stand_in_the_place_of_what_few_have():
+    """In one joint a spring that bends describes more of what no law says; by itself it would be certain there."""
+
+    def joint(j, bent):
+        model = ToyJoint(str(j), {"spring": 1.0}, noise=0.3, seed=3 + j)
+        whole, spring = model.error, len(model.base) + 2
+
+        def bend(heldout):
+            return 0.03 * np.sin(13.0 * (model.heldout if heldout else model.fit).position)
+
+        model.effects = (
+            *(e for e in model.effects if e.named),
+            Effect("belt", (Parameter("stiffness", "N·m/rad", 0.0, 0.5),)),
+        )
+
+        def error(values, heldout=False):
+            stiffness, belt = values[spring], values[-1]
+            straight = whole(np.array([*values[:spring], stiffness + belt, 0.0, 0.0]), heldout)
+            return straight + (belt - bent) * bend(heldout)
+
+        model.error = error
+        return model
+
+    alone = _found(joint(4, 1.0))[0].causes[0]
+    assert (alone.effect, alone.confused_with) == ("belt", ())
+    machine = [found.causes[0] for found in _found(*(joint(j, float(j == 4)) for j in range(5)))]
+    assert [cause.effect for cause in machine] == ["spring"] * 5
+    assert machine[4].confused_with == ("belt",)
+
+
+def test_two_effects_of_few_joints_give_way_to_one_that_does_nearly_the_same():
+    """A spring that no law says exactly is described a little better by one for each side."""
+    model = ToyJoint(noise=0.2, seed=3)
+    whole, spring = model.error, len(model.base) + 2
+    sides = tuple(Effect(name, (Parameter("stiffness", "N·m/rad", 0.0, 0.5),)) for name in ("upper", "lower"))
+    model.effects = (*(e for e in model.effects if e.named), *sides)
+
+    def error(values, heldout=False):
+        q = (model.heldout if heldout else model.fit).position
+        upper, lower = np.where(q > 0.0, 1.05 * q, 0.0), np.where(q > 0.0, 0.0, 0.95 * q)
+        found = whole(np.array([*values[:spring], values[spring], 0.0, 0.0]), heldout)
+        return found + (values[-2] - 1.0) * upper + (values[-1] - 1.0) * lower
+
+    model.error = error
+    search = Search(model, prior_odds(model, {}, 0))
+    both = search.grown_along(["upper", "lower"])
+    one = search.grown_by(search.base, "spring")
+    assert both.names == {"upper", "lower"} and 5.0 < search.preference(both, one) < 50.0
+    assert with_one_for_two(search, both) is both
+    search.rare = frozenset(both.names)
+    assert with_one_for_two(search, both).names == {"spring"}
