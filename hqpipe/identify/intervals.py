@@ -113,12 +113,15 @@ def _scaled(covariance: np.ndarray, factor: np.ndarray) -> np.ndarray:
 
 
 def _share(search: Search, known: Known, larger: Known) -> float:
-    """How much of an effect more counts: as much of it as is no larger than the error that it is to explain.
+    """How much of an effect more counts: all of one with a name, for what closes too little to be told may be there all the
+    same; of a generic shape as much as is no larger than the error that it is to explain.
 
-    An effect beyond that does not correct the law but divides it in another way, as a curve that takes the place of a straight
+    A shape beyond that does not correct the law but divides it in another way, as a curve that takes the place of a straight
     line and its slope.
     """
     values, (added,) = known.solution.values.copy(), larger.names - known.names
+    if search.effects[added].named:
+        return 1.0
     place = search.screening.places(added)
     values[place] = larger.solution.values[place]
     change = search.fitter.error(values) - known.solution.error

@@ -9,6 +9,7 @@ from identify.toy_joint import ToyJoint
 from hqpipe.identify.beside import rank_beside
 from hqpipe.identify.change import _joined
 from hqpipe.identify.intervals import _between, half_widths
+from hqpipe.identify.model import Effect, Parameter
 from hqpipe.identify.prior import prior_odds
 from hqpipe.identify.search import Search
 
@@ -69,6 +70,23 @@ def test_a_law_that_is_wrong_makes_a_number_less_certain(unknown):
     half, value = _half(ToyJoint(truth={"coulomb_friction": 0.3, unknown: 0.3}, noise=0.02, seed=4))
     assert abs(value - 0.3) < half
     assert half > 2.0 * _half(ToyJoint(truth={"coulomb_friction": 0.3}, noise=0.02, seed=4))[0]
+
+
+def test_a_number_that_holds_what_another_effect_does_is_as_uncertain_as_that_makes_it():
+    """Of two effects that do nearly the same, as a delay and a lag, an answer may name one with what both do together."""
+    model = ToyJoint(truth={"viscous_friction": 0.4, "spring": 0.03}, noise=0.02, seed=4)
+    whole = model.error
+    seal = Effect("seal", (Parameter("nm_s_per_rad", "N·m·s/rad", 0.0, 0.5),))
+    model.effects = (*(effect for effect in model.effects if effect.name != "spring"), seal)
+
+    def error(values, heldout=False):
+        part = model.heldout if heldout else model.fit
+        return whole(np.insert(values[:-1], 4, 0.0), heldout) + values[-1] * (part.velocity + 0.1 * part.position)
+
+    model.error = error
+    half, value = _half(model, "viscous_friction")
+    assert value == pytest.approx(0.4, abs=0.01)
+    assert value - half < 0.1, "the seal has 0.3 of it, and the spring of the truth with that"
 
 
 def test_a_prediction_that_overflows_is_not_known_at_all():
