@@ -88,7 +88,15 @@ def test_a_fit_step_moves_the_prediction_by_its_slope():
 
 
 def test_the_scales_of_the_search_are_units_of_the_numbers():
-    of = {scales.SECOND: "s", scales.EFFORT: "N·m", scales.VELOCITY: "rad/s", scales.ANGLE: "rad", scales.FLOW: "rad/s"}
+    of = {
+        scales.SECOND: "s",
+        scales.EFFORT: "N·m",
+        scales.VELOCITY: "rad/s",
+        scales.ANGLE: "rad",
+        scales.TRAVEL: "rad",
+        scales.CURVE: "1/rad",
+        scales.FLOW: "rad/s",
+    }
     for effect in EFFECTS.values():
         for parameter in effect.parameters:
             if parameter.search.scale in of:

@@ -64,7 +64,22 @@ SUFFIXES = {
     "_nm": "N·m",
     "_s": "s",
 }
-SCALES = {"second", "command", "effort", "velocity", "damping", "stiffness", "angle", "none", "slowness", "flow"}
+SCALES = {
+    *(
+        "second",
+        "command",
+        "effort",
+        "velocity",
+        "slowness",
+        "flow",
+        "damping",
+        "stiffness",
+        "angle",
+        "travel",
+        "curve",
+    ),
+    "none",
+}
 
 
 def test_names_are_those_of_the_specification():
