@@ -116,9 +116,8 @@ def _with_twins(search: Search, core: Known, name: str, belief: Belief) -> Belie
     for option in search.rivals(smaller, name):
         (other,) = option.names - smaller.names
         if search.effects[other].named and _is_twin(search, option, core):
-            odds = search.preference(option, core, _overstated(search, name, other)) - _said_by_others(
-                search, other, name
-            )
+            odds = search.preference(option, core, _overstated(search, name, other))
+            odds -= _said_by_others(search, other, name)
             alike.setdefault(other, _odds(min(odds, 0.0)))
     return replace(belief, alike=tuple(alike), odds=tuple(alike.values()))
 

@@ -1,7 +1,8 @@
 """The dozen numbers that decide which effects are causes; what follows from one of them stands below it.
 
 Each is an assumption about what a simulator or a report needs, but for `OVERSTATED`. What a fit or a search needs to end stands
-where it is used: it decides how long a computation takes, and no name.
+where it is used: it decides how long a computation takes, and no name. Majorities, of joints or of probability, and the least
+and the greatest length of a stretch of time (`stretches.py`) stand where they are used, too, though names hang on them.
 """
 
 from __future__ import annotations

@@ -64,22 +64,6 @@ SUFFIXES = {
     "_nm": "N·m",
     "_s": "s",
 }
-SCALES = {
-    *(
-        "second",
-        "command",
-        "effort",
-        "velocity",
-        "slowness",
-        "flow",
-        "damping",
-        "stiffness",
-        "angle",
-        "travel",
-        "curve",
-    ),
-    "none",
-}
 
 
 def test_names_are_those_of_the_specification():
@@ -107,7 +91,6 @@ def test_parameters_have_units_bounds_and_starts(name):
         expected = next((unit for suffix, unit in SUFFIXES.items() if p.name.endswith(suffix)), None)
         assert p.unit == (expected or p.unit) and p.unit
         s = p.search
-        assert s.scale in SCALES
         assert s.lower < s.upper and s.starts
         assert all(s.lower <= start <= s.upper for start in s.starts)
         if s.counts and name != "torque_scale":
