@@ -177,9 +177,7 @@ def _left(past: np.ndarray, present: np.ndarray, target: np.ndarray) -> np.ndarr
 def _above_noise(trials: Sequence[Trajectory], windows: Sequence[float]) -> float | None:
     """The shortest window over which most joints' outputs change by more than their noise; None if none does."""
     outputs = [t.effort for t in trials]
-    noise = np.array(
-        [np.sqrt(np.mean([difference_noise(y[:, j]) ** 2 for y in outputs])) for j in range(outputs[0].shape[1])]
-    )
+    noise = np.array([difference_noise([y[:, j] for y in outputs]) for j in range(outputs[0].shape[1])])
     for window in windows:
         steps = [round(part * window / trials[0].dt) for part in (0.25, 0.5, 0.75, 1.0)]
         changes = [y[step:] - y[:-step] for y in outputs for step in steps if 0 < step < len(y)]

@@ -107,7 +107,7 @@ def _pushed(trials: Sequence[Trajectory], j: int) -> list[TravelEnd]:
         beyond = t.effort_command[:, j] - numbers[0] - numbers[1] * t.position[:, j]
         stretches.append(Stretch(t.position[:, j], np.where(np.abs(beyond) > holds, beyond, 0.0)))
     usual = float(np.sqrt(np.mean(speed[moving] ** 2)))
-    noise = float(np.median([difference_noise(t.position[:, j]) for t in trials]))
+    noise = difference_noise([t.position[:, j] for t in trials])
     return held_ends(stretches, float(np.median([t.dt for t in trials])), usual, noise)
 
 

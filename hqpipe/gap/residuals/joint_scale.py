@@ -31,7 +31,7 @@ def joint_scale(outputs: Sequence[np.ndarray]) -> float:
         noise its size, and infinity for one that is zero: nothing is told by errors of such a joint.
     """
     values = np.concatenate(outputs)
-    noise = float(np.sqrt(np.mean([difference_noise(output) ** 2 for output in outputs])))
+    noise = difference_noise(outputs)
     size = float(np.sqrt(np.mean(values**2)))
     scale = max(float(values.std()), MIN_EXCITATION * noise)
     if scale > _NOTHING * size:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hqpipe.identify.noise import sensor_noise
 from hqpipe.logs.end_stops import away_from_stops
+from hqpipe.logs.survey.signal import difference_noise
 from hqpipe.logs.trajectory import Trajectory
 from hqpipe.machine import effect as scales
 
@@ -97,7 +97,7 @@ def sizes_of(trials: Sequence[Trajectory], j: int, draws: np.ndarray, slides: bo
         most_effort=float(np.abs(effort).max()),
         widest=float(np.abs(error).max()),
         middle=float(position.mean()),
-        noise=sensor_noise([t.effort[:, j] for t in trials]),
+        noise=difference_noise([t.effort[:, j] for t in trials]),
         pauses=bool(np.mean(drawn < LITTLE * flow) >= AT_TIMES),
     )
 

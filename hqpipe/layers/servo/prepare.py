@@ -11,12 +11,11 @@ from hqpipe.layers.servo.scale import Scale, duty_of, scale_of
 from hqpipe.layers.servo.tracks import Tracks, response_time, smoothing, tracks_of
 from hqpipe.logs.columns import joint_column
 from hqpipe.logs.survey.end_stop import EndStop
-from hqpipe.logs.survey.signal import noise, resolution
+from hqpipe.logs.survey.signal import difference_noise
 from hqpipe.logs.trajectory import LogSet, Trial
 
 _MOVES = 20.0  # steps of the sensor, or standard deviations of its noise, that the travel must have; assumption
 _TOO_SHORT = "no fit trial is long enough"
-_CALM = 20  # samples over which third differences are averaged; assumption
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +54,7 @@ def prepare(log_set: LogSet, joint: str, stops: list[EndStop], window_s: float |
     fit = [trial.trajectory for trial in trials if trial.split == "fit"]
     q = np.concatenate([t.position[:, t.joint(joint)] for t in fit])
     travel = float(np.ptp(q))
-    sensor = _sensor_noise(trials, joint)
+    sensor = difference_noise([t.trajectory.position[:, t.trajectory.joint(joint)] for t in trials])
     if travel <= _MOVES * max(sensor, 1e-12 * float(np.abs(q).max())):
         return f"it moves by {travel:.2g} only"
     scale = scale_of(trials, joint, log_set.kinds.get(joint))
@@ -100,21 +99,3 @@ def _tracks(
             long[trial.split].append(i)
     fit, held = (tracks_of([trials[i] for i in part], part, joint, scale, stops, travel) for part in long.values())
     return (long["fit"], long["heldout"]), (fit, held)
-
-
-def _sensor_noise(trials: list[Trial], joint: str) -> float:
-    """Standard deviation of the noise of the position sensor: white noise, or that of its steps (uniform, step / √12).
-
-    Positions that were brought to another clock have lost their steps. Then it is what third differences of the calmest tenth
-    of the samples hold, of which white noise has 20 times its variance.
-    """
-    found = []
-    for trial in trials:
-        q = trial.trajectory.position[:, trial.trajectory.joint(joint)]
-        step = resolution(q)
-        sigma = max(noise(q, step) or 0.0, (step or 0.0) / np.sqrt(12.0))
-        if sigma == 0.0 and len(q) > _CALM:
-            calm = np.lib.stride_tricks.sliding_window_view(np.diff(q, 3) ** 2, _CALM).mean(axis=1)
-            sigma = float(np.sqrt(np.quantile(calm, 0.1) / 20.0))
-        found.append(sigma)
-    return float(np.median(found))

@@ -6,24 +6,18 @@ import numpy as np
 
 from hqpipe.layers.valve.masks import runs
 from hqpipe.layers.valve.record import Record, Scales
-from hqpipe.logs.survey.signal import noise, resolution
+from hqpipe.logs.survey.signal import difference_noise, resolution
 
 REST_S = 0.5  # of a rest that tells a sensor's noise; assumption: longer than the joint takes to stop
 LEFT_ALONE = 0.02  # of the command's largest distance from rest; assumption
 FEWEST = 10  # samples of a rest; assumption
-PIECE, QUIET = (
-    20,
-    0.25,
-)  # samples of a piece; quantile of the pieces that is taken for free of changes of speed; assumption
-THIRD = 20.0  # variance of the third difference of white noise of variance 1: 1 + 9 + 9 + 1
 
 
 def sensor_noise(values: np.ndarray, record: Record, scales: Scales) -> float:
     """Standard deviation of the noise of a sensor of the joint, its quantisation included.
 
-    The scatter about a straight line while the joint is left alone, where there are such rests; else the white noise under
-    the motion, and where it is not white the scatter of third differences in the quietest pieces of the logs. At least
-    that of rounding to the sensor's step: √(1/12) of it (Bennett 1948).
+    The scatter about a straight line while the joint is left alone, where there are such rests; else what differences leave
+    of it in the calmest parts of the logs. At least that of rounding to the sensor's step: √(1/12) of it (Bennett 1948).
 
     Args:
         values: (N,) of the position or the velocity.
@@ -41,19 +35,8 @@ def sensor_noise(values: np.ndarray, record: Record, scales: Scales) -> float:
             scatter.append(float(np.sqrt(rest @ rest / (len(part) - 2))))
     if scatter:
         return max(float(np.median(scatter)), rounding)
-    white = noise(values, step)
-    if white is not None:
-        return max(white, rounding)
-    third = np.concatenate(
-        [
-            np.diff(values[first : last + 1], 3)[: (last - first - 2) // PIECE * PIECE]
-            for first, last in zip(record.first, record.last, strict=True)
-            if last - first - 2 >= PIECE
-        ]
-        or [np.zeros(PIECE)]
-    )
-    squares = np.mean(third.reshape(-1, PIECE) ** 2, axis=1) / THIRD
-    return max(float(np.sqrt(np.quantile(squares, QUIET))), rounding)
+    stretches = [values[first : last + 1] for first, last in zip(record.first, record.last, strict=True)]
+    return max(difference_noise(stretches), rounding)
 
 
 def kept(values: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import comb
 
 import numpy as np
@@ -19,7 +20,10 @@ _REST = 50  # samples; a longer run of one value is a rest
 _SINGLE_SHARE = 0.3  # of the runs; with more runs of one sample the value is not held; assumption
 _JUMP = 3.0  # steps of the sensor; smaller changes are those of a slow signal
 
-_BLOCK = 100  # samples; the median over blocks sets impacts apart from noise
+_PIECE = 30  # samples; assumption: long enough to tell a variance to a third, short enough to lie between two motions
+_CALMEST = (
+    0.1  # of the pieces, as of a log in which the machine rests, or moves slowly, a tenth of the time; assumption
+)
 _ORDERS = range(1, 9)  # of differences
 
 
@@ -79,16 +83,44 @@ def held(values: np.ndarray, step: float | None) -> int | None:
     return length if length > 1 and (step is None or jump >= _JUMP * step) else None
 
 
-def difference_noise(signal: np.ndarray) -> float:
-    """Noise of a (T,) signal; the difference of order n of white noise has the variance σ² · C(2n, n)."""
-    orders = [n for n in _ORDERS if len(signal) > 2 * n]
-    return min(block_rms(np.diff(signal, n)) / comb(2 * n, n) ** 0.5 for n in orders)
+def difference_noise(signals: Sequence[np.ndarray]) -> float:
+    """Standard deviation of the noise of a sensor, from what differences leave of its signals.
+
+    The difference of order n of white noise has the variance σ² · C(2n, n), and of smooth motion little is left. Where a log is
+    slow, or motion rough, that holds for the calmest pieces only: so the calmest tenth of them tells, with what the least of
+    so many pieces of white noise would show (minimum statistics, Martin 2001), and the order that leaves least; or `noise`
+    of the signals that show some, if that is less. At least the rounding to the sensor's step: √(1/12) of it (Bennett 1948).
+
+    Args:
+        signals: (T,) each, of one sensor without a gap in time.
+    """
+    steps = [resolution(signal) for signal in signals]
+    known = [step for step in steps if step is not None]
+    rounding = float(np.median(known)) / np.sqrt(12.0) if known else 0.0
+    own = [noise(signal, step) for signal, step in zip(signals, steps, strict=True)]
+    white = [sigma for sigma in own if sigma is not None]
+    orders = [order for order in _ORDERS if any(len(signal) > 2 * order for signal in signals)]
+    found = [_calm_rms(signals, order) for order in orders] + ([float(np.median(white))] if white else [])
+    return max(min(found, default=0.0), rounding)
 
 
-def block_rms(values: np.ndarray) -> float:
-    """Of the median block; one in which a coarse sensor shows no change at all says nothing of its noise."""
-    size = min(_BLOCK, len(values))
-    blocks = values[: len(values) // size * size].reshape(-1, size)
-    squares = np.mean(blocks**2, axis=1)
-    changing = squares[squares > 0.0]
-    return float(np.sqrt(np.median(changing))) if len(changing) else 0.0
+def _calm_rms(signals: Sequence[np.ndarray], order: int) -> float:
+    """Standard deviation of white noise with such differences in the calmest pieces; 0 where nothing ever changes."""
+    from scipy.special import chdtri
+
+    pieces = []
+    for signal in signals:
+        difference = np.diff(signal, order)
+        size = min(_PIECE, max(len(difference), 1))
+        pieces.append(np.mean(difference[: len(difference) // size * size].reshape(-1, size) ** 2, axis=1))
+    squares = np.concatenate(pieces)
+    squares = squares[
+        squares > 0.0
+    ]  # a piece in which a coarse sensor shows no change at all says nothing of its noise
+    if not len(squares):
+        return 0.0
+    whole = comb(2 * order, order)
+    alike = sum((comb(2 * order, order + lag) / whole) ** 2 for lag in range(-order, order + 1))
+    freedom = _PIECE / alike  # independent ones among the differences of a piece
+    expected = float(chdtri(freedom, 1.0 - _CALMEST)) / freedom
+    return float(np.sqrt(np.quantile(squares, _CALMEST) / expected / whole))

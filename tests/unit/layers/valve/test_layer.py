@@ -88,7 +88,7 @@ def test_the_noise_of_a_measured_velocity(logs):
         )
         for t in logs.trials
     )
-    assert the_joint(replace(logs, trials=trials)).noise[0] == pytest.approx(3e-3, rel=0.25)
+    assert the_joint(replace(logs, trials=trials)).noise[0] == pytest.approx(3e-3, rel=0.3)  # the cylinder hardly rests
 
 
 def test_an_encoder_brought_to_another_clock_keeps_its_step():
