@@ -1,13 +1,16 @@
-"""95 % intervals of the numbers of a fit, from three sources of error.
+"""95 % intervals of the numbers of a fit, from four sources of error.
 
 - Within trials: the scatter of correlated errors, see `hqpipe.identify.uncertainty`.
 - Between trials: what differs from one trial to the next, as oil temperature or a law that is wrong in another way at another
   motion, is one observation a trial. Leaving out one trial at a time (the jackknife of Quenouille and Tukey) shows it; with few
   trials its Student factor is large.
-- The law: how far the number moves if one more effect or generic shape is let in, weighed with its probability (Bayesian
-  model averaging, Hoeting et al. 1999). What closes too little to be a cause is still a way in which the law is wrong.
+- The law, in ways that have a name or a shape: how far the number moves if one more effect or generic shape is let in, weighed
+  with its probability (Bayesian model averaging, Hoeting et al. 1999). What closes too little to be a cause is still a way in
+  which the law is wrong.
+- The law, in unknown ways: what is left above the noise is a part of the law that is missing, and the fit has taken up as much
+  of it as looks like the numbers (Brynjarsdóttir and O'Hagan 2014).
 
-The first two have a Student factor each, the third that of a normal distribution. The half widths add up in squares, as those
+The first two have a Student factor each, the others that of a normal distribution. The half widths add up in squares, as those
 of independent errors do, and so do the covariances behind them.
 """
 
@@ -21,11 +24,13 @@ from scipy.stats import norm
 from hqpipe.identify.beside import sets_beside
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.least_squares import Fitter, lengths
+from hqpipe.identify.model import STATES
 from hqpipe.identify.normal_equations import NormalEquations
 from hqpipe.identify.sampling import blocks
 from hqpipe.identify.search import Known, Search
 from hqpipe.identify.thresholds import BLOCK
 from hqpipe.identify.uncertainty import LEVEL, student, uncertainty
+from hqpipe.identify.worth_keeping import floor_of
 
 _NORMAL = float(norm.ppf(0.5 + LEVEL / 2.0))  # half width of a 95 % interval over the deviation
 _FAR = 50.0  # ln of odds beyond which nothing changes
@@ -57,7 +62,8 @@ def normal_covariance(search: Search, known: Known, fitted_only: bool = False) -
         fitted_only: see `sets_beside`.
     """
     beside = sets_beside(search, known, fitted_only)
-    return _within(search.fitter, known) + _between(search.fitter, known) + _law(search, known, beside)
+    errors = _within(search.fitter, known) + _between(search.fitter, known)
+    return errors + _law(search, known, beside) + _unknown_law(search, known)
 
 
 def _within(fitter: Fitter, known: Known) -> np.ndarray:
@@ -105,6 +111,17 @@ def _law(search: Search, known: Known, beside: Sequence[Known]) -> np.ndarray:
         move = _share(search, known, larger) * (larger.solution.values - values)[free]
         covariance += probability * np.outer(move, move)
     return covariance
+
+
+def _unknown_law(search: Search, known: Known) -> np.ndarray:
+    """(F, F) from a function of the joint's state that no effect or shape describes.
+
+    It is taken to be as large as what is left above the noise, and to differ from one of the `STATES` cells to the next. Of
+    such a function one part in `STATES` points along any one direction, so that a number takes up that much of it. Errors show
+    nothing of this part, and more data do not make it smaller.
+    """
+    left = max(known.solution.square - floor_of(search), 0.0)
+    return left / STATES * known.covariance.naive / known.covariance.noise
 
 
 def _scaled(covariance: np.ndarray, factor: np.ndarray) -> np.ndarray:
