@@ -94,14 +94,11 @@ def difference_noise(signals: Sequence[np.ndarray]) -> float:
     Args:
         signals: (T,) each, of one sensor without a gap in time.
     """
-    steps = [resolution(signal) for signal in signals]
-    known = [step for step in steps if step is not None]
-    rounding = float(np.median(known)) / np.sqrt(12.0) if known else 0.0
-    own = [noise(signal, step) for signal, step in zip(signals, steps, strict=True)]
-    white = [sigma for sigma in own if sigma is not None]
+    step = resolution(np.concatenate([np.zeros(0), *signals]))
+    white = [sigma for signal in signals if (sigma := noise(signal, step)) is not None]
     orders = [order for order in _ORDERS if any(len(signal) > 2 * order for signal in signals)]
     found = [_calm_rms(signals, order) for order in orders] + ([float(np.median(white))] if white else [])
-    return max(min(found, default=0.0), rounding)
+    return max(min(found, default=0.0), (step or 0.0) / np.sqrt(12.0))
 
 
 def _calm_rms(signals: Sequence[np.ndarray], order: int) -> float:

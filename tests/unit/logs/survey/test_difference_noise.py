@@ -48,10 +48,12 @@ def test_slow_motion_of_a_coarse_sensor_shows_its_rounding():
     step = 0.5
     signal = np.round(9.0 * np.sin(0.7 * time) / step) * step
     assert difference_noise([signal]) == pytest.approx(step / np.sqrt(12.0), rel=0.1)
+    assert difference_noise(np.split(signal, 500)) == pytest.approx(step / np.sqrt(12.0), rel=0.1), "in short stretches"
 
 
 def test_a_constant_shows_no_noise():
     assert difference_noise([np.full(300, 2.5), np.zeros(0)]) == 0.0
+    assert difference_noise([]) == 0.0
 
 
 def test_a_few_samples_are_judged_by_the_differences_that_they_have():
