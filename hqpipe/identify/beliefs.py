@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hqpipe.identify.misfit import floor_of
 from hqpipe.identify.search import Known, Names, Search
 from hqpipe.identify.thresholds import CONFUSED, HALVED, OVERSTATED
-from hqpipe.identify.worth_keeping import causes_of, floor_of, with_small, worth_keeping
+from hqpipe.identify.worth_keeping import causes_of, with_small, worth_keeping
 
 BELIEVED = 0.5  # probability from which an effect, or one of those that are like it, is more likely there than not
 
@@ -106,7 +107,7 @@ def _is_twin(search: Search, option: Known, best: Known) -> bool:
     without = search.left_out(search.without(best, name)) - search.left_out(best)
     if search.left_out(option) - search.left_out(best) > HALVED * without:
         return False
-    left, of_option = (max(search.left_out(known) - floor_of(search), 0.0) for known in (best, option))
+    left, of_option = (max(search.left_out(known) - floor_of(search.model), 0.0) for known in (best, option))
     return left > HALVED * of_option
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hqpipe.identify.misfit import misfit, misfit_noise
+from hqpipe.identify.misfit import floor_of, misfit
 from hqpipe.identify.search import Known, Search
 from hqpipe.identify.thresholds import BORNE_OUT, LEAST_SHARE
 from hqpipe.identify.worth_keeping import causes_of, is_admitted
@@ -20,9 +20,8 @@ def confirmed(search: Search, known: Known, base: Known) -> Known:
     """
     if not len(search.model.heldout.trial):
         return known
-    floor = len(search.model.heldout.trial) * misfit_noise(search.model)[1] ** 2
     without_any = heldout_square(search, base)
-    least = LEAST_SHARE * max(without_any - floor, 0.0)
+    least = LEAST_SHARE * max(without_any - floor_of(search.model, True), 0.0)
     while causes := causes_of(search, known, base):
         closes, shown = {}, {}
         known, smaller = search.taken_apart(known, causes)

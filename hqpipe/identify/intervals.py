@@ -24,13 +24,13 @@ from scipy.stats import norm
 from hqpipe.identify.beside import sets_beside
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.least_squares import Fitter, lengths
+from hqpipe.identify.misfit import floor_of
 from hqpipe.identify.model import STATES
 from hqpipe.identify.normal_equations import NormalEquations
 from hqpipe.identify.sampling import blocks
 from hqpipe.identify.search import Known, Search
 from hqpipe.identify.thresholds import BLOCK
 from hqpipe.identify.uncertainty import LEVEL, student, uncertainty
-from hqpipe.identify.worth_keeping import floor_of
 
 _NORMAL = float(norm.ppf(0.5 + LEVEL / 2.0))  # half width of a 95 % interval over the deviation
 _FAR = 50.0  # ln of odds beyond which nothing changes
@@ -120,7 +120,7 @@ def _unknown_law(search: Search, known: Known) -> np.ndarray:
     such a function one part in `STATES` points along any one direction, so that a number takes up that much of it. Errors show
     nothing of this part, and more data do not make it smaller.
     """
-    left = max(known.solution.square - floor_of(search), 0.0)
+    left = max(known.solution.square - floor_of(search.model), 0.0)
     return left / STATES * known.covariance.naive / known.covariance.noise
 
 

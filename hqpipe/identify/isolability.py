@@ -15,11 +15,10 @@ import numpy as np
 from hqpipe.identify.alike import alike_effects
 from hqpipe.identify.correlation import correlation_time
 from hqpipe.identify.effect_secants import ROUNDING, EffectSecants, Secant, least_size, secant_of_size
-from hqpipe.identify.misfit import misfit_noise
+from hqpipe.identify.misfit import floor_of, misfit_noise
 from hqpipe.identify.search import Search
 from hqpipe.identify.thresholds import LEAST_SHARE
 from hqpipe.identify.visible import UNUSUAL, least_of, least_square
-from hqpipe.identify.worth_keeping import floor_of
 
 _CLEAR = 2.0  # times the size from which an effect shows: there it is clear of the noise; assumption
 
@@ -54,7 +53,7 @@ def isolability(search: Search) -> dict[str, Isolability]:
     base, model = search.base, search.model
     if not np.isfinite(base.solution.square):
         return {}
-    floor, left = floor_of(search), search.left_out(base)
+    floor, left = floor_of(model), search.left_out(base)
     rounding = max(ROUNDING * base.solution.square, np.finfo(float).tiny)
     time, above = correlation_time(base.solution.error, model.fit), max(left - floor, 0.0)
     names = [name for name in search.addable(base.names) if search.effects[name].named]

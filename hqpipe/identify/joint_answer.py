@@ -14,10 +14,11 @@ from hqpipe.identify.effect_band import effect_band
 from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
 from hqpipe.identify.intervals import half_widths
 from hqpipe.identify.left_out import left_out_error
+from hqpipe.identify.misfit import floor_of
 from hqpipe.identify.search import Known, Names, Search
 from hqpipe.identify.thresholds import LEAST_GAIN
 from hqpipe.identify.uncertain_effects import certainty, replaces, without_uncertain
-from hqpipe.identify.worth_keeping import causes_of, floor_of
+from hqpipe.identify.worth_keeping import causes_of
 
 
 def answer(search: Search, best: Known) -> JointFound:
@@ -35,7 +36,7 @@ def answer(search: Search, best: Known) -> JointFound:
     without = {name: search.without(named, name) for name in causes_of(search, named, base)}
     causes = sorted(without, key=lambda name: -without[name].solution.square)
     unshaped = _only(search, claimed, frozenset(causes_of(search, claimed, base)) | base.names | unchanged)
-    half, floor = half_widths(search, core), floor_of(search)
+    half, floor = half_widths(search, core), floor_of(search.model)
     whole, square = max(search.left_out(base), np.finfo(float).tiny), search.left_out(claimed)
     closes_in_band, unknown = _beside_unknown(search, claimed, unshaped, base, causes)
     return JointFound(
@@ -109,7 +110,7 @@ def _beside_unknown(
     def closed(known: Known, name: str) -> float:
         return (square(search.without(known, name)) - square(known)) / whole
 
-    noise = floor_of(search) * band.share
+    noise = floor_of(search.model) * band.share
     left = max(square(unshaped) - noise, 0.0)
     told_by = unshaped if left <= LEAST_GAIN * max(square(base) - noise, 0.0) else claimed
     closes = {name: closed(told_by if name in told_by.names else claimed, name) for name in causes}

@@ -31,3 +31,9 @@ def misfit(model: JointModel, values: np.ndarray, heldout: bool = False) -> np.n
 def misfit_noise(model: JointModel) -> tuple[float, float]:
     """(fit, held-out) root mean square that sensor noise alone leaves in it."""
     return model.misfit_noise if hasattr(type(model), "misfit") else model.noise
+
+
+def floor_of(model: JointModel, heldout: bool = False) -> float:
+    """Sum of its squares that sensor noise alone leaves at the samples of `fit` or `heldout`."""
+    samples = model.heldout if heldout else model.fit
+    return len(samples.trial) * misfit_noise(model)[int(heldout)] ** 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from itertools import combinations
 
-from hqpipe.identify.misfit import misfit_noise
+from hqpipe.identify.misfit import floor_of
 from hqpipe.identify.screening import Known
 from hqpipe.identify.search import MOST_EFFECTS, Search
 from hqpipe.identify.thresholds import HALVED, OVERSTATED
@@ -84,8 +84,7 @@ def _with_two(search: Search, best: Known) -> Known:
 
     While much is wrong, errors stay alike for long and say little of one effect; they say more of it beside another one.
     """
-    floor = len(best.solution.error) * misfit_noise(search.model)[0] ** 2
-    if best.solution.square <= _EXPLAINED * floor or len(best.names) + 2 > MOST_EFFECTS:
+    if best.solution.square <= _EXPLAINED * floor_of(search.model) or len(best.names) + 2 > MOST_EFFECTS:
         return best
     joined = [best.names | {name} for name in search.addable(best.names)]
     one_more = sorted(

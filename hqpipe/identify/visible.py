@@ -7,9 +7,9 @@ from collections.abc import Collection
 import numpy as np
 
 from hqpipe.identify.correlation import correlation_time
+from hqpipe.identify.misfit import floor_of
 from hqpipe.identify.search import Known, Search
 from hqpipe.identify.thresholds import HALVED, LEAST_SHARE, OVERSTATED
-from hqpipe.identify.worth_keeping import floor_of
 
 UNUSUAL = 3.0  # spreads of the prior beyond which no machine is; as three standard deviations
 
@@ -24,8 +24,8 @@ def least_visible(search: Search, known: Known, base: Known, rare: Collection[st
     Args:
         known: the set that was kept. base: without causes. rare: effects that most joints of the machine do not have.
     """
-    left, unexplained = search.left_out(known), max(search.left_out(known) - floor_of(search), 0.0)
-    gap = max(search.left_out(base) - floor_of(search), 0.0)
+    left, unexplained = search.left_out(known), max(search.left_out(known) - floor_of(search.model), 0.0)
+    gap = max(search.left_out(base) - floor_of(search.model), 0.0)
     time = correlation_time(known.solution.error, search.model.fit)
     found = {}
     for name in search.addable(known.names):

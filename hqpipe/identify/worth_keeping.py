@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from hqpipe.identify.misfit import misfit_noise
+from hqpipe.identify.misfit import floor_of
 from hqpipe.identify.search import Known, Search
 from hqpipe.identify.thresholds import CONFUSED, HALVED, LEAST_SHARE, SLIGHT
 
@@ -107,7 +107,7 @@ def _without_small(search: Search, known: Known, base: Known) -> Known:
 
 def _least_share(search: Search, base: Known) -> float:
     """Squared error that a cause has to close."""
-    return LEAST_SHARE * max(search.left_out(base) - floor_of(search), 0.0)
+    return LEAST_SHARE * max(search.left_out(base) - floor_of(search.model), 0.0)
 
 
 def _is_large(search: Search, known: Known, name: str, least: float, closes: float) -> bool:
@@ -134,8 +134,3 @@ def is_admitted(search: Search, known: Known, name: str) -> bool:
 def causes_of(search: Search, known: Known, base: Known) -> list[str]:
     """The named effects of a set beside the context."""
     return sorted(name for name in known.names - base.names if search.effects[name].named)
-
-
-def floor_of(search: Search) -> float:
-    """Squared error that the noise of the sensors leaves on the fit samples."""
-    return len(search.model.fit.trial) * misfit_noise(search.model)[0] ** 2

@@ -21,9 +21,7 @@ _SINGLE_SHARE = 0.3  # of the runs; with more runs of one sample the value is no
 _JUMP = 3.0  # steps of the sensor; smaller changes are those of a slow signal
 
 _PIECE = 30  # samples; assumption: long enough to tell a variance to a third, short enough to lie between two motions
-_CALMEST = (
-    0.1  # of the pieces, as of a log in which the machine rests, or moves slowly, a tenth of the time; assumption
-)
+_CALMEST = 0.1  # of the pieces: the machine rests, or moves slowly, a tenth of the time; assumption
 _ORDERS = range(1, 9)  # of differences
 
 
@@ -87,9 +85,9 @@ def difference_noise(signals: Sequence[np.ndarray]) -> float:
     """Standard deviation of the noise of a sensor, from what differences leave of its signals.
 
     The difference of order n of white noise has the variance σ² · C(2n, n), and of smooth motion little is left. Where a log is
-    slow, or motion rough, that holds for the calmest pieces only: so the calmest tenth of them tells, with what the least of
-    so many pieces of white noise would show (minimum statistics, Martin 2001), and the order that leaves least; or `noise`
-    of the signals that show some, if that is less. At least the rounding to the sensor's step: √(1/12) of it (Bennett 1948).
+    slow, or motion rough, that holds for the calmest pieces only: so the calmest tenth of them tells, corrected for what that
+    tenth would show of white noise (minimum statistics, Martin 2001), with the order that leaves least; or `noise` of the
+    signals that show some, if that is less. At least the rounding to the sensor's step: √(1/12) of it (Bennett 1948).
 
     Args:
         signals: (T,) each, of one sensor without a gap in time.
@@ -105,19 +103,15 @@ def _calm_rms(signals: Sequence[np.ndarray], order: int) -> float:
     """Standard deviation of white noise with such differences in the calmest pieces; 0 where nothing ever changes."""
     from scipy.special import chdtri
 
-    pieces = []
-    for signal in signals:
-        difference = np.diff(signal, order)
-        size = min(_PIECE, max(len(difference), 1))
-        pieces.append(np.mean(difference[: len(difference) // size * size].reshape(-1, size) ** 2, axis=1))
-    squares = np.concatenate(pieces)
-    squares = squares[
-        squares > 0.0
-    ]  # a piece in which a coarse sensor shows no change at all says nothing of its noise
+    differences = [np.diff(signal, order) for signal in signals]
+    size = min(_PIECE, max(len(difference) for difference in differences))
+    whole_pieces = [difference[: len(difference) // size * size].reshape(-1, size) for difference in differences]
+    squares = np.mean(np.concatenate(whole_pieces) ** 2, axis=1)
+    squares = squares[squares > 0.0]  # where a coarse sensor shows no change at all, it says nothing of its noise
     if not len(squares):
         return 0.0
     whole = comb(2 * order, order)
     alike = sum((comb(2 * order, order + lag) / whole) ** 2 for lag in range(-order, order + 1))
-    freedom = _PIECE / alike  # independent ones among the differences of a piece
+    freedom = size / alike  # independent ones among the differences of a piece
     expected = float(chdtri(freedom, 1.0 - _CALMEST)) / freedom
     return float(np.sqrt(np.quantile(squares, _CALMEST) / expected / whole))
