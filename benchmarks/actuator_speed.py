@@ -3,7 +3,8 @@
     python benchmarks/actuator_speed.py [--csv FILE]
 
 Nanoseconds per robot and sample, the best of many; numpy, torch and ONNX Runtime do the same in the same run. Nets have the
-paper's size (48, 64, 12). `--csv` writes the rows to a file, which `claim_figures.py` draws.
+paper's size (48, 64, 12), or are those for each joint that `fit-actuator` trains. `--csv` writes the rows to a file, which
+`claim_figures.py` draws.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import os
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -28,9 +30,11 @@ from hqpipe.actuators.lstm import LSTM
 from hqpipe.actuators.mlp import MLP
 from hqpipe.actuators.net import NetActuator
 from hqpipe.actuators.two_chamber import TwoChamber
+from hqpipe.identify.rivals.nets.fit_net import JOINT_HIDDEN
 from hqpipe.machine.layout import neutral_row, slot
 
 ROBOTS, DT, HIDDEN = 400, 1e-3, 64
+TAPS = (0, 10, 20)  # samples ago that an MLP for each joint reads, as `fit_strong_net` has it at 1 kHz
 JOINTS = tuple(f"{leg}{joint}" for leg in ("LF", "RF", "LH", "RH") for joint in "RPK")
 BASE = {"k1": 250.0, "k2": 0.06, "k3": 9.0, "k4": 0.4}  # about those of the reference plant, in joint space
 COMMAND_SIDE = {
@@ -127,12 +131,14 @@ def of_torch() -> float:
     return best(step)
 
 
-def net(kind: type[NetActuator]) -> NetActuator:
-    """Of the paper's size with random weights."""
-    rng = np.random.default_rng(1)
-    tensors = {name: 0.1 * rng.normal(size=shape) for name, shape in kind.shapes(len(JOINTS), HIDDEN).items()}
+def net(kind: type[NetActuator], per_joint: bool = False) -> NetActuator:
+    """Of the paper's size, or one for each joint, with random weights."""
+    rng, taps = np.random.default_rng(1), TAPS if per_joint and kind is MLP else (0,)
+    hidden = JOINT_HIDDEN[kind.NAME] if per_joint else HIDDEN
+    shapes = kind.shapes(len(JOINTS), hidden, len(taps), per_joint)
+    tensors = {name: 0.1 * rng.normal(size=shape) for name, shape in shapes.items()}
     tensors |= {name: np.ones_like(tensors[name]) for name in ("input_spread", "output_spread")}
-    return kind.build(JOINTS, dt=DT, tensors=tensors, effort_limit=900.0)
+    return kind.build(JOINTS, dt=DT, tensors=tensors, taps=taps, per_joint=per_joint, effort_limit=900.0)
 
 
 def of_torch_mlp() -> float:
@@ -154,8 +160,7 @@ def of_torch_mlp() -> float:
 
 def of_onnxruntime(kind: str) -> float:
     """A net of the paper's size, "mlp", "lstm" or "gru"; the recurrent ones advance their state by one sample."""
-    import onnxruntime
-    from onnx import TensorProto, helper, numpy_helper
+    from onnx import helper, numpy_helper
 
     rng, inputs = np.random.default_rng(1), 4 * len(JOINTS)
     gates = {"mlp": 1, "lstm": 4, "gru": 3}[kind]
@@ -178,9 +183,81 @@ def of_onnxruntime(kind: str) -> float:
     tensors = [numpy_helper.from_array(0.1 * rng.normal(size=s).astype(np.float32), n) for n, s in sizes.items()]
     if kind != "mlp":
         tensors.append(numpy_helper.from_array(np.array([0], dtype=np.int64), "axis"))
+    return of_graph(nodes, tensors, feeds, outputs)
+
+
+def of_onnxruntime_per_joint(kind: str) -> float:
+    """A net for each joint, whose inputs and states stand joint by joint, (J, N, …), as suits products of matrices."""
+    from onnx import helper, numpy_helper
+
+    rng, joints, hidden = np.random.default_rng(1), len(JOINTS), JOINT_HIDDEN[kind]
+    gates, inputs = {"mlp": 1, "lstm": 4, "gru": 3}[kind], 4 * (len(TAPS) if kind == "mlp" else 1)
+    sizes = {"w": (joints, inputs, gates * hidden), "b": (joints, 1, gates * hidden)}
+    sizes |= {"w2": (joints, hidden, 1), "b2": (joints, 1, 1)}
+    feeds = {"x": rng.normal(size=(joints, ROBOTS, inputs)).astype(np.float32)}
+    outputs, nodes = {"y": [joints, ROBOTS, 1]}, []
+
+    def node(operator: str, given: str, made: str) -> None:
+        nodes.append(helper.make_node(operator, given.split(), made.split()))
+
+    node("MatMul", "x w", "xw")
+    node("Add", "xw b", "now")
+    if kind == "mlp":
+        node("Softsign", "now", "next_state")
+    else:
+        sizes |= {"r": (joints, hidden, gates * hidden), "rb": (joints, 1, gates * hidden)}
+        states = ["state", "cell"][: 2 if kind == "lstm" else 1]
+        feeds |= {name: np.zeros((joints, ROBOTS, hidden), np.float32) for name in states}
+        outputs |= {f"next_{name}": [joints, ROBOTS, hidden] for name in states}
+        node("MatMul", "state r", "sr")
+        node("Add", "sr rb", "past")
+        {"lstm": lstm_nodes, "gru": gru_nodes}[kind](node)
+        for split in nodes:
+            if split.op_type == "Split":
+                split.attribute.append(helper.make_attribute("axis", -1))
+    node("MatMul", "next_state w2", "yw")
+    node("Add", "yw b2", "y")
+    tensors = [numpy_helper.from_array(0.1 * rng.normal(size=s).astype(np.float32), n) for n, s in sizes.items()]
+    return of_graph(nodes, tensors, feeds, outputs)
+
+
+def lstm_nodes(node: Callable[[str, str, str], None]) -> None:
+    node("Add", "now past", "sum")
+    node("Split", "sum", "sum_i sum_f sum_g sum_o")
+    for part, gate in (("i", "into"), ("f", "forget"), ("o", "out")):
+        node("Sigmoid", f"sum_{part}", gate)
+    node("Tanh", "sum_g", "new")
+    node("Mul", "into new", "written")
+    node("Mul", "forget cell", "kept")
+    node("Add", "written kept", "next_cell")
+    node("Tanh", "next_cell", "seen")
+    node("Mul", "out seen", "next_state")
+
+
+def gru_nodes(node: Callable[[str, str, str], None]) -> None:
+    node("Split", "now", "now_r now_z now_n")
+    node("Split", "past", "past_r past_z past_n")
+    for part, gate in (("r", "reset"), ("z", "update")):
+        node("Add", f"now_{part} past_{part}", f"sum_{part}")
+        node("Sigmoid", f"sum_{part}", gate)
+    node("Mul", "reset past_n", "remembered")
+    node("Add", "now_n remembered", "sum_n")
+    node("Tanh", "sum_n", "new")
+    node("Sub", "state new", "change")
+    node("Mul", "update change", "held")
+    node("Add", "new held", "next_state")
+
+
+def of_graph(
+    nodes: list[Any], tensors: list[Any], feeds: dict[str, np.ndarray], outputs: dict[str, list[int]]
+) -> float:
+    """An ONNX graph of these nodes, with weights `tensors`, on one thread."""
+    import onnxruntime
+    from onnx import TensorProto, helper
+
     wires = [helper.make_tensor_value_info(n, TensorProto.FLOAT, list(v.shape)) for n, v in feeds.items()]
     ends = [helper.make_tensor_value_info(n, TensorProto.FLOAT, shape) for n, shape in outputs.items()]
-    graph = helper.make_graph(nodes, kind, wires, ends, tensors)
+    graph = helper.make_graph(nodes, "net", wires, ends, tensors)
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
@@ -206,6 +283,14 @@ def main() -> None:
         "MLP in torch": of_torch_mlp,
         **{
             f"{kind.upper()} in ONNX Runtime": lambda kind=kind: of_onnxruntime(kind) for kind in ("mlp", "lstm", "gru")
+        },
+        **{
+            f"{kind.__name__} for each joint in hqpipe": lambda kind=kind: of_model(net(kind, per_joint=True), 3)
+            for kind in (MLP, LSTM, GRU)
+        },
+        **{
+            f"{kind.upper()} for each joint in ONNX Runtime": lambda kind=kind: of_onnxruntime_per_joint(kind)
+            for kind in ("mlp", "lstm", "gru")
         },
     }
     rows = {}

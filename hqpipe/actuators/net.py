@@ -153,7 +153,7 @@ class NetActuator(ActuatorModel):
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """(W,) float64 in the order of `hqpipe.actuators.loops.net_step`."""
+        """(W,) float32 in the order of `hqpipe.actuators.loops.net_step`."""
         t = self.tensors if self.per_joint else {name: value[None] for name, value in self.tensors.items()}
         count = len(t["input_mean"])
         header = np.array((self.hidden, float(self.delta), len(self.taps), *self.taps), dtype=np.float64)
@@ -163,7 +163,7 @@ class NetActuator(ActuatorModel):
             parts += [t["recurrent_weight"].swapaxes(1, 2), t["recurrent_bias"]]
         parts += [t["output_weight"].swapaxes(1, 2), t["output_bias"]]
         of_nets = np.concatenate([part.reshape(count, -1) for part in parts], axis=1)
-        flat = np.concatenate([[float(count)], of_nets.ravel()])
+        flat = np.concatenate([[float(count)], of_nets.ravel()]).astype(np.float32)
         flat.flags.writeable = False
         return flat
 

@@ -114,7 +114,7 @@ class ArraySizes:
             "illegal_contact": ((n,), np.bool_),
             "targets": ((n, j), np.float64),
             "parameters": ((n, j, p), np.float64),
-            "weights": ((self.weights,), np.float64),
+            "weights": ((self.weights,), np.float32),
             "effort_limit": ((n, j), np.float64),
             "impulse": ((n, 3), np.float64),
             "reset_flag": ((n,), np.bool_),

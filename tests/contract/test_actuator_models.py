@@ -73,7 +73,7 @@ class TestEveryModel:
         model = example(name)
         model.step(tau, model.fresh_memory(8), *inputs, dt=0.001)
         model.for_joints([JOINTS[i] for i in order]).step(permuted, model.fresh_memory(8), *others, dt=0.001)
-        rounding = 1e-9 if isinstance(model, NetActuator) else 0.0  # its sums run in another order
+        rounding = 2e-4 if isinstance(model, NetActuator) else 0.0  # its sums run in another order, in single precision
         np.testing.assert_allclose(permuted, tau[:, order], rtol=0.0, atol=rounding)
 
     def test_survives_the_disk(self, name, tmp_path):

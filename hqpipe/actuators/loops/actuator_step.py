@@ -34,7 +34,7 @@ HYDRAULIC: Final = 1
 AUGMENTED: Final = 2
 CHAMBERS: Final = 3
 augmented_row = loops().step_row
-NO_WEIGHTS: Final = np.empty(0)  # of a model that is its parameter table alone
+NO_WEIGHTS: Final = np.empty(0, np.float32)  # of a model that is its parameter table alone
 
 
 @njit(cache=True, nogil=True)
@@ -94,7 +94,7 @@ def step_batch(
 
     Args:
         kind: as in `step_row`.
-        parameters, weights: (J, P) and (W,) float64, the same for every robot.
+        parameters, weights: (J, P) float64 and (W,) float32, the same for every robot.
         tau: (N, J) torque, read and overwritten, N·m.
         memory: (N, J, M) float64, likewise.
         q_des, q, qd: (N, J) rad, rad, rad/s.
@@ -127,7 +127,7 @@ def step_row(
     Args:
         kind: PD, HYDRAULIC, AUGMENTED, CHAMBERS, MLP, LSTM or GRU.
         parameters: (J, P) float64.
-        weights: (W,) float64 of a net; `NO_WEIGHTS` for the other kinds.
+        weights: (W,) float32 of a net; `NO_WEIGHTS` for the other kinds.
         tau: (J,) torque, read and overwritten, N·m.
         memory: (J, M) float64, read and overwritten; zeros after a reset, M = 0 for a kind without memory.
         q_des, q, qd: (J,) rad, rad, rad/s.

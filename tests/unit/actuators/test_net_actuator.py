@@ -45,7 +45,7 @@ def test_permuted_joints_stay_permuted_over_time(kind, options):
     signals = driven(model)
     expected, _ = run(model, signals)
     moved, _ = run(model.for_joints([JOINTS[i] for i in order]), [a[:, order] for a in signals])
-    np.testing.assert_allclose(moved, expected[:, order], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(moved, expected[:, order], rtol=1e-6, atol=2e-4)  # single precision
 
 
 def test_a_net_needs_all_of_its_joints():

@@ -174,7 +174,7 @@ def test_workers_share_the_weights(walked, robot):
 def test_weights_lie_in_memory_once():
     sizes, wide = ArraySizes(5, 12, 1, 4, 0, 1000), ArraySizes(500, 12, 1, 4, 0, 1000)
     for size in (sizes, wide):
-        assert size.nbytes() - ArraySizes(size.envs, 12, 1, 4, 0).nbytes() == -(-8000 // 64) * 64
+        assert size.nbytes() - ArraySizes(size.envs, 12, 1, 4, 0).nbytes() == -(-4000 // 64) * 64
     arrays = sizes.arrays(bytearray(sizes.nbytes()))
     arrays.weights[:] = 3.0
     assert (arrays.rows(2, 4).weights == 3.0).all() and np.shares_memory(arrays.rows(2, 4).weights, arrays.weights)
