@@ -122,7 +122,7 @@ def test_a_net_matches_joints_by_name():
     trial = trajectory()
     model = random_net("gru", ("knee", "hip"))
     swapped = predict(trial.for_joints(("knee", "hip")), model, 100)
-    np.testing.assert_allclose(swapped[:, ::-1], predict(trial, model, 100), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(swapped[:, ::-1], predict(trial, model, 100), rtol=1e-6, atol=2e-4)  # single precision
 
 
 @pytest.mark.parametrize("noise", [0.0, 2.0])
