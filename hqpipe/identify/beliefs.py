@@ -9,7 +9,7 @@ import numpy as np
 
 from hqpipe.identify.misfit import floor_of
 from hqpipe.identify.search import Known, Names, Search
-from hqpipe.identify.thresholds import CONFUSED, HALVED, LEAST_RISE, OVERSTATED, STRONGER
+from hqpipe.identify.thresholds import CONFUSED, HALVED, OVERSTATED
 from hqpipe.identify.worth_keeping import causes_of, with_small, worth_keeping
 
 BELIEVED = 0.5  # probability from which an effect, or one of those that are like it, is more likely there than not
@@ -97,20 +97,16 @@ def _is_twin(search: Search, option: Known, best: Known) -> bool:
     """Whether a set with another effect in the place of one has as many numbers, and errors as large.
 
     Then only what a data sheet says of their sizes tells the two apart. What both leave above the noise is of unknown form, and
-    may favour either one by as much as it is; but the other effect has to do most of what the first does. Where both are at
-    the floor, what is left above it hangs on the error of the floor, so that a difference too small for a cause does not count.
+    may favour either one by as much as it is; but the other effect has to do most of what the first does.
     """
     (other,), (name,) = option.names - best.names, best.names - option.names
     if search.effects[other].sizes != search.effects[name].sizes:
         return False
     if search.telling(option, best, _overstated(search, name, other)) > np.log(CONFUSED):
         return True
-    square = search.left_out(best)
-    more, without = (search.left_out(known) - square for known in (option, search.without(best, name)))
-    if more > HALVED * without:
+    without = search.left_out(search.without(best, name)) - search.left_out(best)
+    if search.left_out(option) - search.left_out(best) > HALVED * without:
         return False
-    if more < LEAST_RISE / STRONGER**2 * square:
-        return True
     left, of_option = (max(search.left_out(known) - floor_of(search.model), 0.0) for known in (best, option))
     return left > HALVED * of_option
 
