@@ -197,8 +197,8 @@ def of_onnxruntime_per_joint(kind: str) -> float:
     feeds = {"x": rng.normal(size=(joints, ROBOTS, inputs)).astype(np.float32)}
     outputs, nodes = {"y": [joints, ROBOTS, 1]}, []
 
-    def node(operator: str, given: str, made: str) -> None:
-        nodes.append(helper.make_node(operator, given.split(), made.split()))
+    def node(operator: str, given: str, made: str, **attributes: int) -> None:
+        nodes.append(helper.make_node(operator, given.split(), made.split(), **attributes))
 
     node("MatMul", "x w", "xw")
     node("Add", "xw b", "now")
@@ -212,18 +212,15 @@ def of_onnxruntime_per_joint(kind: str) -> float:
         node("MatMul", "state r", "sr")
         node("Add", "sr rb", "past")
         {"lstm": lstm_nodes, "gru": gru_nodes}[kind](node)
-        for split in nodes:
-            if split.op_type == "Split":
-                split.attribute.append(helper.make_attribute("axis", -1))
     node("MatMul", "next_state w2", "yw")
     node("Add", "yw b2", "y")
     tensors = [numpy_helper.from_array(0.1 * rng.normal(size=s).astype(np.float32), n) for n, s in sizes.items()]
     return of_graph(nodes, tensors, feeds, outputs)
 
 
-def lstm_nodes(node: Callable[[str, str, str], None]) -> None:
+def lstm_nodes(node: Callable[..., None]) -> None:
     node("Add", "now past", "sum")
-    node("Split", "sum", "sum_i sum_f sum_g sum_o")
+    node("Split", "sum", "sum_i sum_f sum_g sum_o", axis=-1)
     for part, gate in (("i", "into"), ("f", "forget"), ("o", "out")):
         node("Sigmoid", f"sum_{part}", gate)
     node("Tanh", "sum_g", "new")
@@ -234,9 +231,9 @@ def lstm_nodes(node: Callable[[str, str, str], None]) -> None:
     node("Mul", "out seen", "next_state")
 
 
-def gru_nodes(node: Callable[[str, str, str], None]) -> None:
-    node("Split", "now", "now_r now_z now_n")
-    node("Split", "past", "past_r past_z past_n")
+def gru_nodes(node: Callable[..., None]) -> None:
+    node("Split", "now", "now_r now_z now_n", axis=-1)
+    node("Split", "past", "past_r past_z past_n", axis=-1)
     for part, gate in (("r", "reset"), ("z", "update")):
         node("Add", f"now_{part} past_{part}", f"sum_{part}")
         node("Sigmoid", f"sum_{part}", gate)

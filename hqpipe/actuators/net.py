@@ -32,9 +32,11 @@ def check_tensors(tensors: Mapping[str, np.ndarray], shapes: Mapping[str, tuple[
         value = tensors[name]
         if value.shape != shape or 0 in shape:
             raise UsageError(f"{where}: {name} has shape {value.shape}, expected {shape}", field=name)
-        if not np.isfinite(value).all():
+        if not (np.abs(value) <= np.finfo(np.float32).max).all():
             raise UsageError(
-                f"{where}: {name} holds numbers that are not finite", field=name, fix="train the net again"
+                f"{where}: {name} holds numbers that are not finite in single precision",
+                field=name,
+                fix="train the net again",
             )
         if name in SPREADS and not (value > 0.0).all():
             raise UsageError(f"{where}: {name} holds {value.min()}, expected spreads above 0", field=name)

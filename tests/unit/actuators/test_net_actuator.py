@@ -194,6 +194,7 @@ def change(folder, name, value):
         ("output_bias", np.zeros(4), r"output_bias has shape \(4,\), expected \(3,\)"),
         ("output_bias", np.zeros(3, np.float32), "output_bias is of type F32, expected F64"),
         ("recurrent_bias", np.full(32, np.nan), "recurrent_bias holds numbers that are not finite"),
+        ("recurrent_bias", np.full(32, 1e39), "recurrent_bias holds numbers that are not finite in single precision"),
         ("input_spread", np.zeros(12), "input_spread holds 0.0, expected spreads above 0"),
     ],
 )
