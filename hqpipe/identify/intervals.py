@@ -1,4 +1,4 @@
-"""95 % intervals of the numbers of a fit, from four sources of error.
+"""95 % intervals of the numbers of a fit, from five sources of error.
 
 - Within trials: the scatter of correlated errors, see `hqpipe.identify.uncertainty`.
 - Between trials: what differs from one trial to the next, as oil temperature or a law that is wrong in another way at another
@@ -9,6 +9,7 @@
   which the law is wrong.
 - The law, in unknown ways: what is left above the noise is a part of the law that is missing, and the fit has taken up as much
   of it as looks like the numbers (Brynjarsdóttir and O'Hagan 2014).
+- Tolerances: what a model knows to within a tolerance only, see `hqpipe.identify.tolerances`.
 
 The first two have a Student factor each, the others that of a normal distribution. The half widths add up in squares, as those
 of independent errors do, and so do the covariances behind them.
@@ -30,6 +31,7 @@ from hqpipe.identify.normal_equations import NormalEquations
 from hqpipe.identify.sampling import blocks
 from hqpipe.identify.search import Known, Search
 from hqpipe.identify.thresholds import BLOCK
+from hqpipe.identify.tolerances import corrections
 from hqpipe.identify.uncertainty import LEVEL, student, uncertainty
 
 _NORMAL = float(norm.ppf(0.5 + LEVEL / 2.0))  # half width of a 95 % interval over the deviation
@@ -64,6 +66,19 @@ def normal_covariance(search: Search, known: Known, fitted_only: bool = False) -
     beside = sets_beside(search, known, fitted_only)
     errors = _within(search.fitter, known) + _between(search.fitter, known)
     return errors + _law(search, known, beside) + _unknown_law(search, known)
+
+
+def corrected(search: Search, known: Known) -> tuple[np.ndarray, np.ndarray]:
+    """(P,) values of a set as they are told, and (F,) half widths of the 95 % intervals of its free parameters, tolerances
+    included.
+
+    Call `rank_beside` before.
+    """
+    values, half = known.solution.values.copy(), half_widths(search, known)
+    step, covariance = corrections(search, known)
+    free = known.solution.free
+    values[free] = np.clip(values[free] + step, search.fitter.low[free], search.fitter.high[free])
+    return values, np.sqrt(half**2 + _NORMAL**2 * np.diag(covariance))
 
 
 def _within(fitter: Fitter, known: Known) -> np.ndarray:

@@ -12,7 +12,7 @@ from hqpipe.identify.confirmed import confirmed, heldout_square
 from hqpipe.identify.drifts import drifts
 from hqpipe.identify.effect_band import effect_band
 from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
-from hqpipe.identify.intervals import half_widths
+from hqpipe.identify.intervals import corrected
 from hqpipe.identify.left_out import left_out_error
 from hqpipe.identify.misfit import floor_of
 from hqpipe.identify.search import Known, Names, Search
@@ -36,7 +36,7 @@ def answer(search: Search, best: Known) -> JointFound:
     without = {name: search.without(named, name) for name in causes_of(search, named, base)}
     causes = sorted(without, key=lambda name: -without[name].solution.square)
     unshaped = _only(search, claimed, frozenset(causes_of(search, claimed, base)) | base.names | unchanged)
-    half, floor = half_widths(search, core), floor_of(search.model)
+    (values, half), floor = corrected(search, core), floor_of(search.model)
     whole, square = max(search.left_out(base), np.finfo(float).tiny), search.left_out(claimed)
     closes_in_band, unknown = _beside_unknown(search, claimed, unshaped, base, causes)
     return JointFound(
@@ -46,7 +46,8 @@ def answer(search: Search, best: Known) -> JointFound:
         kept=fitted(search, core),
         full=fitted(search, min(best, core, key=lambda known: known.solution.square)),
         causes=tuple(
-            JointCause(n, found[n].sure, _numbers(search, core, half, n), found[n].alike, found[n].odds) for n in causes
+            JointCause(n, found[n].sure, _numbers(search, core, values, half, n), found[n].alike, found[n].odds)
+            for n in causes
         ),
         without={name: fitted(search, without[name]) for name in causes},
         probabilities=probabilities,
@@ -150,15 +151,15 @@ def _only(search: Search, best: Known, names: Names) -> Known:
     return known
 
 
-def _numbers(search: Search, best: Known, half: np.ndarray, name: str) -> tuple[Number, ...]:
+def _numbers(search: Search, best: Known, values: np.ndarray, half: np.ndarray, name: str) -> tuple[Number, ...]:
     """The parameters of an effect, with intervals cut at the bounds.
 
     Args:
-        half: (F,) of the intervals of the free parameters.
+        values: (P,) as they are told. half: (F,) of the intervals of the free parameters.
     """
     fitter, free, found = search.fitter, best.solution.free, []
     for index, parameter in zip(search.screening.places(name), search.effects[name].parameters, strict=True):
-        reach, value = half[np.flatnonzero(free == index)[0]], float(best.solution.values[index])
+        reach, value = half[np.flatnonzero(free == index)[0]], float(values[index])
         low, high = max(value - reach, fitter.low[index]), min(value + reach, fitter.high[index])
         found.append(Number(parameter.name, parameter.unit, value, (float(low), float(high))))
     return tuple(found)

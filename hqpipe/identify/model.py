@@ -145,6 +145,8 @@ class JointModel(Protocol):
     It may have `same_by_law(values)`: effect → effects that would do the same, so that no log tells them apart.
     It may have `sensitivity(values, index)`: (N,) exact derivative of what counts at the fit samples by one parameter, or None
     where it is to be taken as a difference.
+    It may have `tolerances(values)`: (N, K) what each thing that is known to within a tolerance, and is no candidate, does to
+    what counts at the fit samples, if it is off by its standard deviation.
     It may have `remarks(causes, values)`: what the numbers of a fit say beside the causes' parameters, one sentence each.
     """
 

@@ -2,8 +2,8 @@
 
 A cylinder with a rod on one side does so too, and what the supply can lift differs with the direction as the areas do:
 `areas` is (A₊ − A₋)/(A₊ + A₋), read by `hqpipe.machine.orifice_flow`. A torque sensor with an offset of that
-share of the largest torque would say the same of position mode: areas that are cut to 0.4 % of each other shift the torque of
-equal pressures as far as a good sensor drifts. Only a tenth and more, as of a rod on one side, is no sensor's.
+share of the largest torque would say the same of position mode. Only a tenth and more, as of a rod on one side, is no sensor's;
+what sides that are meant to be alike may differ by (`ALIKE_WITHIN`) is part of the law.
 """
 
 from __future__ import annotations
@@ -16,6 +16,10 @@ LEAST_UNEQUAL = 0.029
 """Of `areas`: (φ − 1)/(φ + 1) of φ = 1.06, the smallest ratio of the two areas in standard series (ISO 7181): a rod of a
 quarter of the piston's diameter. Assumption: no cylinder has a thinner one. Smaller values times the largest torque are told as
 an offset, which has its own name, with this effect beside it."""
+ALIKE_WITHIN = 0.005
+"""Of `areas`: how far apart two sides that are meant to be alike may count. The torque is the difference of their pressures
+times their areas, and pressure transmitters are of 0.5 % of full scale, as data sheets of industrial ones say; the areas of
+bores of the tolerance H9 (ISO 286-2, 40 mm) differ by up to 0.3 %."""
 MOST_UNEQUAL = 0.5  # a rod that leaves a third of the piston's area; larger ones are not built; assumption
 
 

@@ -151,6 +151,8 @@ def simulate(
         number("orifice_flow", "effort_max_nm", np.inf),
         number("position_dependent_stiffness", "slope_per_rad", 0),
     )
+    areas = number("direction_asymmetry", "areas", 0.0)  # unequal ones, over their sum
+    balance = areas * np.where(areas != 0.0, most, 0.0)  # N·m, at which the pressures of both sides are equal
     length = number("position_dependent_stiffness", "length_rad", 0.5)
     strayed = number("position_dependent_stiffness", "strayed", 0.0)
     shorter = -np.sign(slope)  # 1 where the chamber that raises the torque is the smaller one
@@ -203,9 +205,9 @@ def simulate(
                 x = actions[name](x, time[k])
         drawn = flow[0] * np.abs(qd).sum() + flow[1] * np.abs(target[k] - q).sum()
         loss = loss - np.expm1(-DT / recovery) * (droop * drawn - loss)
-        against = np.sign(x) * inner / most
+        against = np.sign(x) * inner / most / (1.0 + np.sign(x) * areas)
         across = np.maximum(lap - 0.5 * np.abs(x), 0.0) / most  # what both open lands let pass, per torque
-        leaks = (k2 * np.exp(thinner * time[k]) + k1 * across) * inner
+        leaks = (k2 * np.exp(thinner * time[k]) + k1 * across) * (inner - balance)
         more = (
             np.abs(slope) * length / (1.0 + shorter * (q - middle) / length)
         )  # of the smaller one, beyond the other's

@@ -21,7 +21,7 @@ from hqpipe.layers.actuator.repeated_run import RepeatedRun
 from hqpipe.layers.actuator.start_noise import StartNoise
 from hqpipe.machine import EFFECTS
 from hqpipe.machine.chain import Signals, residual_windows
-from hqpipe.machine.direction_asymmetry import LEAST_UNEQUAL
+from hqpipe.machine.direction_asymmetry import ALIKE_WITHIN, LEAST_UNEQUAL
 from hqpipe.machine.layout import BASE, slot
 from hqpipe.machine.moment_arm import PARAMETERS as ARM
 from hqpipe.machine.moment_arm import relative_arm
@@ -35,7 +35,7 @@ _TURN, _LATE = [slot(owner, p.name) for owner, p in OF_FRICTION], slot("setting"
 _ARM_SLOTS = [slot("setting", name) for name in ARM]
 _STEP, _MIDDLE = slot("setting", "sample_time"), slot("setting", "middle")
 _ORIFICE, _AREAS = ("orifice_flow", "effort_max_nm"), ("direction_asymmetry", "areas")
-_OFFSET = ("torque_bias", "nm")
+_OFFSET, _ZERO = ("torque_bias", "nm"), ("position_bias", "rad")
 _RATIO, _STRAYED = ("direction_asymmetry", "ratio"), ("position_dependent_stiffness", "strayed")
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
 SPEEDS = ("raw_velocity", "velocity", "sliding")  # signals that are the speed of the log, or come of it
@@ -94,6 +94,7 @@ class ActuatorJoint:
     _of_orifice: tuple[int, int, float] | None = field(init=False)
     _of_directions: tuple[int, int] | None = field(init=False)
     _offset: int | None = field(init=False)
+    _zero: int | None = field(init=False)
     _neutral: np.ndarray = field(init=False)
     _last: dict[str, float] = field(init=False)
     _driven: Signals = field(init=False)
@@ -115,8 +116,9 @@ class ActuatorJoint:
         object.__setattr__(self, "_of_orifice", self._areas_beside_orifice())
         directions = [len(self.base) + self.places.index(place) for place in (_RATIO, _STRAYED) if place in self.places]
         object.__setattr__(self, "_of_directions", tuple(directions) if len(directions) == 2 else None)
-        offset = len(self.base) + self.places.index(_OFFSET) if _OFFSET in self.places else None
-        object.__setattr__(self, "_offset", offset)
+        for attribute, place in (("_offset", _OFFSET), ("_zero", _ZERO)):
+            at = len(self.base) + self.places.index(place) if place in self.places else None
+            object.__setattr__(self, attribute, at)
         object.__setattr__(self, "_neutral", np.array([parameter.neutral for parameter in all_parameters(self)]))
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
@@ -237,6 +239,25 @@ class ActuatorJoint:
     def same_by_law(self, values: np.ndarray) -> Mapping[str, tuple[str, ...]]:
         """The areas of a piston that do what an offset of the torque sensor does, see `hqpipe.machine.direction_asymmetry`."""
         return {} if self._is_straight(values) or not self._share_of_offset(values) else {_OFFSET[0]: (_AREAS[0],)}
+
+    def tolerances(self, values: np.ndarray) -> np.ndarray:
+        """(N, K) what sides that are meant to be alike do to the misfit, if they differ by the deviation of `ALIKE_WITHIN`:
+        beside an offset of the position, which would take it up, where the orifice bends the flow. Beside an offset of the
+        torque it is the same number, see `same_by_law`.
+
+        Args:
+            values: (P,) as in `error`.
+        """
+        if self._zero is None or values[self._zero] == 0.0 or self._is_straight(values) or not self._is_even(values):
+            return np.zeros((len(self.fit.time), 0))
+        record, even = self.records[0], self.row(values)
+        signals = record.driven_by(float(values[_LOGGED]), self._by_opening(values), self.moving(values))
+        uneven = even.copy()
+        uneven[slot(*_AREAS)] = ALIKE_WITHIN / np.sqrt(3.0)  # deviation of a number that is anywhere within
+        change = record.picked(residual_windows(uneven, signals)) - record.picked(residual_windows(even, signals))
+        start, leak = self.starts[0], float(values[_LEAK])
+        share = start.share(self.error(values), leak)
+        return start.removed_from(change, leak, share)[:, None]
 
     def _share_of_offset(self, values: np.ndarray) -> float:
         """The offset of the torque sensor over the largest torque that the orifice lets the joint give."""

@@ -71,6 +71,29 @@ def test_unequal_areas_act_where_the_orifice_bends_the_flow_and_a_rod_can_be(mod
     assert np.array_equal(model.error(values), expected) is not acts
 
 
+@pytest.mark.parametrize(
+    "share,unequal,zero,bias,counts",
+    [
+        (1.1, 0.0, 0.01, 0.0, 1),
+        (1.1, 0.02, 0.01, 0.0, 1),
+        (0.9, 0.0, 0.01, 0.0, 0),
+        (1.1, 0.1, 0.01, 0.0, 0),
+        (1.1, 0.0, 0.0, 5.0, 0),
+    ],
+)
+def test_sides_are_alike_to_within_a_tolerance_beside_an_orifice_and_an_offset_of_the_position(
+    model, share, unequal, zero, bias, counts
+):
+    values = neutral(model)
+    places = [("orifice_flow", "effort_max_nm"), ("direction_asymmetry", "areas"), ("position_bias", "rad")]
+    orifice, areas, offset, torque_bias = (placed(model, *place) for place in (*places, ("torque_bias", "nm")))
+    values[[areas, offset, torque_bias]] = unequal, zero, bias
+    values[orifice] = share * all_parameters(model)[orifice].least
+    columns = model.tolerances(values)
+    assert columns.shape == (len(model.fit.time), counts)
+    assert (np.sum(columns**2, axis=0) > 0.0).all()
+
+
 @pytest.mark.parametrize("ratio", [0.0, 0.03])
 def test_a_mean_pressure_strays_only_where_the_directions_have_no_ratio(model, ratio):
     slope, strayed = (placed(model, "position_dependent_stiffness", name) for name in ("slope_per_rad", "strayed"))

@@ -88,6 +88,18 @@ def test_an_arm_that_changes_with_the_position_is_part_of_the_law_and_no_cause()
     np.testing.assert_allclose(arm / arm.mean(), expected / expected.mean(), atol=0.01)
 
 
+def test_sides_that_differ_a_little_do_not_shift_an_offset_of_the_position():
+    sides = {"orifice_flow": {"effort_max_nm": 500.0}, "direction_asymmetry": {"areas": 0.004}}
+    logs = planted_logs({**sides, "position_bias": {"rad": 0.004}}, noise=1.0, seconds=10.0, fit=3)
+    (found,) = identify(Actuator().joints(logs)).found
+    assert {cause.effect for cause in found.causes} == {"orifice_flow", "position_bias"}
+    (offset,) = next(cause for cause in found.causes if cause.effect == "position_bias").numbers
+    assert offset.value == pytest.approx(0.004, abs=4e-5)
+    assert offset.ci95[0] < 0.004 < offset.ci95[1] and offset.ci95[1] - offset.ci95[0] < 4e-4
+    uncorrected = found.kept.values[positions(found.model, ["position_bias"])[len(found.model.base)]]
+    assert abs(uncorrected - 0.004) > 1e-4, "what the sides do, and the model of a simulator keeps"
+
+
 def relative_arm_of(row, position):
     offset = position - row[slot("setting", "middle")]
     return 1.0 + row[slot("setting", "arm_slope")] * offset + row[slot("setting", "arm_curve")] * offset**2
