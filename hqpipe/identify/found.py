@@ -94,9 +94,9 @@ class JointFound:
 
     Attributes:
         base: without any effect. named: with the causes alone: what is left unexplained is its error. kept: with the generic
-            shapes that close enough to be kept besides; the numbers of the causes are those found here. full: with all that the
-            logs ask for: what could be predicted at all. In all of them stands what the rest of the machine does to the joint,
-            where the logs ask for it.
+            shapes that close enough to be kept besides; the numbers of the causes are those found here, corrected for
+            tolerances of the model. full: with all that the logs ask for: what could be predicted at all. In all of them stands
+            what the rest of the machine does to the joint, where the logs ask for it.
         causes: the largest first. without: cause → the joint with all causes but this one, fitted again.
         probabilities: effect → probability, of all that were considered, generic shapes included.
         gains: effect → ln of how much more probable the logs are with it than without it, beside the set that was found.
