@@ -102,15 +102,14 @@ class JointFound:
         gains: effect → ln of how much more probable the logs are with it than without it, beside the set that was found.
         shapes: signal of each generic shape that closes enough to be kept → share of the squared error of `named` on the fit
             samples that it closes.
-        closes: cause → what it closes as the last one, unexplained: what is left above the noise; gap: of `base`, above the
-            noise. closes_in_band: what each cause closes at the frequencies at which the effects of the joint act, and unknown:
-            what is left there above the noise without generic shapes. All as shares of the squared error of `base` on data
-            left out of its fit.
+        closes: cause → what it closes as the last one, unexplained: what is left above the noise. closes_in_band: what each
+            cause closes at the frequencies at which the effects of the joint act, and unknown: what is left there above the
+            noise without generic shapes. All as shares of the squared error of `base` on data left out of its fit.
         visible: named effect that the joint was not given → how far from neutral its first number would have to be for these
             logs to name it; those that the joint's other numbers can imitate are left out.
         drifts: numbers that differ between trials by more than chance, as sentences.
         withdrawn: effects that the fit trials ask for and that do not show in the held-out ones. minor: effects that
-            they ask for and that are small beside what is left unexplained, or beside the gap.
+            they ask for and that are small beside what is left unexplained.
         numbers: how sure those of a simulator's model are; None where nobody asked. exchanges: other sets that it may have.
     """
 
@@ -128,7 +127,6 @@ class JointFound:
     unexplained: float = 0.0
     closes_in_band: dict[str, float] = field(default_factory=dict)
     unknown: float = 0.0
-    gap: float = 0.0
     visible: dict[str, float] = field(default_factory=dict)
     drifts: tuple[str, ...] = ()
     withdrawn: tuple[str, ...] = ()

@@ -57,7 +57,6 @@ def answer(search: Search, best: Known) -> JointFound:
         unexplained=max(square - floor, 0.0) / whole,
         closes_in_band=closes_in_band,
         unknown=unknown,
-        gap=max(whole - floor, 0.0) / whole,
         drifts=drifts(search, core),
         withdrawn=tuple(sorted(claimed.names - core.names)),
         minor=tuple(sorted(search.barred)),

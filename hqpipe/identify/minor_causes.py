@@ -1,11 +1,10 @@
-"""Causes that are small beside what no effect explains, or beside the gap.
+"""Causes that are small beside what no effect explains.
 
 Where much of a gap is left, some effect describes a part of it by chance, however probable it is: the probability compares it
 with the library alone. Such a cause is believed only if it closes a share of the gap that counts beside what is left, in the
 joint or in those joints of the machine that show it best. What generic shapes describe is left, too: they have no name, and
 beside them a small effect would look large. What is faster than the effects of the joint act is not, as none could have
-described it. And what few joints of a machine have, and closes next to nothing of their gap,
-refines the law of another cause.
+described it.
 """
 
 from __future__ import annotations
@@ -13,8 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from hqpipe.identify.found import JointFound
-from hqpipe.identify.prior import MOST_JOINTS
-from hqpipe.identify.thresholds import HALVED, LEAST_SHARE
+from hqpipe.identify.thresholds import HALVED
 
 
 def without_minor_causes(
@@ -43,14 +41,11 @@ def _minor(answers: Sequence[JointFound]) -> list[tuple[float, str, int]]:
     found = []
     for effect in sorted({name for joint in answers for name in joint.closes}):
         having = [(j, joint) for j, joint in enumerate(answers) if effect in joint.closes]
-        asked = [{j: (joint.closes_in_band[effect], HALVED * joint.unknown) for j, joint in having}]
-        if len(answers) > 1 and len(having) <= MOST_JOINTS * len(answers):
-            asked.append({j: (joint.closes[effect], LEAST_SHARE * joint.gap) for j, joint in having})
-        for told in asked:
-            shares = {j: closed / max(needed, 1e-12) for j, (closed, needed) in told.items()}
-            closes = least = 0.0
-            for j in sorted(shares, key=lambda j: -shares[j]):
-                closes, least = closes + told[j][0], least + told[j][1]
-                if closes < least:
-                    found.append((shares[j], effect, j))
+        told = {j: (joint.closes_in_band[effect], HALVED * joint.unknown) for j, joint in having}
+        shares = {j: closed / max(needed, 1e-12) for j, (closed, needed) in told.items()}
+        closes = least = 0.0
+        for j in sorted(shares, key=lambda j: -shares[j]):
+            closes, least = closes + told[j][0], least + told[j][1]
+            if closes < least:
+                found.append((shares[j], effect, j))
     return found

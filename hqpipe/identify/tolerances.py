@@ -4,7 +4,7 @@ leaves them.
 Both sides of a cylinder are meant to be alike, and are so to within a tolerance. In a search that could vary them they would
 stand for small causes. So they are left out of it, and the numbers of the answer are corrected afterwards: by the step of least
 squares in which they are free within their tolerance, and in their covariance by what the errors leave open of them
-(corrections for systematic effects, JCGM 100:2008, 3.2 and F.2.4).
+(corrections for systematic effects, JCGM 100:2008, 3.2).
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 A cylinder with a rod on one side does so too, and what the supply can lift differs with the direction as the areas do:
 `areas` is (A₊ − A₋)/(A₊ + A₋), read by `hqpipe.machine.orifice_flow`. A torque sensor with an offset of that
 share of the largest torque would say the same of position mode. Only a tenth and more, as of a rod on one side, is no sensor's;
-what sides that are meant to be alike may differ by (`ALIKE_WITHIN`) is part of the law.
+what sides that are meant to be alike may differ by (`ALIKE_WITHIN`) is a tolerance of the model.
 """
 
 from __future__ import annotations
