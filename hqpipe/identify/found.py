@@ -102,9 +102,9 @@ class JointFound:
         gains: effect → ln of how much more probable the logs are with it than without it, beside the set that was found.
         shapes: signal of each generic shape that closes enough to be kept → share of the squared error of `named` on the fit
             samples that it closes.
-        closes: cause → what it closes as the last one, unexplained: what is left above the noise. closes_in_band: what each
-            cause closes at the frequencies at which the effects of the joint act, and unknown: what is left there above the
-            noise without generic shapes. All as shares of the squared error of `base` on data left out of its fit.
+        unexplained: what is left above the noise. closes_in_band: cause → what it closes as the last one, at the frequencies at
+            which the effects of the joint act, and unknown: what is left there above the noise without generic shapes. All as
+            shares of the squared error of `base` on data left out of its fit.
         visible: named effect that the joint was not given → how far from neutral its first number would have to be for these
             logs to name it; those that the joint's other numbers can imitate are left out.
         drifts: numbers that differ between trials by more than chance, as sentences.
@@ -123,7 +123,6 @@ class JointFound:
     probabilities: dict[str, float]
     gains: dict[str, float]
     shapes: dict[str, float]
-    closes: dict[str, float] = field(default_factory=dict)
     unexplained: float = 0.0
     closes_in_band: dict[str, float] = field(default_factory=dict)
     unknown: float = 0.0

@@ -53,7 +53,6 @@ def answer(search: Search, best: Known) -> JointFound:
         probabilities=probabilities,
         gains=dict(search.gains),
         shapes=_shapes(search, core, named),
-        closes={n: (search.left_out(search.without(claimed, n)) - square) / whole for n in causes},
         unexplained=max(square - floor, 0.0) / whole,
         closes_in_band=closes_in_band,
         unknown=unknown,

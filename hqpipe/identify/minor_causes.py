@@ -39,8 +39,8 @@ def _minor(answers: Sequence[JointFound]) -> list[tuple[float, str, int]]:
     most joints have may each take most of the other's part of the gap.
     """
     found = []
-    for effect in sorted({name for joint in answers for name in joint.closes}):
-        having = [(j, joint) for j, joint in enumerate(answers) if effect in joint.closes]
+    for effect in sorted({name for joint in answers for name in joint.closes_in_band}):
+        having = [(j, joint) for j, joint in enumerate(answers) if effect in joint.closes_in_band]
         told = {j: (joint.closes_in_band[effect], HALVED * joint.unknown) for j, joint in having}
         shares = {j: closed / max(needed, 1e-12) for j, (closed, needed) in told.items()}
         closes = least = 0.0

@@ -71,7 +71,7 @@ def covariance(fitter: Fitter, solution: Solution) -> Covariance:
     known = noise * fitter.precision(solution.values, free)
     scale = lengths(normal + np.diag(prior))
     unit = np.outer(scale, scale)
-    inverse = _inverse(normal + np.diag(prior), unit)
+    inverse = scaled_inverse(normal + np.diag(prior), unit)
     time = correlation_time(error, samples)
     block = blocks(samples, BLOCK * time)
     count = int(block.max()) + 1 if len(block) else 1
@@ -82,13 +82,13 @@ def covariance(fitter: Fitter, solution: Solution) -> Covariance:
     meat = (count * scatter + len(free) * expected) / (count + len(free))
     robust = inverse @ (meat + noise * np.diag(prior)) @ inverse
     alike = max(float(np.sum(inverse * meat)) / max(noise * float(np.sum(inverse * normal)), np.finfo(float).tiny), 1.0)
-    inner = _inverse(normal + alike * np.diag(known), unit)
+    inner = scaled_inverse(normal + alike * np.diag(known), unit)
     posterior = inner @ (meat + alike**2 * noise * np.diag(known)) @ inner
     return Covariance(_symmetric(robust), noise * inverse, _symmetric(posterior), noise, count, alike)
 
 
-def _inverse(matrix: np.ndarray, unit: np.ndarray) -> np.ndarray:
-    """(F, F) pseudo-inverse of a matrix of numbers in units as different as `unit` (F, F)."""
+def scaled_inverse(matrix: np.ndarray, unit: np.ndarray) -> np.ndarray:
+    """(F, F) pseudo-inverse of a matrix of numbers in units as different as `unit` (F, F), products of two."""
     return np.linalg.pinv(matrix / unit, hermitian=True) / unit
 
 

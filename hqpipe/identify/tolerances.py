@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from hqpipe.identify.least_squares import lengths
+from hqpipe.identify.sampling import scaled_inverse
 from hqpipe.identify.search import Known, Search
 
 _MOST = np.sqrt(3.0)  # deviations of a number that is anywhere between two limits, from its middle to one of these
-_SINGULAR = 1e-12  # of the largest eigenvalue, below which a direction is rounding
 
 
 def corrections(search: Search, known: Known) -> tuple[np.ndarray, np.ndarray]:
@@ -33,8 +33,9 @@ def corrections(search: Search, known: Known) -> tuple[np.ndarray, np.ndarray]:
     jacobian = solution.jacobian
     normal = jacobian.T @ jacobian + np.diag(variance * search.fitter.precision(solution.values, solution.free))
     scale = lengths(normal)
-    inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=_SINGULAR, hermitian=True) / np.outer(scale, scale)
-    taken_up = inverse @ (jacobian.T @ columns)  # (F, K) of the numbers, by each thing
+    taken_up = scaled_inverse(normal, np.outer(scale, scale)) @ (
+        jacobian.T @ columns
+    )  # (F, K) of the numbers, by each thing
     left = columns - jacobian @ taken_up
     sure = np.linalg.inv(left.T @ left / variance + np.eye(columns.shape[1]))  # (K, K) covariance that is left of them
     off = np.clip(-sure @ (left.T @ solution.error) / variance, -_MOST, _MOST)

@@ -130,7 +130,7 @@ class ActuatorJoint:
         record = self.records[heldout]
         if not record.windows:
             return np.zeros(0)
-        shares, row = (float(values[_LOGGED]), self._by_opening(values), self.moving(values)), self.row(values)
+        shares, row = self._shares(values), self.row(values)
         if heldout:
             errors = residual_windows(row, record.driven_by(*shares))
         else:
@@ -251,7 +251,7 @@ class ActuatorJoint:
         if self._zero is None or values[self._zero] == 0.0 or self._is_straight(values) or not self._is_even(values):
             return np.zeros((len(self.fit.time), 0))
         record, even = self.records[0], self.row(values)
-        signals = record.driven_by(float(values[_LOGGED]), self._by_opening(values), self.moving(values))
+        signals = record.driven_by(*self._shares(values))
         uneven = even.copy()
         uneven[slot(*_AREAS)] = ALIKE_WITHIN / np.sqrt(3.0)  # deviation of a number that is anywhere within
         change = record.picked(residual_windows(uneven, signals)) - record.picked(residual_windows(even, signals))
@@ -317,6 +317,10 @@ class ActuatorJoint:
             return name, value, "1"
         unit = reported_unit(parameter.unit, self.units)
         return name, parameter.told(value), unit
+
+    def _shares(self, values: np.ndarray) -> tuple[float, float, tuple[float, ...]]:
+        """Of the logged speed, of the flow by openings, and of the motion between rows that the controller sees."""
+        return float(values[_LOGGED]), self._by_opening(values), self.moving(values)
 
     def _by_opening(self, values: np.ndarray) -> float:
         return float(values[self._opening]) if self._opening >= 0 else 0.0

@@ -16,14 +16,10 @@ CLOSES = {"coulomb_friction": 0.30, "spring": 0.10, "backlash": 0.05}
 class Answered:
     """What is told of an answer here."""
 
-    closes: dict
+    closes_in_band: dict
     unknown: float
     model: object = field(default=None)
     causes: tuple = ()
-
-    @property
-    def closes_in_band(self):
-        return self.closes
 
 
 def test_an_effect_that_went_does_not_come_back_when_the_next_one_goes(monkeypatch):
@@ -44,7 +40,7 @@ def test_an_effect_that_went_does_not_come_back_when_the_next_one_goes(monkeypat
     )
     joint._known = SimpleNamespace(names=frozenset(CLOSES))
     (last,) = without_minor_causes([Answered(CLOSES, 0.5)], lambda least: {0: joint.without(least[0])})
-    assert set(last.closes) == {"coulomb_friction"}
+    assert set(last.closes_in_band) == {"coulomb_friction"}
     assert joint._search.barred == {"spring", "backlash"}
 
 
