@@ -229,14 +229,17 @@ def _experiment(log_set: LogSet, layer: str, pair: tuple[str, str], joints: Sequ
 
 def _not_sought(log_set: LogSet, joints: LayerJoints) -> dict[str, str]:
     """Effects of the library that no fit of the law from commanded position to torque looks for in these logs, and why."""
-    searched = {effect.name for model in joints.models for effect in model.effects}
+    searched = {effect.name for model in joints.models for effect in model.effects if not effect.implied}
     found = {}
     for name, effect in EFFECTS.items():
         if name in searched:
             continue
         if effect.multiplies:
             of = ", ".join(effect.multiplies)
-            found[name] = f"it only multiplies {of} of the base; it shows as a change beside earlier logs (--reference)"
+            beside = "beside earlier logs (--reference)"
+            if effect.turns_friction:
+                beside += ", or where friction is seen by a load cell, by the travel in which it turns round"
+            found[name] = f"it only multiplies {of} of the base; it shows {beside}"
         elif effect.effort_sources and log_set.effort_source not in effect.effort_sources:
             found[name] = f"it acts on the torque only with effort_source: {' or '.join(effect.effort_sources)}"
         elif len(log_set.joints) < effect.least_joints:

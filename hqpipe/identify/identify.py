@@ -9,6 +9,7 @@ from dataclasses import replace
 from hqpipe.identify.change import KnownJoint, changes_between, changes_since
 from hqpipe.identify.exchanges import rivals_of, with_numbers
 from hqpipe.identify.found import JointFound, LayerFound
+from hqpipe.identify.implied import with_implied
 from hqpipe.identify.joint_moves import others_of, settled_together
 from hqpipe.identify.joint_pool import JointPool
 from hqpipe.identify.joint_search import JointSearch
@@ -87,6 +88,7 @@ def _searched(
         for j, joint in pool.some("with_rare", _rare(answers)).items():
             answers[j] = joint
         answers = with_shared_names(answers, lambda steps: pool.some("renamed", steps), given_up)
+        answers = with_implied(answers, _shared(answers), lambda asked: pool.some("with_implied", asked))
         answers = without_minor_causes(answers, lambda least: pool.some("without", least))
         rare = _names(models) - _shared(answers) if len(models) > 1 else frozenset()
         sets = [(frozenset(joint.kept.effects), frozenset(joint.base.effects), rare) for joint in answers]

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from hqpipe.identify.found import JointFound, SetNumbers
+from hqpipe.identify.implied import Asked, implied_answer
 from hqpipe.identify.isolability import Isolability, isolability
 from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.joint_moves import Step, Worths
@@ -38,6 +39,8 @@ class JointSearch:
         self._model, self._odds = model, odds
         self._search: Search | None = None
         self._known: Known | None = None
+        self._plain: tuple[Search, Known] | None = None  # before it was weighed what the joint implies
+        self._implied: Names = frozenset()
 
     def load_compiled_code(self) -> None:
         """Predict once, so that copies of this process have the compiled code."""
@@ -149,8 +152,26 @@ class JointSearch:
         self._known = with_one_for_two(self._search, self._known)
         return self.answered()
 
+    def with_implied(self, asked: Asked) -> JointFound | None:
+        """See `hqpipe.identify.implied.implied_answer`."""
+        self._as_before()
+        implied = implied_answer(self._search, asked)
+        if implied is None:
+            return None
+        self._plain, self._implied = (self._search, self._known), implied.effects
+        self._search, self._known = implied.search, implied.known
+        return replace(implied.found, model=None)
+
+    def _as_before(self) -> None:
+        """Leave out again what the joint implies."""
+        self._search, self._known = self._plain or (self._search, self._known)
+        self._plain, self._implied = None, frozenset()
+
     def without(self, effect: str) -> JointFound:
         """The answer with an effect barred from now on; one that is barred never comes back."""
+        if effect in self._implied:
+            self._as_before()
+            return self.answered()
         search, known = self._search, self._known
         search.barred.add(effect)
         for name in sorted(known.names & search.barred):

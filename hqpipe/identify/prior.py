@@ -45,4 +45,5 @@ def log_prior(model: JointModel, effect: Effect, having: np.ndarray, joints: int
 
 def _before(model: JointModel, effect: Effect) -> float:
     """Share of joints that are expected to have an effect."""
-    return _COMMON if effect.common else min(EXPECTED / max(len(model.effects), 1), _COMMON)
+    candidates = sum(not candidate.implied for candidate in model.effects)
+    return _COMMON if effect.common else min(EXPECTED / max(candidates, 1), _COMMON)

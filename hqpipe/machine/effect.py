@@ -31,7 +31,7 @@ class Search:
     Attributes:
         scale: what the others are multiples of: second, command (RMS of the position error), effort and velocity (RMS),
             slowness (one over the RMS of the machine's total speed), flow (that RMS), damping (effort over velocity), stiffness
-            (effort over travel), angle (standard deviation of the position), travel (half of a usual stroke: 1 rad, and of a
+            (of the drive, k3/Δt), angle (standard deviation of the position), travel (half of a usual stroke: 1 rad, and of a
             joint that slides the range of its positions), curve (one over travel) or none.
         lower, upper: bounds.
         starts: where fits begin; several where an effect can be inactive over all data and then has no gradient.
@@ -204,6 +204,8 @@ class Effect:
         multiplies: coefficients of the base whose rates it does nothing but multiply by one number. They take it up completely,
             so that no fit finds it; only between two records of a machine it shows, as a ratio. Where a change of the machine
             multiplies the same ones, that ratio is at most 1.
+        turns_friction: whether the travel in which friction turns round tells it all the same, where the torque is measured
+            behind the friction.
         slack: whether it passes no torque within some travel: there the logged one is noise round zero, and does not say what
             the hydraulics hold.
         of_the_log: whether only the log has it, and a simulator not.
@@ -226,6 +228,7 @@ class Effect:
     states: tuple[State, ...] = ()
     constants: tuple[Constants, ...] = ()
     multiplies: tuple[str, ...] = ()
+    turns_friction: bool = False
     slack: bool = False
     of_the_log: bool = False
     common: bool = False

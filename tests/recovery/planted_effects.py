@@ -36,7 +36,7 @@ TYPICAL: dict[str, dict[str, float]] = {
     "orifice_flow": {"effort_max_nm": 900.0},
     "position_dependent_stiffness": {"slope_per_rad": 1.5, "length_rad": 0.45, "strayed": 0.02},
     "backlash": {"gap": 0.008},
-    "coulomb_friction": {"friction_nm": 25.0, "asymmetry_nm": 5.0, "presliding_rad": 0.0005},
+    "coulomb_friction": {"friction_nm": 25.0, "asymmetry_nm": 5.0, "presliding_rad": 0.00015},  # a link of 8 k3/Δt
     "stribeck_friction": {"static_nm": 30.0, "velocity_rad_s": 0.3, "exponent": 1.5},
     "viscous_friction": {"nm_s_per_rad": 20.0},
     "load_dependent_friction": {"coefficient": 0.15},

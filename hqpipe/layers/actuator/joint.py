@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from hqpipe.identify.model import Effect, Parameter, Ratio, Samples, all_parameters
+from hqpipe.layers.actuator import link
 from hqpipe.layers.actuator.parameters import (
     BASE_NAMES,
     BY_OPENING,
@@ -62,7 +63,8 @@ class ActuatorJoint:
         neutral: (WIDTH,) a row of the loops without effects, settings filled in. shapes: (C, N) of each, see `shapes`.
         shape_scale: (C,) what they were divided by. ratios: what may have changed since an earlier record, see there.
         draws: rad/s of flow per speed and per position error of this joint. units: of its effort and position.
-        unsigned: whether its torque had lost its sign, which was restored.
+        unsigned: whether its torque had lost its sign, which was restored. is_limited: whether the link between piston and
+            joint is no softer than a rod or a chain, but for an effect that says so.
     """
 
     joint: str
@@ -85,10 +87,14 @@ class ActuatorJoint:
     draws: tuple[float, float]
     units: tuple[str, str]
     unsigned: bool = False
+    is_limited: bool = False
 
     _columns: np.ndarray = field(init=False)
     _owned: np.ndarray = field(init=False)
     _opening: int = field(init=False)
+    _link: int | None = field(init=False)
+    _lag: int | None = field(init=False)
+    _load: float = field(init=False)
     _run: RepeatedRun = field(init=False)
     _friction: np.ndarray = field(init=False)
     _of_orifice: tuple[int, int, float] | None = field(init=False)
@@ -101,13 +107,20 @@ class ActuatorJoint:
     _share: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
-        owned = [(owner, name) for owner, name in self.places if name != BY_OPENING]
+        owned = [
+            (owner, name) for owner, name in self.places if name != BY_OPENING and (owner, name) != link.COMPLIANCE
+        ]
         object.__setattr__(self, "_columns", np.array([slot(owner, name) for owner, name in owned], dtype=np.int64))
         names = [name for _, name in self.places]
         at = len(self.base) + names.index(BY_OPENING) if BY_OPENING in names else -1
         object.__setattr__(self, "_opening", at)
         own = len(self.base) + np.arange(len(self.places))
-        object.__setattr__(self, "_owned", own[own != at])
+        for attribute, place in (("_link", link.COMPLIANCE), ("_lag", link.LAG)):
+            found = len(self.base) + self.places.index(place) if place in self.places else None
+            object.__setattr__(self, attribute, found)
+        elsewhere = [at] if self._link is None else [at, self._link]
+        object.__setattr__(self, "_owned", own[~np.isin(own, elsewhere)])
+        object.__setattr__(self, "_load", link.load_at_reversals(self.fit))
         object.__setattr__(self, "_run", RepeatedRun())
         object.__setattr__(self, "_driven", self.records[0].signals)
         object.__setattr__(self, "_last", {name: 0.0 for names in _DRIVEN for name in names})
@@ -194,12 +207,16 @@ class ActuatorJoint:
         return tuple(values[len(BASE_NAMES) : len(self.base)].tolist())
 
     def idle(self, values: np.ndarray) -> tuple[int, ...]:
-        """Places of parameters that change nothing at these values: how friction turns round, where there is none, areas
-        that do not act, and a mean pressure that has strayed beside directions of unequal gain."""
+        """Places of parameters that change nothing at these values: how friction turns round, where there is none or where a
+        soft link tells it, areas that do not act, and a mean pressure that has strayed beside directions of unequal gain."""
         present = np.any(values[self._friction] != self._neutral[self._friction])
-        turning = () if present else (_SPEED_LATE, *_PRESLIDING)
+        if not present:
+            turning = (_SPEED_LATE, *_PRESLIDING, self._link)
+        else:
+            turning = (*_PRESLIDING, self._lag) if self._compliance(values) else ()
         areas = (self._of_orifice[1],) if self._is_even(values) else ()
-        return (*turning, *areas, *((self._of_directions[1],) if self._has_ratio(values) else ()))
+        found = (*turning, *areas, *((self._of_directions[1],) if self._has_ratio(values) else ()))
+        return tuple(place for place in found if place is not None)
 
     def _has_ratio(self, values: np.ndarray) -> bool:
         """Whether the gains of both directions have a ratio, which is all that a strayed mean pressure would say of them: of
@@ -283,7 +300,33 @@ class ActuatorJoint:
             row[slot(*_AREAS)] = 0.0
         if self._has_ratio(values):
             row[slot(*_STRAYED)] = 0.0
+        link.let_turn(row, self._load, self._compliance(values), self.is_limited)
         return row
+
+    def implied(self, values: np.ndarray) -> np.ndarray | None:
+        """(P,) values with a link as soft as the travel says in which friction turns round; None where that is as of a rod or a
+        chain, or more than oil and link give way together: then it is the friction's own.
+
+        Args:
+            values: (P,) as in `error`.
+        """
+        if self._link is None:
+            return None
+        row = self.row(values)
+        compliance = link.compliance_of(row, self._load)
+        if not 0.0 < compliance * link.stiffness(row) < 1.0:
+            return None
+        found = values.copy()
+        found[self._link] = compliance
+        return found
+
+    def limited(self) -> ActuatorJoint:
+        """The joint with a link that is no softer than a rod or a chain, but for the effect that says so."""
+        return replace(self, is_limited=True)
+
+    def _compliance(self, values: np.ndarray) -> float:
+        """Of a link that is softer than a rod or a chain, rad/(N·m); 0 for none."""
+        return 0.0 if self._link is None else float(values[self._link])
 
     def values_of(self, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(P,) numbers of a row of the loops, and (P,) whether it says them; NaN in a row stands for what is not known.
@@ -299,6 +342,8 @@ class ActuatorJoint:
         values[_ARM] = np.nan_to_num(row[_ARM_SLOTS])
         values[_PRESLIDING] = np.where(np.isfinite(row[_TURN]), row[_TURN], values[_PRESLIDING])
         values[self._owned] = row[self._columns]
+        if self._link is not None:
+            values[self._link] = link.compliance_of(row, self._load)
         if self._opening >= 0:
             values[self._opening] = float(np.nan_to_num(row[_FLOW[1]]) != 0.0)
         return np.clip(values, [p.low for p in parameters], [p.high for p in parameters]), known
