@@ -229,7 +229,7 @@ def _experiment(log_set: LogSet, layer: str, pair: tuple[str, str], joints: Sequ
 
 def _not_sought(log_set: LogSet, joints: LayerJoints) -> dict[str, str]:
     """Effects of the library that no fit of the law from commanded position to torque looks for in these logs, and why."""
-    searched = {effect.name for model in joints.models for effect in model.effects if not effect.implied}
+    searched = {effect.name for model in joints.models for effect in model.effects}
     found = {}
     for name, effect in EFFECTS.items():
         if name in searched:

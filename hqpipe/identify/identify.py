@@ -88,15 +88,16 @@ def _searched(
         for j, joint in pool.some("with_rare", _rare(answers)).items():
             answers[j] = joint
         answers = with_shared_names(answers, lambda steps: pool.some("renamed", steps), given_up)
-        answers = with_implied(answers, _shared(answers), lambda asked: pool.some("with_implied", asked))
         answers = without_minor_causes(answers, lambda least: pool.some("without", least))
         rare = _names(models) - _shared(answers) if len(models) > 1 else frozenset()
         sets = [(frozenset(joint.kept.effects), frozenset(joint.base.effects), rare) for joint in answers]
         visible = pool.each("visible", sets)
+        read = pool.each("readings", [(frozenset(j.kept.effects), frozenset(j.named.effects)) for j in answers])
         found = [
             with_the_same_by_law(replace(joint, model=model, visible=seen))
             for joint, model, seen in zip(answers, models, visible, strict=True)
         ]
+        found = with_implied(found, read)
         if not covariances:
             return tuple(found)
         rivals = rivals_of(found)

@@ -1,102 +1,137 @@
 """Effects that numbers of others imply: a soft link between piston and joint, by the travel in which friction turns round.
 
-A search leaves these numbers free, as they belong to what it finds. An effect is implied where they are beyond what a sound
-machine has. Then the answer is given once more, with a model that keeps the numbers within and with the effect among its
-candidates, so that it is a cause by the same rules as any other. It is told where all other causes stay.
+Such a number belongs to what a search finds, and a search leaves it free. What the effect does to the output, the base has
+taken up, so that it closes little, and the rules that ask for a share of the error do not apply. It is told where the number is
+beyond what a sound machine has of it, as far as its interval and the other joints of the machine make that sure.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import norm
 
-from hqpipe.identify.found import JointFound
-from hqpipe.identify.joint_answer import answer
-from hqpipe.identify.prior import MOST_JOINTS
-from hqpipe.identify.search import Known, Names, Search
+from hqpipe.identify.beliefs import BELIEVED
+from hqpipe.identify.beside import rank_beside
+from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
+from hqpipe.identify.intervals import normal_covariance
+from hqpipe.identify.joint_answer import fitted
+from hqpipe.identify.least_squares import Fitter
+from hqpipe.identify.prior import MOST_JOINTS, expected_share
+from hqpipe.identify.screening import Known
+from hqpipe.identify.search import Search
+from hqpipe.identify.thresholds import OVERSTATED
+from hqpipe.identify.uncertainty import LEVEL
+
+_Z95 = float(norm.ppf(0.5 + LEVEL / 2.0))
+_STEP = 1e-4  # of a number, for the slope of what is implied; assumption: far above rounding, far below what bends it
 
 
-class Asked(NamedTuple):
-    """An answer of a joint to be weighed once more.
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """What the numbers of a joint say of an effect that they imply.
 
     Attributes:
-        kept: effects of its set. causes: it names. shared, rare: see `hqpipe.identify.search.Search`.
+        effect: its name. number: its parameter. beyond: deviations by which it is beyond what a sound machine has.
+        without: the joint with its causes, fitted with a law that keeps to that.
     """
 
-    kept: Names
-    causes: Names
-    shared: Names
-    rare: Names
+    effect: str
+    number: Number
+    beyond: float
+    without: Fitted
 
 
-class Implied(NamedTuple):
-    """The answer of a joint with what it implies, and the search and the set that it comes from.
-
-    Attributes:
-        effects: that are implied.
-    """
-
-    effects: Names
-    search: Search
-    known: Known
-    found: JointFound
-
-
-def with_implied(
-    answers: Sequence[JointFound],
-    shared: Names,
-    weighed: Callable[[Mapping[int, Asked]], Mapping[int, JointFound | None]],
-) -> list[JointFound]:
-    """The answers of a machine's joints, with the effects that they imply. More has to speak for one that most joints do not
-    have.
+def readings(search: Search, kept: Known, named: Known) -> tuple[Reading, ...]:
+    """What a finished search implies.
 
     Args:
-        answers: of each joint. shared: causes that most joints of the machine have. weighed: number of a joint → what is asked,
-            to its answer with what it implies; None where it implies nothing, or where that is no cause beside the others.
+        kept: the set that gives the numbers. named: the causes alone.
     """
-
-    def asked(joint: JointFound, added: Names, usual: Names) -> Asked:
-        causes = _causes(joint)
-        rare = (causes | added) - shared - usual if len(answers) > 1 else frozenset()
-        return Asked(frozenset(joint.kept.effects), causes, shared | usual, rare)
-
-    nothing: Names = frozenset()
-    first = weighed({j: asked(joint, nothing, nothing) for j, joint in enumerate(answers) if joint.causes})
-    told = {j: found for j, found in first.items() if found is not None}
-    new = {j: _causes(found) - _causes(answers[j]) for j, found in told.items()}
-    count = Counter(name for names in new.values() for name in names)
-    usual = frozenset(name for name, joints in count.items() if joints > MOST_JOINTS * len(answers))
-    again = {j: asked(answers[j], names, usual) for j, names in new.items() if names - usual and len(answers) > 1}
-    told |= weighed(again)
-    return [told.get(j) or joint for j, joint in enumerate(answers)]
-
-
-def implied_answer(search: Search, asked: Asked) -> Implied | None:
-    """The answer of a finished search with what it implies; None where that is nothing, or no cause beside the others."""
-    kept = search.known[asked.kept]
     # Of its class: a model that wraps another one has other numbers than that.
     implied = getattr(type(search.model), "implied", None)
-    values = None if implied is None else implied(search.model, kept.solution.values)
-    if values is None:
-        return None
-    limited = Search(search.model.limited(), search.odds, limited=True)
-    limited.barred |= search.barred - {name for name, effect in limited.effects.items() if effect.implied}
-    limited.refused |= search.refused
-    limited.given_up |= search.given_up
-    limited.shared, limited.rare = asked.shared, asked.rare
-    told = frozenset(n for n, effect in limited.effects.items() if effect.implied and _is_moved(limited, values, n))
-    known = limited.begun_from(kept.names | told, values)
-    found = answer(limited, known)
-    return Implied(told, limited, known, found) if _causes(found) == asked.causes | told else None
+    if implied is None or not np.isfinite(kept.solution.square):
+        return ()
+    found = []
+    for at, told in enumerate(implied(search.model, kept.solution.values)):
+        if not 0.0 < told.beyond < told.most:
+            continue
+        deviation = _deviation(search, kept, at)
+        ends = tuple(told.value * float(np.exp(side * _Z95 * deviation)) for side in (-1.0, 1.0))
+        number = Number(told.parameter, told.unit, told.value, ends)
+        without = _limited(search, named)
+        if _bears_out(fitted(search, named), without):
+            found.append(Reading(told.effect, number, told.beyond / deviation, without))
+    return tuple(found)
 
 
-def _is_moved(search: Search, values: np.ndarray, name: str) -> bool:
-    places = search.screening.places(name)
-    return bool(np.any(values[places] != search.fitter.neutral[places]))
+def with_implied(answers: Sequence[JointFound], read: Sequence[Sequence[Reading]]) -> list[JointFound]:
+    """The answers of a machine's joints, with what they imply.
+
+    Of how many joints have an effect the same is known beforehand as of any other, and what few have is overstated likewise.
+
+    Args:
+        answers, read: of each joint.
+    """
+    answers = list(answers)
+    for effect in sorted({reading.effect for own in read for reading in own}):
+        having = {j: reading for j, own in enumerate(read) for reading in own if reading.effect == effect}
+        certain = {j for j, reading in having.items() if reading.beyond > _Z95}
+        rare = len(answers) > 1 and len(certain) <= MOST_JOINTS * len(answers)
+        for j, reading in having.items():
+            share = expected_share(answers[j].model, len(certain - {j}), len(answers) - 1)
+            says = float(norm.cdf(reading.beyond / (OVERSTATED**0.5 if rare else 1.0)))
+            probability = share * says / (share * says + (1.0 - share) * (1.0 - says))
+            if probability > BELIEVED:
+                answers[j] = _with(answers[j], reading, probability)
+    return answers
 
 
-def _causes(joint: JointFound) -> Names:
-    return frozenset(cause.effect for cause in joint.causes)
+def _with(joint: JointFound, reading: Reading, probability: float) -> JointFound:
+    return replace(
+        joint,
+        causes=(*joint.causes, JointCause(reading.effect, probability, (reading.number,))),
+        without={**joint.without, reading.effect: reading.without},
+        probabilities={**joint.probabilities, reading.effect: probability},
+    )
+
+
+def _deviation(search: Search, known: Known, at: int) -> float:
+    """Standard deviation of the logarithm of an implied number, from all that makes the numbers of its set uncertain.
+
+    Args:
+        at: which of those that are implied.
+    """
+    values, free = known.solution.values, known.solution.free
+
+    def logarithm(moved: np.ndarray) -> float:
+        told = search.model.implied(moved)
+        return float(np.log(told[at].value)) if len(told) > at else np.nan
+
+    slopes = np.zeros(len(free))
+    for k, place in enumerate(free):
+        step, moved = _STEP * max(abs(float(values[place])), 1e-12), values.copy()
+        step = -step if values[place] + step > search.fitter.high[place] else step
+        moved[place] += step
+        slopes[k] = (logarithm(moved) - logarithm(values)) / step
+    rank_beside(search, known)
+    variance = float(slopes @ normal_covariance(search, known) @ slopes)
+    return float(np.sqrt(variance)) if np.isfinite(variance) and variance > 0.0 else np.inf
+
+
+def _limited(search: Search, known: Known) -> Fitted:
+    """A set with a law that keeps what is implied within what a sound machine has."""
+    limited = Fitter(search.model.limited())
+    start = known.solution.values
+    solution = limited.fit(known.solution.free, [start], known.covariance.noise)
+    with np.errstate(over="ignore", invalid="ignore"):
+        errors = (limited.model.error(solution.values, heldout).copy() for heldout in (False, True))
+        order = tuple(name for name in search.effects if name in known.names)
+        return Fitted(order, solution.values, *errors)
+
+
+def _bears_out(named: Fitted, without: Fitted) -> bool:
+    """Whether the held-out trials do not speak against it."""
+    return float(without.heldout @ without.heldout) >= float(named.heldout @ named.heldout)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from hqpipe.identify.found import JointFound, SetNumbers
-from hqpipe.identify.implied import Asked, implied_answer
+from hqpipe.identify.implied import Reading, readings
 from hqpipe.identify.isolability import Isolability, isolability
 from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.joint_moves import Step, Worths
@@ -39,8 +39,6 @@ class JointSearch:
         self._model, self._odds = model, odds
         self._search: Search | None = None
         self._known: Known | None = None
-        self._plain: tuple[Search, Known] | None = None  # before it was weighed what the joint implies
-        self._implied: Names = frozenset()
 
     def load_compiled_code(self) -> None:
         """Predict once, so that copies of this process have the compiled code."""
@@ -152,26 +150,8 @@ class JointSearch:
         self._known = with_one_for_two(self._search, self._known)
         return self.answered()
 
-    def with_implied(self, asked: Asked) -> JointFound | None:
-        """See `hqpipe.identify.implied.implied_answer`."""
-        self._as_before()
-        implied = implied_answer(self._search, asked)
-        if implied is None:
-            return None
-        self._plain, self._implied = (self._search, self._known), implied.effects
-        self._search, self._known = implied.search, implied.known
-        return replace(implied.found, model=None)
-
-    def _as_before(self) -> None:
-        """Leave out again what the joint implies."""
-        self._search, self._known = self._plain or (self._search, self._known)
-        self._plain, self._implied = None, frozenset()
-
     def without(self, effect: str) -> JointFound:
         """The answer with an effect barred from now on; one that is barred never comes back."""
-        if effect in self._implied:
-            self._as_before()
-            return self.answered()
         search, known = self._search, self._known
         search.barred.add(effect)
         for name in sorted(known.names & search.barred):
@@ -196,6 +176,10 @@ class JointSearch:
     def visible(self, kept: Names, base: Names, rare: Names) -> dict[str, float]:
         """See `hqpipe.identify.visible.least_visible`; kept, base: effects of the sets of an answer."""
         return least_visible(self._search, self._search.known[kept], self._search.known[base], rare)
+
+    def readings(self, kept: Names, named: Names) -> tuple[Reading, ...]:
+        """See `hqpipe.identify.implied.readings`; kept, named: effects of the sets of an answer."""
+        return readings(self._search, self._search.known[kept], self._search.known[named])
 
     def numbers(self, effects: Names, steps: Sequence[Step]) -> tuple[SetNumbers | None, dict[Step, SetNumbers]]:
         """How sure the numbers of a set of the answer are, and those of the set after each step that it can take.

@@ -60,8 +60,6 @@ class Effect:
             where the logs ask for it, it stands beside the base and beside the causes.
         in_both: of two records, that both have it: no change, and so part of the machine beside which changes are judged.
         excludes: names of effects that mean the same in these logs, of which at most one is in a set.
-        implied: whether numbers of other effects, beyond what a sound machine has of them, tell it. No search asks for it; it
-            is weighed beside what a search has reached, see `hqpipe.identify.implied`.
         common: whether as many joints have it as not, as friction; others are as likely as one effect a joint makes them.
         settled: numbers beside its parameters that the prediction takes from the logs by itself, as what an integrator held
             when a trial began.
@@ -74,7 +72,6 @@ class Effect:
     context: bool = False
     in_both: bool = False
     excludes: frozenset[str] = frozenset()
-    implied: bool = False
     common: bool = False
     settled: int = 0
 
@@ -96,6 +93,24 @@ class Ratio:
     names: tuple[str, ...]
     multiply: Callable[[np.ndarray, float], None]
     alike_below: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Implied:
+    """What numbers of effects imply of another one.
+
+    Attributes:
+        effect: its name. parameter, unit, value: its number, as `Parameter` has it, above 0.
+        beyond: logarithm of the number over the most that a sound machine has. most: of `beyond`, from where on it is not this
+            effect.
+    """
+
+    effect: str
+    parameter: str
+    unit: str
+    value: float
+    beyond: float
+    most: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,9 +165,8 @@ class JointModel(Protocol):
     where it is to be taken as a difference.
     It may have `tolerances(values)`: (N, K) what each thing that is known to within a tolerance, and is no candidate, does to
     what counts at the fit samples, if it is off by its standard deviation.
-    It may have `implied(values)`: the values with the effects that are `implied` in the place of numbers beyond those of a
-    sound machine, or None where none is; and `limited()`: the same joint with a law that keeps these numbers within, but for
-    such an effect.
+    It may have `implied(values)`: what the numbers imply, see `Implied`, and `limited()`: the same joint with a law in which
+    that is no more than a sound machine has.
     It may have `remarks(causes, values)`: what the numbers of a fit say beside the causes' parameters, one sentence each.
     """
 

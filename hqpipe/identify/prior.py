@@ -27,9 +27,18 @@ def prior_odds(model: JointModel, others: Mapping[str, int], joints: int) -> dic
     """
     found = {}
     for effect in model.effects:
-        share = (EXPECTED_LIKE * _before(model, effect) + others.get(effect.name, 0)) / (EXPECTED_LIKE + joints)
+        share = expected_share(model, others.get(effect.name, 0), joints, effect.common)
         found[effect.name] = float(np.log(share / (1.0 - share)))
     return found
+
+
+def expected_share(model: JointModel, having: int, joints: int, common: bool = False) -> float:
+    """Probability that a joint has an effect, given the other joints of the machine.
+
+    Args:
+        model: of the joint. having: how many of the `joints` others have it. common: as of `Effect`.
+    """
+    return (EXPECTED_LIKE * _before(model, common) + having) / (EXPECTED_LIKE + joints)
 
 
 def log_prior(model: JointModel, effect: Effect, having: np.ndarray, joints: int) -> np.ndarray:
@@ -38,12 +47,11 @@ def log_prior(model: JointModel, effect: Effect, having: np.ndarray, joints: int
     Args:
         model: of one of the joints. having: (K,) how many of the `joints` have it.
     """
-    share = _before(model, effect)
+    share = _before(model, effect.common)
     with_it, without = EXPECTED_LIKE * share, EXPECTED_LIKE * (1.0 - share)
     return betaln(with_it + having, without + joints - having) - betaln(with_it, without)
 
 
-def _before(model: JointModel, effect: Effect) -> float:
+def _before(model: JointModel, common: bool) -> float:
     """Share of joints that are expected to have an effect."""
-    candidates = sum(not candidate.implied for candidate in model.effects)
-    return _COMMON if effect.common else min(EXPECTED / max(candidates, 1), _COMMON)
+    return _COMMON if common else min(EXPECTED / max(len(model.effects), 1), _COMMON)

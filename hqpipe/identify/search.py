@@ -45,7 +45,6 @@ class Search:
         gains: effect → ln of how much more probable the logs are with it beside the set that is reached.
         known: every set that was fitted. barred: effects that no set may have from now on.
         refused: effects that were found at a bound or without a size, so that other sets have to do without them.
-        limited: whether the model keeps numbers within those of a sound machine, beside which effects that they imply count.
         given_up: effects that gave their place to another name: no set has them, but they are rivals.
         shared: effects that are causes in most joints of the machine, as far as that is known. rare: causes of this joint that
             are not, where the machine has several.
@@ -53,7 +52,6 @@ class Search:
 
     model: JointModel
     odds: Mapping[str, float]
-    limited: bool = False
     fitter: Fitter = field(init=False)
     known: dict[Names, Known] = field(init=False, default_factory=dict)
     barred: set[str] = field(init=False, default_factory=set)
@@ -68,7 +66,6 @@ class Search:
     def __post_init__(self) -> None:
         self.fitter = Fitter(self.model)
         self.effects: dict[str, Effect] = {effect.name: effect for effect in self.model.effects}
-        self.barred |= {name for name, effect in self.effects.items() if effect.implied and not self.limited}
         self.screening = Screening(self.fitter, self.effects)
         names: Names = frozenset()
         self.known[names] = self._known(names, base_solution(self.fitter))

@@ -31,7 +31,7 @@ class Search:
     Attributes:
         scale: what the others are multiples of: second, command (RMS of the position error), effort and velocity (RMS),
             slowness (one over the RMS of the machine's total speed), flow (that RMS), damping (effort over velocity), stiffness
-            (of the drive, k3/Δt), angle (standard deviation of the position), travel (half of a usual stroke: 1 rad, and of a
+            (effort over travel), angle (standard deviation of the position), travel (half of a usual stroke: 1 rad, and of a
             joint that slides the range of its positions), curve (one over travel) or none.
         lower, upper: bounds.
         starts: where fits begin; several where an effect can be inactive over all data and then has no gradient.

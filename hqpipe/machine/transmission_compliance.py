@@ -1,6 +1,6 @@
 """Chain or hose stretch: the hydraulic side moves by τ/k more than the joint.
 
-A fit of logs has the spring in the coefficients, in series with the oil. It is told by how friction turns round, see
+A fit of logs has the spring in the coefficients, in series with the oil. How friction turns round tells it, see
 `hqpipe.layers.actuator.link`.
 """
 
@@ -25,7 +25,7 @@ def softened(stiff: float, oil: float, compliance: float) -> float:
 EFFECT = Effect(
     name="transmission_compliance",
     layer="actuator",
-    parameters=(Parameter("stiffness_nm_per_rad", "N·m/rad", Search(STIFFNESS, 0.0, 3.0, (0.3, 0.6)), inverse=True),),
+    parameters=(Parameter("stiffness_nm_per_rad", "N·m/rad", Search(STIFFNESS, 0.0, 3.0, (0.1, 0.5)), inverse=True),),
     meaning="chain, hose or gear stretch under load",
     source="series elasticity; Pratt & Williamson, IROS 1995",
     experiment="a second encoder on the cylinder side, or a load cell behind the seals while the joint reverses slowly",

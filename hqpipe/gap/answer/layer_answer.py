@@ -170,9 +170,7 @@ def considered(errors: LayerErrors, layer: str, withdrawn: Mapping[str, str]) ->
     """Effects that no joint was given, the best first. The score is what a normal deviate would be at the same odds."""
     accepted = {cause.effect: cause for joint in errors.joints for cause in joint.found.causes}
     rivals = {name: cause.effect for cause in accepted.values() for name in cause.confused_with}
-    known = dict.fromkeys(
-        e.name for joint in errors.joints for e in joint.found.model.effects if e.named and not e.implied
-    )
+    known = dict.fromkeys(e.name for joint in errors.joints for e in joint.found.model.effects if e.named)
     rows = []
     for effect in (name for name in known if name not in accepted):
         gains = {joint.name: joint.found.gains[effect] for joint in errors.joints if effect in joint.found.gains}

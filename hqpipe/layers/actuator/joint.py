@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hqpipe.identify.model import Effect, Parameter, Ratio, Samples, all_parameters
+from hqpipe.identify.model import Effect, Implied, Parameter, Ratio, Samples, all_parameters
 from hqpipe.layers.actuator import link
 from hqpipe.layers.actuator.parameters import (
     BASE_NAMES,
@@ -26,6 +26,8 @@ from hqpipe.machine.direction_asymmetry import ALIKE_WITHIN, LEAST_UNEQUAL
 from hqpipe.machine.layout import BASE, slot
 from hqpipe.machine.moment_arm import PARAMETERS as ARM
 from hqpipe.machine.moment_arm import relative_arm
+from hqpipe.machine.transmission_compliance import EFFECT as LINK
+from hqpipe.machine.viscous_friction import MOST_BEHIND
 
 _LOGGED, _SPEED_LATE = BASE_NAMES.index(LOGGED_SPEED), BASE_NAMES.index(SPEED_LATE)
 _PRESLIDING = [BASE_NAMES.index(p.name) for _, p in OF_FRICTION]
@@ -64,7 +66,7 @@ class ActuatorJoint:
         shape_scale: (C,) what they were divided by. ratios: what may have changed since an earlier record, see there.
         draws: rad/s of flow per speed and per position error of this joint. units: of its effort and position.
         unsigned: whether its torque had lost its sign, which was restored. is_limited: whether the link between piston and
-            joint is no softer than a rod or a chain, but for an effect that says so.
+            joint is no softer than a rod or a chain.
     """
 
     joint: str
@@ -92,8 +94,6 @@ class ActuatorJoint:
     _columns: np.ndarray = field(init=False)
     _owned: np.ndarray = field(init=False)
     _opening: int = field(init=False)
-    _link: int | None = field(init=False)
-    _lag: int | None = field(init=False)
     _load: float = field(init=False)
     _run: RepeatedRun = field(init=False)
     _friction: np.ndarray = field(init=False)
@@ -107,19 +107,13 @@ class ActuatorJoint:
     _share: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
-        owned = [
-            (owner, name) for owner, name in self.places if name != BY_OPENING and (owner, name) != link.COMPLIANCE
-        ]
+        owned = [(owner, name) for owner, name in self.places if name != BY_OPENING]
         object.__setattr__(self, "_columns", np.array([slot(owner, name) for owner, name in owned], dtype=np.int64))
         names = [name for _, name in self.places]
         at = len(self.base) + names.index(BY_OPENING) if BY_OPENING in names else -1
         object.__setattr__(self, "_opening", at)
         own = len(self.base) + np.arange(len(self.places))
-        for attribute, place in (("_link", link.COMPLIANCE), ("_lag", link.LAG)):
-            found = len(self.base) + self.places.index(place) if place in self.places else None
-            object.__setattr__(self, attribute, found)
-        elsewhere = [at] if self._link is None else [at, self._link]
-        object.__setattr__(self, "_owned", own[~np.isin(own, elsewhere)])
+        object.__setattr__(self, "_owned", own[own != at])
         object.__setattr__(self, "_load", link.load_at_reversals(self.fit))
         object.__setattr__(self, "_run", RepeatedRun())
         object.__setattr__(self, "_driven", self.records[0].signals)
@@ -207,16 +201,12 @@ class ActuatorJoint:
         return tuple(values[len(BASE_NAMES) : len(self.base)].tolist())
 
     def idle(self, values: np.ndarray) -> tuple[int, ...]:
-        """Places of parameters that change nothing at these values: how friction turns round, where there is none or where a
-        soft link tells it, areas that do not act, and a mean pressure that has strayed beside directions of unequal gain."""
+        """Places of parameters that change nothing at these values: how friction turns round, where there is none, areas
+        that do not act, and a mean pressure that has strayed beside directions of unequal gain."""
         present = np.any(values[self._friction] != self._neutral[self._friction])
-        if not present:
-            turning = (_SPEED_LATE, *_PRESLIDING, self._link)
-        else:
-            turning = (*_PRESLIDING, self._lag) if self._compliance(values) else ()
+        turning = () if present else (_SPEED_LATE, *_PRESLIDING)
         areas = (self._of_orifice[1],) if self._is_even(values) else ()
-        found = (*turning, *areas, *((self._of_directions[1],) if self._has_ratio(values) else ()))
-        return tuple(place for place in found if place is not None)
+        return (*turning, *areas, *((self._of_directions[1],) if self._has_ratio(values) else ()))
 
     def _has_ratio(self, values: np.ndarray) -> bool:
         """Whether the gains of both directions have a ratio, which is all that a strayed mean pressure would say of them: of
@@ -300,33 +290,26 @@ class ActuatorJoint:
             row[slot(*_AREAS)] = 0.0
         if self._has_ratio(values):
             row[slot(*_STRAYED)] = 0.0
-        link.let_turn(row, self._load, self._compliance(values), self.is_limited)
+        if self.is_limited:
+            link.stiffen(row, self._load)
         return row
 
-    def implied(self, values: np.ndarray) -> np.ndarray | None:
-        """(P,) values with a link as soft as the travel says in which friction turns round; None where that is as of a rod or a
-        chain, or more than oil and link give way together: then it is the friction's own.
+    def implied(self, values: np.ndarray) -> tuple[Implied, ...]:
+        """How soft the link between piston and joint is; nothing without friction. One that gave way as much as oil and link
+        together is none: then friction turns round in its own way.
 
         Args:
             values: (P,) as in `error`.
         """
-        if self._link is None:
-            return None
-        row = self.row(values)
-        compliance = link.compliance_of(row, self._load)
-        if not 0.0 < compliance * link.stiffness(row) < 1.0:
-            return None
-        found = values.copy()
-        found[self._link] = compliance
-        return found
+        if (found := link.compliance(self.row(values), self._load)) is None:
+            return ()
+        (number,), (compliance, share) = LINK.parameters, found
+        beyond, most = np.log(share / MOST_BEHIND), -np.log(MOST_BEHIND)
+        return (Implied(LINK.name, number.name, number.unit, compliance, float(beyond), float(most)),)
 
     def limited(self) -> ActuatorJoint:
-        """The joint with a link that is no softer than a rod or a chain, but for the effect that says so."""
+        """The joint with a link that is no softer than a rod or a chain."""
         return replace(self, is_limited=True)
-
-    def _compliance(self, values: np.ndarray) -> float:
-        """Of a link that is softer than a rod or a chain, rad/(N·m); 0 for none."""
-        return 0.0 if self._link is None else float(values[self._link])
 
     def values_of(self, row: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(P,) numbers of a row of the loops, and (P,) whether it says them; NaN in a row stands for what is not known.
@@ -342,8 +325,6 @@ class ActuatorJoint:
         values[_ARM] = np.nan_to_num(row[_ARM_SLOTS])
         values[_PRESLIDING] = np.where(np.isfinite(row[_TURN]), row[_TURN], values[_PRESLIDING])
         values[self._owned] = row[self._columns]
-        if self._link is not None:
-            values[self._link] = link.compliance_of(row, self._load)
         if self._opening >= 0:
             values[self._opening] = float(np.nan_to_num(row[_FLOW[1]]) != 0.0)
         return np.clip(values, [p.low for p in parameters], [p.high for p in parameters]), known

@@ -114,6 +114,7 @@ class Actuator:
             return reason
         size = self._sizes(log_set, j, draws[0])
         runs = len(records[0].signals.bounds) - 1
+        effects, places = effects_of(size, len(log_set.joints), runs, log_set.effort_source, barred)
         units = (unit_of("N·m", kind), unit_of("rad", kind))
         row = self._neutral(log_set.joints[j], size, dt / per_row)
 
@@ -125,8 +126,6 @@ class Actuator:
             # A base that lacks an effect may leak too little; the floor is the least that noise leaves.
             noise, misfit_noise = starts[0].floor(max(first["k2"], leak))
             shapes, scale = free_run_shapes(records, size, first) if shaped else (none, np.zeros(0))
-            stiffness = first["k3"] * per_row / dt
-            effects, places = effects_of(size, stiffness, len(log_set.joints), runs, log_set.effort_source, barred)
             return ActuatorJoint(
                 joint=name,
                 unit=units[0],

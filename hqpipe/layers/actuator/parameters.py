@@ -52,21 +52,17 @@ def base_parameters(first: Mapping[str, float], size: Sizes, per_row: int = 1) -
 
 
 def effects_of(
-    size: Sizes, stiffness: float, joints: int, runs: int, effort_source: str | None, barred: Collection[str]
+    size: Sizes, joints: int, runs: int, effort_source: str | None, barred: Collection[str]
 ) -> tuple[tuple[Effect, ...], tuple[tuple[str, str], ...]]:
     """The candidates that logs of this kind can show, and owner and name of each of their parameters in the loops' row.
 
     Args:
-        stiffness: of the drive, oil and link in series, N·m/rad. joints: of the machine. runs: of windows in the trials to fit,
-            see `window_runs`. barred: effects left out.
+        joints: of the machine. runs: of windows in the trials to fit, see `window_runs`. barred: effects left out.
     """
     found: list[Effect] = []
     places: list[tuple[str, str]] = []
-    size = replace(size, of={**size.of, scales.STIFFNESS: stiffness})
-    rubs = any(effort_source in (EFFECTS[owner].effort_sources or ()) for owner, _ in OF_FRICTION)
     for name, effect in EFFECTS.items():
-        told = rubs and stiffness > 0.0 if effect.turns_friction else not effect.multiplies
-        shown = effect.blocks and told and joints >= effect.least_joints
+        shown = effect.blocks and not effect.multiplies and joints >= effect.least_joints
         if not shown or name in barred or (effect.effort_sources and effort_source not in effect.effort_sources):
             continue
         own = [(name, p) for p in effect.parameters if p.search.beside is None]
@@ -81,12 +77,7 @@ def effects_of(
         excluded = {*effect.excludes, *(other.name for other in EFFECTS.values() if name in other.excludes)}
         found.append(
             Effect(
-                name,
-                tuple(parameters),
-                implied=effect.turns_friction,
-                common=effect.common,
-                settled=settled,
-                excludes=frozenset(excluded - {*barred}),
+                name, tuple(parameters), common=effect.common, settled=settled, excludes=frozenset(excluded - {*barred})
             )
         )
     return tuple(found), tuple(places)

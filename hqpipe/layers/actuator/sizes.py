@@ -92,6 +92,7 @@ def sizes_of(trials: Sequence[Trajectory], j: int, draws: np.ndarray, slides: bo
             scales.TRAVEL: travel,
             scales.CURVE: 1.0 / travel,
             scales.DAMPING: _rms(effort) / _rms(velocity),
+            scales.STIFFNESS: _rms(effort) / angle,
         },
         most_effort=float(np.abs(effort).max()),
         widest=float(np.abs(error).max()),
