@@ -20,6 +20,7 @@ from hqpipe.identify.prior import MOST_JOINTS, prior_odds
 from hqpipe.identify.same_by_law import with_the_same_by_law
 from hqpipe.identify.screening import Names
 from hqpipe.identify.shared_names import with_shared_names
+from hqpipe.identify.stands_for import with_what_they_stand_for
 
 Progress = Callable[[float, float, str], None]
 
@@ -97,16 +98,18 @@ def _searched(
             with_the_same_by_law(replace(joint, model=model, visible=seen))
             for joint, model, seen in zip(answers, models, visible, strict=True)
         ]
+        parts = pool.each("stands_for", [(frozenset(j.kept.effects), _causes(j)) for j in answers])
         found = with_implied(found, read)
         if not covariances:
-            return tuple(found)
+            return with_what_they_stand_for(found, parts)
         rivals = rivals_of(found)
         asked = [
             (frozenset(modelled(joint).effects), [rival.step for rival in rivals if j in rival.joints])
             for j, joint in enumerate(found)
         ]
         numbers = pool.each("numbers", asked)
-    return tuple(with_numbers(joint, *own, rivals) for joint, own in zip(found, numbers, strict=True))
+    found = [with_numbers(joint, *own, rivals) for joint, own in zip(found, numbers, strict=True)]
+    return with_what_they_stand_for(found, parts)
 
 
 def _others(present: Sequence[Names]) -> list[tuple[list[Names]]]:
@@ -123,8 +126,12 @@ def _shared(answers: Sequence[JointFound]) -> frozenset[str]:
 def _rare(answers: Sequence[JointFound]) -> dict[int, frozenset[str]]:
     """Joint → its causes that most joints of the machine do not have, of joints with such causes."""
     shared = _shared(answers)
-    own = {j: frozenset(c.effect for c in joint.causes) - shared for j, joint in enumerate(answers)}
+    own = {j: _causes(joint) - shared for j, joint in enumerate(answers)}
     return {j: effects for j, effects in own.items() if effects} if len(answers) > 1 else {}
+
+
+def _causes(joint: JointFound) -> frozenset[str]:
+    return frozenset(cause.effect for cause in joint.causes)
 
 
 def _names(models: Sequence[JointModel]) -> frozenset[str]:

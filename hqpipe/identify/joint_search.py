@@ -19,6 +19,7 @@ from hqpipe.identify.prior import MOST_JOINTS
 from hqpipe.identify.rounds import searched, with_one_for_two
 from hqpipe.identify.search import Known, Names, Search
 from hqpipe.identify.set_numbers import set_numbers
+from hqpipe.identify.stands_for import StandsFor, stands_for
 from hqpipe.identify.visible import least_visible
 
 _TRIED = 3  # sets that other joints have reached, the most common ones; assumption: a rare one is its joint's own
@@ -180,6 +181,10 @@ class JointSearch:
     def readings(self, kept: Names, named: Names) -> tuple[Reading, ...]:
         """See `hqpipe.identify.implied.readings`; kept, named: effects of the sets of an answer."""
         return readings(self._search, self._search.known[kept], self._search.known[named])
+
+    def stands_for(self, kept: Names, causes: Names) -> StandsFor:
+        """See `hqpipe.identify.stands_for.stands_for`; kept, causes: effects of an answer."""
+        return stands_for(self._search, self._search.known[kept], causes)
 
     def numbers(self, effects: Names, steps: Sequence[Step]) -> tuple[SetNumbers | None, dict[Step, SetNumbers]]:
         """How sure the numbers of a set of the answer are, and those of the set after each step that it can take.
