@@ -100,7 +100,11 @@ def _without_small(search: Search, known: Known, base: Known) -> Known:
             if closes[name] < needed[name] or not _is_large(search, known, name, least, closes[name])
         ]
         if not small:
-            break
+            better = search.settled(known)
+            if better is known:
+                break
+            known = better
+            continue
         known = search.without(known, min(small, key=lambda name: closes[name]))
     return known
 
