@@ -9,8 +9,8 @@ import numpy as np
 
 from hqpipe.identify.found import JointCause
 from hqpipe.identify.model import Effect, Parameter, Ratio
+from hqpipe.identify.uncertainty import NORMAL
 
-_Z95 = 1.959963984540054  # of the normal distribution
 _MOST_RATIO = 20.0  # and one over it: what changed by more is another machine's; assumption
 _USUAL_RATIO = 0.3  # off one; assumption: wear and ageing change a coefficient by some ten per cent
 
@@ -119,6 +119,6 @@ def _widened(value: float, ci95: tuple[float, float], sd: float) -> tuple[float,
     """An interval of a difference with what is unsure about the earlier record in it."""
     low, high = ci95
     return (
-        value - float(np.hypot(value - low, _Z95 * sd)),
-        value + float(np.hypot(high - value, _Z95 * sd)),
+        value - float(np.hypot(value - low, NORMAL * sd)),
+        value + float(np.hypot(high - value, NORMAL * sd)),
     )

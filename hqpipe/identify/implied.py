@@ -23,9 +23,8 @@ from hqpipe.identify.prior import MOST_JOINTS, expected_share
 from hqpipe.identify.screening import Known
 from hqpipe.identify.search import Search
 from hqpipe.identify.thresholds import OVERSTATED
-from hqpipe.identify.uncertainty import LEVEL
+from hqpipe.identify.uncertainty import NORMAL
 
-_Z95 = float(norm.ppf(0.5 + LEVEL / 2.0))
 _STEP = 1e-4  # of a number, for the slope of what is implied; assumption: far above rounding, far below what bends it
 
 
@@ -59,7 +58,7 @@ def readings(search: Search, kept: Known, named: Known) -> tuple[Reading, ...]:
         if not 0.0 < told.beyond < told.most:
             continue
         deviation = _deviation(search, kept, at)
-        ends = tuple(told.value * float(np.exp(side * _Z95 * deviation)) for side in (-1.0, 1.0))
+        ends = tuple(told.value * float(np.exp(side * NORMAL * deviation)) for side in (-1.0, 1.0))
         number = Number(told.parameter, told.unit, told.value, ends)
         without = _limited(search, named)
         if _bears_out(fitted(search, named), without):
@@ -78,7 +77,7 @@ def with_implied(answers: Sequence[JointFound], read: Sequence[Sequence[Reading]
     answers = list(answers)
     for effect in sorted({reading.effect for own in read for reading in own}):
         having = {j: reading for j, own in enumerate(read) for reading in own if reading.effect == effect}
-        certain = {j for j, reading in having.items() if reading.beyond > _Z95}
+        certain = {j for j, reading in having.items() if reading.beyond > NORMAL}
         rare = len(answers) > 1 and len(certain) <= MOST_JOINTS * len(answers)
         for j, reading in having.items():
             share = expected_share(answers[j].model, len(certain - {j}), len(answers) - 1)
@@ -123,13 +122,9 @@ def _deviation(search: Search, known: Known, at: int) -> float:
 
 def _limited(search: Search, known: Known) -> Fitted:
     """A set with a law that keeps what is implied within what a sound machine has."""
-    limited = Fitter(search.model.limited())
-    start = known.solution.values
-    solution = limited.fit(known.solution.free, [start], known.covariance.noise)
-    with np.errstate(over="ignore", invalid="ignore"):
-        errors = (limited.model.error(solution.values, heldout).copy() for heldout in (False, True))
-        order = tuple(name for name in search.effects if name in known.names)
-        return Fitted(order, solution.values, *errors)
+    model, solution = search.model.limited(), known.solution
+    solution = Fitter(model).fit(solution.free, [solution.values], known.covariance.noise)
+    return fitted(search, replace(known, solution=solution), model)
 
 
 def _bears_out(named: Fitted, without: Fitted) -> bool:

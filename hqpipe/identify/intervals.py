@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import norm
 
 from hqpipe.identify.beside import sets_beside
 from hqpipe.identify.correlation import correlation_time
@@ -32,9 +31,8 @@ from hqpipe.identify.sampling import blocks
 from hqpipe.identify.search import Known, Search
 from hqpipe.identify.thresholds import BLOCK
 from hqpipe.identify.tolerances import corrections
-from hqpipe.identify.uncertainty import LEVEL, student, uncertainty
+from hqpipe.identify.uncertainty import NORMAL, student, uncertainty
 
-_NORMAL = float(norm.ppf(0.5 + LEVEL / 2.0))  # half width of a 95 % interval over the deviation
 _FAR = 50.0  # ln of odds beyond which nothing changes
 _PRIOR_HOLDS = (
     0.5  # of the variance beforehand, that samples leave at most if they say something of a number; assumption
@@ -52,7 +50,7 @@ def half_widths(search: Search, known: Known) -> np.ndarray:
     """
     if not np.isfinite(known.solution.square):
         return np.full(len(known.solution.free), np.inf)
-    return _NORMAL * np.sqrt(np.diag(normal_covariance(search, known)))
+    return NORMAL * np.sqrt(np.diag(normal_covariance(search, known)))
 
 
 def normal_covariance(search: Search, known: Known, fitted_only: bool = False) -> np.ndarray:
@@ -78,7 +76,7 @@ def corrected(search: Search, known: Known) -> tuple[np.ndarray, np.ndarray]:
     step, covariance = corrections(search, known)
     free = known.solution.free
     values[free] = np.clip(values[free] + step, search.fitter.low[free], search.fitter.high[free])
-    return values, np.sqrt(half**2 + _NORMAL**2 * np.diag(covariance))
+    return values, np.sqrt(half**2 + NORMAL**2 * np.diag(covariance))
 
 
 def _within(fitter: Fitter, known: Known) -> np.ndarray:
@@ -90,7 +88,7 @@ def _within(fitter: Fitter, known: Known) -> np.ndarray:
     weight = known.covariance.alike * known.covariance.noise
     prior = weight * fitter.precision(solution.values, solution.free)
     found = uncertainty(at, all_of_them, np.stack([prior, weight * prior]))
-    return _scaled(found.covariance, student(found.freedom) / _NORMAL)
+    return _scaled(found.covariance, student(found.freedom) / NORMAL)
 
 
 def _between(fitter: Fitter, known: Known) -> np.ndarray:
@@ -113,7 +111,7 @@ def _between(fitter: Fitter, known: Known) -> np.ndarray:
     count = np.sum(seen, axis=0)
     mean = np.sum(np.where(seen, steps, 0.0), axis=0) / np.maximum(count, 1)
     away = np.where(seen, np.array(steps) - mean, 0.0)
-    factor = student(count - 1.0) / _NORMAL * np.sqrt(np.maximum(count - 1.0, 0.0) / np.maximum(count, 1))
+    factor = student(count - 1.0) / NORMAL * np.sqrt(np.maximum(count - 1.0, 0.0) / np.maximum(count, 1))
     return _scaled(away.T @ away, np.where(count > 1, factor, 0.0))
 
 

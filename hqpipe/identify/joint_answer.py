@@ -15,6 +15,7 @@ from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
 from hqpipe.identify.intervals import corrected
 from hqpipe.identify.left_out import left_out_error
 from hqpipe.identify.misfit import floor_of
+from hqpipe.identify.model import JointModel
 from hqpipe.identify.search import Known, Names, Search
 from hqpipe.identify.thresholds import LEAST_GAIN
 from hqpipe.identify.uncertain_effects import certainty, replaces, without_uncertain
@@ -132,11 +133,11 @@ def _context(search: Search, best: Known) -> Known:
     return context if better and heldout_square(search, context) <= heldout_square(search, plain) else plain
 
 
-def fitted(search: Search, known: Known) -> Fitted:
-    """A set with its errors."""
-    values = known.solution.values
+def fitted(search: Search, known: Known, law: JointModel | None = None) -> Fitted:
+    """A set with its errors; law: by which they are, None for that of the search."""
+    values, model = known.solution.values, law or search.model
     with np.errstate(over="ignore", invalid="ignore"):
-        error, heldout = search.model.error(values).copy(), search.model.error(values, True)
+        error, heldout = model.error(values).copy(), model.error(values, True)
     order = tuple(name for name in search.effects if name in known.names)
     return Fitted(order, values, error, heldout)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from hqpipe.identify.determined import MOST_OF_ONE
 from hqpipe.identify.normal_equations import NormalEquations
 
 LEVEL = 0.95
+NORMAL = NormalDist().inv_cdf(0.5 + LEVEL / 2.0)  # half width of a 95 % interval over the deviation
 _SINGULAR = 1e-14  # of the largest eigenvalue, below which a direction is rounding
 
 

@@ -72,6 +72,7 @@ def library_of(folder: Path) -> tuple[str, ...]:
         except IdentificationError:  # no joint can be judged in this layer, so that no effect of it is asked for
             continue
         names |= dict.fromkeys(effect.name for model in models for effect in model.effects if effect.named)
+        names |= dict.fromkeys(name for model in models for name in getattr(model, "implies", ()))
     return tuple(names)
 
 

@@ -65,8 +65,8 @@ class ActuatorJoint:
         neutral: (WIDTH,) a row of the loops without effects, settings filled in. shapes: (C, N) of each, see `shapes`.
         shape_scale: (C,) what they were divided by. ratios: what may have changed since an earlier record, see there.
         draws: rad/s of flow per speed and per position error of this joint. units: of its effort and position.
-        unsigned: whether its torque had lost its sign, which was restored. is_limited: whether the link between piston and
-            joint is no softer than a rod or a chain.
+        unsigned: whether its torque had lost its sign, which was restored. implies: effects that its numbers may imply.
+        is_limited: whether the link between piston and joint is no softer than a rod or a chain.
     """
 
     joint: str
@@ -89,6 +89,7 @@ class ActuatorJoint:
     draws: tuple[float, float]
     units: tuple[str, str]
     unsigned: bool = False
+    implies: tuple[str, ...] = ()
     is_limited: bool = False
 
     _columns: np.ndarray = field(init=False)
@@ -301,7 +302,8 @@ class ActuatorJoint:
         Args:
             values: (P,) as in `error`.
         """
-        if (found := link.compliance(self.row(values), self._load)) is None:
+        found = link.compliance(self.row(values), self._load) if LINK.name in self.implies else None
+        if found is None:
             return ()
         (number,), (compliance, share) = LINK.parameters, found
         beyond, most = np.log(share / MOST_BEHIND), -np.log(MOST_BEHIND)

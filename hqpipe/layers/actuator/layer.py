@@ -14,7 +14,7 @@ from hqpipe.identify.model import FORCE_SENSOR, LayerJoints
 from hqpipe.identify.window_choice import window_for
 from hqpipe.layers.actuator.changes import RATIOS
 from hqpipe.layers.actuator.joint import ActuatorJoint
-from hqpipe.layers.actuator.parameters import base_parameters, effects_of
+from hqpipe.layers.actuator.parameters import TOLD_BY_FRICTION, base_parameters, effects_of
 from hqpipe.layers.actuator.record import draws_of, record_of
 from hqpipe.layers.actuator.shapes import free_run_shapes, shapes_of
 from hqpipe.layers.actuator.sizes import Sizes, at_rest, sizes_of
@@ -147,6 +147,7 @@ class Actuator:
                 draws=(float(draws[0][j]), float(draws[1][j])),
                 units=units,
                 unsigned=name in self.unsigned,
+                implies=tuple(effect for effect in TOLD_BY_FRICTION if effect not in barred),
             )
 
         guess = _best_guess(model, first_guesses(records[0], per_row))

@@ -20,6 +20,7 @@ OF_FRICTION = tuple((name, p) for name, e in EFFECTS.items() for p in e.paramete
 """Owner and number of how friction turns round."""
 BASE_NAMES = (*BASE, LOGGED_SPEED, SPEED_LATE, *(p.name for _, p in OF_FRICTION), *ARM)
 """Base parameters in their order; those of `MOVING` come last where the controller is faster than the log."""
+TOLD_BY_FRICTION = tuple(name for name, effect in EFFECTS.items() if effect.turns_friction)
 _ARM_SPREAD = {"arm_slope": 0.3, "arm_curve": 0.5}
 """A lever changes by cot φ per radian, 0.3 at 17° from where it is longest, and curves by a half; assumption."""
 _ARM_MOST = 4.0  # of both: at the ends of half a radian the arm has gone or is twice as long; assumption

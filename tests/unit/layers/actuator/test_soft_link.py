@@ -89,6 +89,13 @@ def test_what_a_joint_implies_follows_from_friction_and_travel(model):
     assert of_chain.beyond < 0.0 < told.beyond < told.most < of_seal.beyond
 
 
+def test_a_joint_implies_nothing_that_is_left_out(model):
+    logs = planted_logs({}, seconds=3.0, fit=1)
+    (without,) = Actuator().joints(logs, without=["transmission_compliance"]).models
+    assert model.implies == ("transmission_compliance",) and without.implies == ()
+    assert without.implied(rubbing(without, SOFT)) == ()
+
+
 def test_the_travel_of_a_limited_joint_is_that_of_a_chain_at_most(model):
     turn = slot("coulomb_friction", "presliding_rad")
     values = rubbing(model, SOFT)
