@@ -46,6 +46,7 @@ def left_out_error(fitter: Fitter, solution: Solution) -> np.ndarray:
     return found
 
 
+@np.errstate(over="ignore", invalid="ignore")  # squares of an error that grows without bounds
 def _stepped(fitter: Fitter, solution: Solution, step: np.ndarray, rest: np.ndarray) -> np.ndarray:
     """(N,) errors after a step of the free parameters, as much of it as serves the samples that it was made for.
 

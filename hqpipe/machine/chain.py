@@ -83,7 +83,7 @@ class _Links(NamedTuple):
     Attributes:
         columns: (S, P) that each reads. when: (S, P) of which one is not 0 where it is present. always: (S,) whether it
             always is.
-        reads, writes: (S, N) signals. on_all: (S,) whether it hangs on all parameters.
+        reads, writes: (S, N) signals.
     """
 
     columns: np.ndarray
@@ -91,7 +91,6 @@ class _Links(NamedTuple):
     always: np.ndarray
     reads: np.ndarray
     writes: np.ndarray
-    on_all: np.ndarray
 
 
 class _Plan(NamedTuple):
@@ -103,16 +102,15 @@ class _Plan(NamedTuple):
     @classmethod
     def of(cls, plan: Sequence[tuple], columns: int) -> _Plan:
         """Args: plan: `PLAN` of a module of loops."""
-        signals = {name for _, _, reads, writes, _ in plan for name in (*reads, *writes)}
+        signals = {name for _, _, reads, writes in plan for name in (*reads, *writes)}
         names = {name: i for i, name in enumerate(sorted({*signals, *INPUTS, "raw_velocity"}))}
         count = len(plan)
         links = _Links(
             *(np.zeros((count, size), dtype=np.bool_) for size in (columns, columns)),
             np.array([not when for _, when, *_ in plan], dtype=np.bool_),
             *(np.zeros((count, size), dtype=np.bool_) for size in (len(names), len(names))),
-            np.array([on_all for *_, on_all in plan], dtype=np.bool_),
         )
-        for i, (own, when, reads, writes, _) in enumerate(plan):
+        for i, (own, when, reads, writes) in enumerate(plan):
             links.columns[i, list(own)], links.when[i, list(when)] = True, True
             links.reads[i, [names[name] for name in reads]] = True
             links.writes[i, [names[name] for name in writes]] = True
@@ -135,7 +133,7 @@ def _arranged(links: _Links, kept: Kept, row: np.ndarray, now: np.ndarray) -> tu
         for k in range(SLOTS):
             same = kept.version[k, i] != 0
             for c in range(row.shape[0]):
-                same &= not (links.columns[i, c] or links.on_all[i]) or kept.columns[k, i, c] == row[c]
+                same &= not links.columns[i, c] or kept.columns[k, i, c] == row[c]
             for n in range(now.shape[0]):
                 same &= not links.reads[i, n] or kept.reads[k, i, n] == now[n]
             if same:

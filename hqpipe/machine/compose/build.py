@@ -35,6 +35,7 @@ PASSES = 10  # of the search for what a state holds at the start of a trial
 CLOSE = 1e-4  # relative: where it ends
 ROUGH = 0.02  # s from sample to sample of its first passes, which only tell where the others begin
 FEWEST = 10  # samples of such a pass
+SAMPLES = 256  # that a pass works on at a time; a block of each signal stays in the cache
 MEMORY = {memory}'''
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from hqpipe.machine.compose.source import Source, call
-from hqpipe.machine.compose.wiring import NUMBER, SIGNAL, STATE, Call, Chain, Link, Ref
+from hqpipe.machine.compose.wiring import NUMBER, SIGNAL, STATE, Chain, Link, Ref
 
 PASSES = ("inner", "grip", "turned", "lost", "effort")  # what comes about behind the law, in this order
 
@@ -95,8 +95,12 @@ class Lanes:
         made = call(self.source, link.call, self.text)
         self.known |= set(names)
         with self.source.under(f"if {self.on(link.when) if link.when else True}:"):
-            self.loop(f"{outs} = {made}")
+            self.loop(f"{outs} = {made}", *self.after_sample(link))
             self.source.add(*(f"{name} = {self.buffer(name)}" for name in names))
+
+    def after_sample(self, link: Link) -> list[str]:
+        """Lines of the loop of a link behind its call."""
+        return []
 
     def behind(self, *names: str) -> None:
         """Links behind the law that write some signals, from its present torque on."""
@@ -125,13 +129,7 @@ class Lanes:
         self.known -= {name for x in chain.core for name in x.writes}
         for link in chain.core:
             self.link(link)
-        laws = (chain.plain, chain.law)
-        self.need(sorted({ref.name for made in laws for ref in made.args if ref.kind == SIGNAL}))
-        if chain.bent:
-            with source.under(f"if {self.on(chain.bent)}:"):
-                self._law(chain.law)
-        with source.under("else:" if chain.bent else "if True:"):
-            self._law(chain.plain)
+        self.law("following")
         self.wound = "following"
 
     def measure(self, into: str) -> None:
@@ -146,5 +144,13 @@ class Lanes:
                 with self.source.under(f"if {self.on(link.when)}:"):
                     self.loop(f"measured[i] = {call(self.source, link.call, self.text)}")
 
-    def _law(self, law: Call) -> None:
-        self.loop(f"following[i] = {call(self.source, law, self.text)}")
+    def law(self, out: str) -> None:
+        """The base's law into an array, plain where nothing bends it."""
+        chain, source = self.chain, self.source
+        laws = (chain.plain, chain.law)
+        self.need(sorted({ref.name for made in laws for ref in made.args if ref.kind == SIGNAL}))
+        if chain.bent:
+            with source.under(f"if {self.on(chain.bent)}:"):
+                self.loop(f"{out}[i] = {call(source, chain.law, self.text)}")
+        with source.under("else:" if chain.bent else "if True:"):
+            self.loop(f"{out}[i] = {call(source, chain.plain, self.text)}")

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from hqpipe.machine.compose.balances import Balance, write_balances
 from hqpipe.machine.compose.lanes import Lanes
 from hqpipe.machine.compose.source import Source, call, constants, constants_of, present, scalar, started
-from hqpipe.machine.compose.trials import balance_arrays, write_balances, write_follow
+from hqpipe.machine.compose.trials import write_follow
 from hqpipe.machine.compose.wiring import PARAMETER, SIGNAL, STATE, Call, Chain, Link, Ref
 from hqpipe.machine.signals import INPUTS, NEUTRAL
 
@@ -20,7 +21,11 @@ RAW = {"raw_command": "command", "raw_position": "position", "sliding": "velocit
 
 
 class Arrays:
-    """Which signals are arrays along the log, and which of them the law and what lies behind it need."""
+    """Which signals are arrays along the log, and which of them the law and what lies behind it need.
+
+    Attributes:
+        along: names of all. needed: of those. balances: name of a link → what the search for the start of its state hangs on.
+    """
 
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
@@ -35,6 +40,7 @@ class Arrays:
         read = {ref.name for made in calls for ref in made.args if ref.kind in (SIGNAL, STATE)}
         own = {out.name for x in running for out in x.outs}
         self.needed = sorted((read & self.along) - own)
+        self.balances = {link.name: Balance(chain, self, link) for link in chain.ahead if link.balance}
 
     def when(self, name: str) -> tuple[int, ...] | None:
         """Columns of which one is not 0 where the array of a signal holds; None: always."""
@@ -54,8 +60,7 @@ class Stages:
 
     Attributes:
         rows: name of a step → rows of the scratch that its outputs fill. plan: of each step its columns (those that it reads,
-            those of which one is not 0 where it is present), names that it reads and writes, and whether a change of anything
-            changes it.
+            those of which one is not 0 where it is present), and names that it reads and writes.
     """
 
     def __init__(self, chain: Chain, arrays: Arrays) -> None:
@@ -67,7 +72,7 @@ class Stages:
             by = [x.by for x in chain.late if name in x.writes] + [late] * (name == "sliding")
             self.rows[name] = self._take(1)
             source = RAW.get(name, name) if name == "sliding" else f"raw_{name}"
-            self.plan.append(((*by, dt), tuple(by), (source,), (name,), False))
+            self.plan.append(((*by, dt), tuple(by), (source,), (name,)))
         for link in chain.ahead:
             outs = [out.name for out in link.outs if out.kind == SIGNAL or out.name in chain.shared]
             self.rows[link.name] = self._take(len(outs))
@@ -78,12 +83,15 @@ class Stages:
             for constant in chain.constants:
                 if set(constant.names) & constants_of(chain, calls):
                     columns |= {r.column for r in constant.call.args if r.kind == PARAMETER}
-            reads = sorted(chain._aliases(link.reads))
-            self.plan.append((tuple(sorted(columns)), link.when, tuple(reads), tuple(outs), bool(link.balance)))
+            reads = set(link.reads)
+            if balance := arrays.balances.get(link.name):
+                columns |= balance.columns
+                reads |= set(balance.names)
+            self.plan.append((tuple(sorted(columns)), link.when, tuple(sorted(chain._aliases(reads))), tuple(outs)))
         self.laid = len(self.plan)
         for name in arrays.needed:
             reads = tuple(sorted(chain._aliases([name])))
-            self.plan.append(((), arrays.when(name) or (), reads, (), False))
+            self.plan.append(((), arrays.when(name) or (), reads, ()))
 
     def _take(self, count: int) -> list[int]:
         self.count += count
@@ -94,7 +102,7 @@ def write_windows(source: Source, chain: Chain) -> None:
     """`errors_of_windows` and what it calls; `PLAN`, `SCRATCH`, `LAID` and `LINES` say what it needs."""
     arrays = Arrays(chain)
     stages = Stages(chain, arrays)
-    write_balances(source, chain, arrays)
+    write_balances(source, arrays.balances.values())
     _along(source, chain, arrays, stages)
     write_follow(source, chain, arrays)
     run = _Run(source, chain, arrays)
@@ -164,7 +172,7 @@ def _need(source: Source, chain: Chain, arrays: Arrays, names: Iterable[str], kn
 def _stage(source: Source, chain: Chain, arrays: Arrays, stages: Stages, link: Link, at: int, known: set[str]) -> None:
     """One link along all trials, each into arrays of its own."""
     outs = [out for out in link.outs if out.kind == SIGNAL or out.name in chain.shared]
-    extra = balance_arrays(chain, arrays, link) if link.balance else []
+    extra = arrays.balances[link.name].names if link.balance else []
     _need(source, chain, arrays, [*sorted(link.reads), *extra, *(out.name for out in outs)], known)
     states = [out.name for out in link.outs if out.kind == STATE]
 
@@ -205,7 +213,7 @@ def _along_trials(source: Source, chain: Chain, arrays: Arrays, link: Link, outs
                 source.add(f"o_{name}[k] = delayed(a_{name}, first, last, k - p[{link.by}] / dt)")
             return
         for name, start in link.starts.items():
-            source.add(f"m_{name} = {_started(source, chain, arrays, link, start, text)}")
+            source.add(f"m_{name} = {_started(source, arrays, link, start, text)}")
         with source.under("for k in range(first, last + 1):"):
             given = ", ".join(f"m_{out.name}" if out.kind == STATE else f"o_{out.name}[k]" for out in link.outs)
             source.add(f"{given} = {call(source, link.call, text)}")
@@ -226,10 +234,9 @@ def _flag(link: Link, name: str, arrays: Arrays) -> str:
     return f"on_{name} = {present(columns) if columns else False}"
 
 
-def _started(source: Source, chain: Chain, arrays: Arrays, link: Link, start: object, text) -> str:
+def _started(source: Source, arrays: Arrays, link: Link, start: object, text) -> str:
     if isinstance(start, tuple):
-        given = ", ".join(f"a_{name}" for name in balance_arrays(chain, arrays, link))
-        return f"balance_{link.balance}(p, s, first, last, {given})"
+        return f"balance_{link.balance}(p, s, first, last, {arrays.balances[link.name].given})"
     return started(source, start, text)
 
 
