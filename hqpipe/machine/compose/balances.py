@@ -75,7 +75,6 @@ def write_balances(source: Source, balances: Iterable[Balance]) -> None:
     """`balance_<state>` for each state whose start only the whole trial tells."""
     for balance in balances:
         _Samples(source, balance).write()
-        _search(source, balance)
         _balance(source, balance)
 
 
@@ -168,37 +167,6 @@ class _Samples(Lanes):
                 self.source.add(*(f"m_{n} = {started(self.source, start, self.text)}" for n, start in starts.items()))
 
 
-def _search(source: Source, balance: Balance) -> None:
-    """`search_<state>`: the start for samples of one distance, and what a start is worth."""
-    says = "The start after which the torques add up, and how much torque it is worth; from a first guess of both."
-    args = f"p, start, gain, most, stride, steps, a_behind, {balance.given}"
-    missing = f"missing_{balance.state}(p, start, most, stride, steps, a_behind, {balance.given})"
-    with source.function(f"search_{balance.state}", args, says):
-        source.add("low, high, before, left = -most, most, start, 0.0")
-        with source.under("for _ in range(PASSES):"):
-            source.add(
-                f"missing, samples = {missing}",
-                "low, high = (start, high) if missing > 0.0 else (low, start)",
-                "doubt = 1.0  # of the gain: what a start is worth; at first all of it, then as the last two tell",
-            )
-            with source.under("if gain == 0.0:"):
-                source.add(f"gain = max(p[{balance.chain.gain}] * samples, 1e-300)")
-            with source.under("elif start != before:"):
-                source.add("told = (left - missing) / (start - before)")
-                with source.under(f"if told > 0.0 or most < {NO_LIMIT}:"):
-                    source.add("last_gain, gain = gain, max(told, 1e-300)")
-                    source.add("doubt = min(abs(gain / last_gain - 1.0), 1.0)")
-                with source.under("else:  # rounding: where there is no limit, more of a start is always worth more"):
-                    source.add("doubt = 0.0")
-            source.add("before, left, wanted = start, missing, start + missing / gain")
-            with source.under("if wanted < low or wanted > high:  # the limit takes from what the start is worth"):
-                source.add("wanted, doubt = 0.5 * (low + high), 1.0")
-            source.add("close = doubt * abs(wanted - start) < CLOSE * abs(wanted)", "start = wanted")
-            with source.under("if close:"):
-                source.add("break")
-        source.add("return start, gain")
-
-
 def _balance(source: Source, balance: Balance) -> None:
     """`balance_<state>`: first with few samples, then with all."""
     chain, arrays = balance.chain, balance.arrays
@@ -222,12 +190,39 @@ def _balance(source: Source, balance: Balance) -> None:
         for link in balance.undone:
             with source.under(f"if {present(link.when)}:"), source.under("for i in range(behind.shape[0]):"):
                 source.add(f"behind[i] = {call(source, link.undo, text)}")
-        few = ", ".join(f"a_{name}[first : last + 1 : rough].copy()" for name in balance.names)
-        every = ", ".join(f"a_{name}[first : last + 1]" for name in balance.names)
+        source.add(f"most = {call(source, limit, scalar)}", "start, gain = 0.0, 0.0")
+        source.add(f"rough = max(1, min(int(ROUGH / {dt}), (last - first) // FEWEST))")
+        with source.under("for stride in (rough, 1):"):
+            source.add("few = stride > 1", "x_behind = behind[::stride].copy() if few else behind")
+            for name in balance.names:
+                all_of_them = f"a_{name}[first : last + 1"
+                source.add(f"x_{name} = {all_of_them} : stride].copy() if few else {all_of_them}]")
+            _passes(source, balance)
+        source.add("return start")
+
+
+def _passes(source: Source, balance: Balance) -> None:
+    """`start` after which the torques add up, and `gain`, how much torque it is worth, from a first guess of both."""
+    given = ", ".join(f"x_{name}" for name in ("behind", *balance.names))
+    source.add("low, high, before, left = -most, most, start, 0.0")
+    with source.under("for _ in range(PASSES):"):
         source.add(
-            f"most = {call(source, limit, scalar)}",
-            f"rough = max(1, min(int(ROUGH / {dt}), (last - first) // FEWEST))",
-            f"start, gain = search_{balance.state}(p, 0.0, 0.0, most, rough, s.steps, behind[::rough].copy(), {few})",
-            f"start, gain = search_{balance.state}(p, start, gain, most, 1, s.steps, behind, {every})",
-            "return start",
+            f"missing, samples = missing_{balance.state}(p, start, most, stride, s.steps, {given})",
+            "low, high = (start, high) if missing > 0.0 else (low, start)",
+            "doubt = 1.0  # of the gain: what a start is worth; at first all of it, then as the last two tell",
         )
+        with source.under("if gain == 0.0:"):
+            source.add(f"gain = max(p[{balance.chain.gain}] * samples, 1e-300)")
+        with source.under("elif start != before:"):
+            source.add("told = (left - missing) / (start - before)")
+            with source.under(f"if told > 0.0 or most < {NO_LIMIT}:"):
+                source.add("last_gain, gain = gain, max(told, 1e-300)")
+                source.add("doubt = min(abs(gain / last_gain - 1.0), 1.0)")
+            with source.under("else:  # rounding: where there is no limit, more of a start is always worth more"):
+                source.add("doubt = 0.0")
+        source.add("before, left, wanted = start, missing, start + missing / gain")
+        with source.under("if wanted < low or wanted > high:  # the limit takes from what the start is worth"):
+            source.add("wanted, doubt = 0.5 * (low + high), 1.0")
+        source.add("close = doubt * abs(wanted - start) < CLOSE * abs(wanted)", "start = wanted")
+        with source.under("if close:"):
+            source.add("break")
