@@ -32,11 +32,9 @@ def answer(search: Search, best: Known) -> JointFound:
     rank_beside(search, core)
     probabilities = _considered(search, {name: belief.probability for name, belief in found.items()})
     claimed, core = core, confirmed(search, core, base)
-    unchanged = frozenset(name for name in core.names if search.effects[name].in_both)
-    named = _only(search, core, frozenset(causes_of(search, core, base)) | base.names | unchanged)
-    without = {name: search.without(named, name) for name in causes_of(search, named, base)}
+    named, unshaped = (_unshaped(search, known, base) for known in (core, claimed))
+    without = {name: search.without(named, name) for name in causes_of(search, core, base) if name in found}
     causes = sorted(without, key=lambda name: -without[name].solution.square)
-    unshaped = _only(search, claimed, frozenset(causes_of(search, claimed, base)) | base.names | unchanged)
     (values, half), floor = corrected(search, core), floor_of(search.model)
     whole, square = max(search.left_out(base), np.finfo(float).tiny), search.left_out(claimed)
     closes_in_band, unknown = _beside_unknown(search, claimed, unshaped, base, causes)
@@ -120,17 +118,19 @@ def _beside_unknown(
 def _context(search: Search, best: Known) -> Known:
     """What the rest of the machine does to the joint, and what every sound one has of some effect, if data left out of the fit
     and the held-out trials bear it out."""
-
-    def is_ordinary(known: Known, name: str) -> bool:
-        return 0.0 < search.size(known, name) < search.effects[name].parameters[0].least
-
-    ordinary = {name for name in best.names if is_ordinary(best, name)}
+    ordinary = {name for name in best.names if search.is_ordinary(best, name)}
     context = _only(search, best, frozenset(n for n in best.names if search.effects[n].context) | ordinary)
     # Without the causes such an effect may grow, and stand for a part of the gap.
-    context = _only(search, context, context.names - {n for n in ordinary if not is_ordinary(context, n)})
+    context = _only(search, context, context.names - {n for n in ordinary if not search.is_ordinary(context, n)})
     plain = search.base
     better = search.left_out(context) < search.left_out(plain)
     return context if better and heldout_square(search, context) <= heldout_square(search, plain) else plain
+
+
+def _unshaped(search: Search, known: Known, base: Known) -> Known:
+    """A set without its generic shapes, but for those of the context."""
+    shapes = {name for name in known.names if not (search.effects[name].named or search.effects[name].in_both)}
+    return _only(search, known, known.names - shapes | base.names)
 
 
 def fitted(search: Search, known: Known, law: JointModel | None = None) -> Fitted:

@@ -1,5 +1,5 @@
 """Rounds of additions, exchanges and removals, until no change of one effect makes the logs more probable, nor two in the place
-of one; in a joint that has no others to learn from, nor the addition of two."""
+of one; in a joint that has no others to learn from, nor the addition of two; in others, the way beyond where a gap is left."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from itertools import combinations
 from hqpipe.identify.misfit import floor_of
 from hqpipe.identify.screening import Known
 from hqpipe.identify.search import MOST_EFFECTS, Search
-from hqpipe.identify.thresholds import HALVED, OVERSTATED
+from hqpipe.identify.thresholds import HALVED, LEAST_GAIN, OVERSTATED
 
 _ROUNDS = 3  # assumption: what still changes then is a draw
 _FIRSTS = 2  # of the sets with one effect more, those that err least, to which a second one is added; assumption
@@ -97,3 +97,29 @@ def _with_two(search: Search, best: Known) -> Known:
     ]
     larger = max(two_more, key=lambda k: search.gain(k, best), default=best)
     return larger if larger is not best and search.gain(larger, best) > 0.0 else best
+
+
+def farther(search: Search, best: Known) -> Known:
+    """A more probable set beyond one that leaves a part of the gap, among those with several effects more that no single step
+    leads to, if it leaves less than half as much.
+
+    While much is wrong, errors stay alike for long and say little of one effect. So what leaves least joins without being asked
+    for, until no gap is left or nothing closes a part of it; then everything that is not needed leaves again. What explains
+    little more than before may do so by chance: several effects together can describe a part of anything.
+    """
+    larger = best
+    while len(larger.names) < MOST_EFFECTS and _gap_left(search, larger) > LEAST_GAIN * _gap_left(search, search.base):
+        least = min(search.one_more(larger).values(), key=lambda known: known.solution.square, default=larger)
+        if least.solution.square > larger.solution.square / (1.0 + LEAST_GAIN):
+            break
+        larger = least
+    if larger is best or _gap_left(search, larger) > HALVED * _gap_left(search, best):
+        return best  # with fewer effects it leaves more
+    found = _improved(search, larger)
+    decides = _gap_left(search, found) < HALVED * _gap_left(search, best)
+    return found if decides and search.likelier(found, best) else best
+
+
+def _gap_left(search: Search, known: Known) -> float:
+    """What a set leaves of the squared error above the noise."""
+    return max(known.solution.square - floor_of(search.model), 0.0)

@@ -269,16 +269,20 @@ class Search:
     def grown(self, best: Known) -> Known:
         """The set with the effects that the logs ask for beside it, the most probable first."""
         while len(best.names) < MOST_EFFECTS:
-            needed = max(LEAST_GAIN / (1.0 + LEAST_GAIN) * best.solution.square, self.material)
-            ranked = self.screening.screened(best, self.addable(best.names))[:REFITTED]
-            tried = ranked[:1] + [(gain, name) for gain, name in ranked[1:] if gain >= _PROMISED * needed]
-            larger = {name: self.grown_by(best, name) for _, name in tried}
-            able = [k for name, k in larger.items() if self._closes_enough(k, best, name) or self._is_ordinary(k, best)]
+            larger = self.one_more(best)
+            able = [k for name, k in larger.items() if self._closes_enough(k, best, name) or self.is_ordinary(k, name)]
             options = [(gain, k) for k in able if (gain := self.gain(k, best)) > 0.0]
             if not options:
                 break
             _, best = max(options, key=lambda pair: pair[0])
         return best
+
+    def one_more(self, best: Known) -> dict[str, Known]:
+        """Effect → the set with it as well, for the one that promises most and those that promise what is asked for."""
+        needed = max(LEAST_GAIN / (1.0 + LEAST_GAIN) * best.solution.square, self.material)
+        ranked = self.screening.screened(best, self.addable(best.names))[:REFITTED]
+        tried = ranked[:1] + [(gain, name) for gain, name in ranked[1:] if gain >= _PROMISED * needed]
+        return {name: self.grown_by(best, name) for _, name in tried}
 
     def _closes_enough(self, larger: Known, smaller: Known, name: str) -> bool:
         """Whether an effect that a set has beside a smaller one takes off what the search goes on for."""
@@ -286,11 +290,10 @@ class Search:
         least = max(share / (1.0 + share) * smaller.solution.square, self.material)
         return smaller.solution.square - larger.solution.square >= least
 
-    def _is_ordinary(self, larger: Known, smaller: Known) -> bool:
-        """Whether the effect that a set has beside a smaller one is of a size that every sound machine may have: a part
-        of the law then, and no cause that would have to take off a share of the error."""
-        (name,) = larger.names - smaller.names
-        return 0.0 < self.size(larger, name) < self.effects[name].parameters[0].least
+    def is_ordinary(self, known: Known, name: str) -> bool:
+        """Whether an effect of a set is of a size that every sound machine may have: a part of the law then, and no cause that
+        would have to take off a share of the error."""
+        return 0.0 < self.size(known, name) < self.effects[name].parameters[0].least
 
     def _better(self, best: Known, passed: Sequence[Names]) -> Known | None:
         """A more probable set with one effect less, or another one in its place.

@@ -115,13 +115,14 @@ def _least_share(search: Search, base: Known) -> float:
 
 
 def _is_large(search: Search, known: Known, name: str, least: float, closes: float) -> bool:
-    """Whether an effect has the size of a cause; what both of two records have is part of the machine and needs no size.
+    """Whether an effect has the size of a cause; what both of two records have, or every sound machine has, is part of the law
+    and needs no size.
 
     Args:
         least: square of what it must do to the prediction. closes: what it closes of the squared error beside the others, which
             speaks for one that is smaller than a data sheet would mention.
     """
-    if search.effects[name].in_both:
+    if search.effects[name].in_both or search.is_ordinary(known, name):
         return True
     if not is_admitted(search, known, name) or search.screening.does(known, name) < least:
         return False
@@ -136,5 +137,6 @@ def is_admitted(search: Search, known: Known, name: str) -> bool:
 
 
 def causes_of(search: Search, known: Known, base: Known) -> list[str]:
-    """The named effects of a set beside the context."""
-    return sorted(name for name in known.names - base.names if search.effects[name].named)
+    """The named effects of a set beside the context, without what every sound machine has."""
+    rest = known.names - base.names
+    return sorted(name for name in rest if search.effects[name].named and not search.is_ordinary(known, name))

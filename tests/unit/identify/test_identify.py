@@ -162,6 +162,20 @@ def test_what_every_sound_machine_has_of_an_effect_stands_beside_the_base(stiffn
     assert joint.base.effects == (() if cause else ("spring",))
 
 
+def test_what_every_sound_machine_has_beside_a_cause_belongs_to_the_law_though_it_would_grow_without_it():
+    """A spring of ordinary size and friction that goes with the position, too: alone, the spring takes the part of both."""
+    model = ToyJoint(truth={"spring": 0.7}, noise=0.05, seed=3)
+    ordinary = (Parameter("nm_per_rad", "N·m/rad", 0.0, 0.5, least=1.0),)
+    model.effects = tuple(replace(e, parameters=ordinary) if e.name == "spring" else e for e in model.effects)
+    for part, regressors in ((model.fit, model._fit), (model.heldout, model._heldout)):
+        regressors[2] = part.position * np.abs(part.position)
+        part.output[:] += 1.5 * regressors[2]
+    (joint,) = _found(model)
+    assert _names(joint) == ["coulomb_friction"]
+    assert joint.base.effects == () and set(joint.kept.effects) == {"coulomb_friction", "spring"}
+    assert np.mean(joint.named.error**2) < 1.05 * model.noise[0] ** 2
+
+
 def test_what_the_prediction_settles_by_itself_has_its_price():
     model = ToyJoint(truth={"spring": 0.5}, seed=3)
     search = Search(model, prior_odds(model, {}, 0))
@@ -425,6 +439,7 @@ def test_the_order_of_a_set_does_not_decide_which_effect_is_tried_first():
         """A search that notes what it is asked for and finds that nothing helps."""
 
         model = ToyJoint(seconds=1.0)
+        base = SimpleNamespace(names=frozenset(), solution=SimpleNamespace(square=0.0))
 
         def __init__(self):
             self.effects, self.asked = {effect.name: effect for effect in self.model.effects}, []
@@ -454,7 +469,8 @@ def test_the_order_of_a_set_does_not_decide_which_effect_is_tried_first():
     asked = []
     for names in (("spring", "viscous_friction"), ("viscous_friction", "spring")):
         joint = JointSearch(Tried.model, prior_odds)
-        joint._search, joint._known = Tried(), SimpleNamespace(names=frozenset())
+        joint._search = Tried()
+        joint._known = joint._search.base
         joint.weighed_again([names] * 9, [])
         asked.append(joint._search.asked)
     assert asked[0] == asked[1] == ["spring", "viscous_friction"]

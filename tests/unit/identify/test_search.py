@@ -8,7 +8,7 @@ import numpy as np
 from identify.toy_joint import ToyJoint
 
 from hqpipe.identify.prior import prior_odds
-from hqpipe.identify.rounds import searched
+from hqpipe.identify.rounds import farther, searched
 from hqpipe.identify.search import Search
 
 
@@ -68,3 +68,32 @@ def test_what_does_nothing_has_no_rival():
     search = search_of(ToyJoint())
     known = search.known[frozenset({"spring"})] = replace(search.base, names=frozenset({"spring"}))
     assert search.screening.in_place(search.base, ["viscous_friction"], known) == []
+
+
+class AskedTogether(Search):
+    """Friction and spring are each improbable without the other one, and probable together."""
+
+    worth = 5.0
+
+    def gain(self, large, small, overstated=1.0):
+        return self._worth_of(large) - self._worth_of(small)
+
+    def _worth_of(self, known):
+        pair = {"coulomb_friction", "spring"}
+        return self.worth if pair <= known.names else -1.0 * len(known.names)
+
+
+def test_what_leaves_a_gap_is_searched_beyond_single_steps():
+    joint = ToyJoint(truth={"coulomb_friction": 1.0, "spring": 1.0})
+    search = AskedTogether(joint, prior_odds(joint, {}, 0))
+    assert search.grown(search.base) is search.base
+    assert farther(search, search.base).names == {"coulomb_friction", "spring"}
+    search.worth = -1.0
+    assert farther(search, search.base) is search.base, "it would be less probable"
+
+
+def test_nothing_is_fitted_beyond_a_set_that_leaves_no_gap(monkeypatch):
+    search = search_of(ToyJoint(truth={"spring": 1.0}))
+    best = search.grown(search.base)
+    monkeypatch.setattr(Search, "one_more", None)
+    assert farther(search, best) is best
