@@ -153,7 +153,7 @@ class _Samples(Lanes):
                 f"{name} = {given} if {self.on(when)} else b_absent_{name}" if when else f"{name} = {given}"
             )
         self.source.add("inner, effort, wound = behind, behind, behind")
-        for name in {n for x in self.links for n in x.writes} & set(self.balance.names):
+        for name in sorted({n for x in self.links for n in x.writes} & set(self.balance.names)):
             # Written in place from here on, which the compiler has to know to work on several samples at a time.
             self.loop(f"{self.buffer(name)}[i] = {name}[i]")
             self.source.add(f"{name} = {self.buffer(name)}")
