@@ -16,7 +16,7 @@ from hqpipe.identify.joint_moves import Step, Worths
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel
 from hqpipe.identify.prior import MOST_JOINTS
-from hqpipe.identify.rounds import farther, searched, with_one_for_two
+from hqpipe.identify.rounds import forward_then_backward, searched, with_one_for_two
 from hqpipe.identify.search import Known, Names, Search
 from hqpipe.identify.set_numbers import set_numbers
 from hqpipe.identify.stands_for import StandsFor, stands_for
@@ -88,7 +88,7 @@ class JointSearch:
             # The search may have gone astray in this joint alone: what most others have is tried as a whole.
             whole = search.grown_along(sorted(usual))
             known = whole if search.preference(whole, known) > 0.0 else known
-        self._known = farther(search, search.improved(known))
+        self._known = forward_then_backward(search, search.improved(known))
         return self._known.names, search.steps(self._known)
 
     def _as_another(self, reached: Sequence[Numbers]) -> Known:

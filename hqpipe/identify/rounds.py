@@ -99,7 +99,7 @@ def _with_two(search: Search, best: Known) -> Known:
     return larger if larger is not best and search.gain(larger, best) > 0.0 else best
 
 
-def farther(search: Search, best: Known) -> Known:
+def forward_then_backward(search: Search, best: Known) -> Known:
     """A more probable set beyond one that leaves a part of the gap, among those with several effects more that no single step
     leads to, if it leaves less than half as much.
 

@@ -81,15 +81,14 @@ def write_balances(source: Source, balances: Iterable[Balance]) -> None:
 class _Samples(Lanes):
     """Source of `missing_<state>`, the law over many samples of one trial; states are passed on from one to the next."""
 
+    FLAG = "on_{}"
+
     def __init__(self, source: Source, balance: Balance) -> None:
         super().__init__(source, balance.chain, (), of_the_log=True)
         self.balance, self.links = balance, [*balance.links, *balance.chain.core]
         self._states = [out.name for x in self.links for out in x.outs if out.kind == STATE]
         self._own: set[str] = set()
         self.known |= {*balance.names, *self._states, "behind", "inner", "effort", "wound"}
-
-    def on(self, when: Iterable[int]) -> str:
-        return super().on(when).replace("[", "_").removesuffix("]")
 
     def place(self, ref: Ref) -> str:
         if ref.kind != STATE:

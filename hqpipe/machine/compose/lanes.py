@@ -16,6 +16,8 @@ PASSES = ("inner", "grip", "turned", "lost", "effort")  # what comes about behin
 class Lanes:
     """The source of a function in which a signal is an array over lanes; a subclass says where the rest stands."""
 
+    FLAG = "on[{}]"  # whether some lane has a link
+
     def __init__(self, source: Source, chain: Chain, known: Iterable[str], of_the_log: bool) -> None:
         self.source, self.chain, self.known = source, chain, set(known)
         links = (*chain.late, *chain.ahead, *chain.core, *chain.behind)
@@ -35,7 +37,7 @@ class Lanes:
         when = tuple(when)
         if when not in self.flags:
             self.flags.append(when)
-        return f"on[{self.flags.index(when)}]"
+        return self.FLAG.format(self.flags.index(when))
 
     def text(self, ref: Ref) -> str:
         """A name inside a loop over i."""

@@ -243,6 +243,8 @@ def _started(source: Source, arrays: Arrays, link: Link, start: object, text) ->
 class _Run(Lanes):
     """Source of `run`, the law and what lies behind it over all windows at once."""
 
+    FLAG = "on_{}"
+
     def __init__(self, source: Source, chain: Chain, arrays: Arrays) -> None:
         super().__init__(source, chain, arrays.needed, of_the_log=True)
         self.states = [out.name for x in (*chain.core, *chain.behind) for out in x.outs if out.kind == STATE]
@@ -256,9 +258,6 @@ class _Run(Lanes):
     def text(self, ref: Ref) -> str:
         along = ref.kind == STATE and ref.name in self._rows  # a state that another link has left along the log
         return f"{ref.name}[i]" if along else super().text(ref)
-
-    def on(self, when: Iterable[int]) -> str:
-        return super().on(when).replace("[", "_").removesuffix("]")
 
     def write(self) -> None:
         source, chain = self.source, self.chain

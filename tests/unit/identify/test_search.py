@@ -8,7 +8,7 @@ import numpy as np
 from identify.toy_joint import ToyJoint
 
 from hqpipe.identify.prior import prior_odds
-from hqpipe.identify.rounds import farther, searched
+from hqpipe.identify.rounds import forward_then_backward, searched
 from hqpipe.identify.search import Search
 
 
@@ -87,13 +87,13 @@ def test_what_leaves_a_gap_is_searched_beyond_single_steps():
     joint = ToyJoint(truth={"coulomb_friction": 1.0, "spring": 1.0})
     search = AskedTogether(joint, prior_odds(joint, {}, 0))
     assert search.grown(search.base) is search.base
-    assert farther(search, search.base).names == {"coulomb_friction", "spring"}
+    assert forward_then_backward(search, search.base).names == {"coulomb_friction", "spring"}
     search.worth = -1.0
-    assert farther(search, search.base) is search.base, "it would be less probable"
+    assert forward_then_backward(search, search.base) is search.base, "it would be less probable"
 
 
 def test_nothing_is_fitted_beyond_a_set_that_leaves_no_gap(monkeypatch):
     search = search_of(ToyJoint(truth={"spring": 1.0}))
     best = search.grown(search.base)
     monkeypatch.setattr(Search, "one_more", None)
-    assert farther(search, best) is best
+    assert forward_then_backward(search, best) is best
