@@ -20,6 +20,7 @@ from hqpipe.identify.prior import MOST_JOINTS, prior_odds
 from hqpipe.identify.same_by_law import with_the_same_by_law
 from hqpipe.identify.screening import Names
 from hqpipe.identify.shared_names import with_shared_names
+from hqpipe.identify.shown import with_shown
 from hqpipe.identify.stands_for import with_what_they_stand_for
 
 Progress = Callable[[float, float, str], None]
@@ -99,7 +100,7 @@ def _searched(
             for joint, model, seen in zip(answers, models, visible, strict=True)
         ]
         parts = pool.each("stands_for", [(frozenset(j.kept.effects), _causes(j)) for j in answers])
-        found = with_implied(found, read)
+        found = with_shown(with_implied(found, read))
         if not covariances:
             return with_what_they_stand_for(found, parts)
         rivals = rivals_of(found)

@@ -119,7 +119,6 @@ def causes(content: Content, effects: Mapping[str, Explained]) -> str:
 
 def _card(cause: Content, machine: Sequence[str], effects: Mapping[str, Explained]) -> str:
     known = explanation(cause, effects)
-    low, high = cause["shrink_ci95"]
     many = len(cause["joints"]) > _CHIPS or len(machine) > 1 and set(cause["joints"]) == set(machine)
     chips = [joints_text(cause["joints"], machine, _CHIPS)] if many else cause["joints"]
     table = "".join(_parameter_row(key, p) for key, p in cause["parameters"].items())
@@ -129,13 +128,23 @@ def _card(cause: Content, machine: Sequence[str], effects: Mapping[str, Explaine
         f'<article class="card"><h3>{_text(words(cause["effect"]))}</h3>'
         f'<p class="soft">{_text(known.meaning)}</p>'
         f'<div class="chips">{"".join(f"<span class=chip>{_text(chip)}</span>" for chip in chips)}</div>'
-        f'<div class="bar"><i style="width:{100 * min(1.0, max(0.0, cause["shrink"])):.1f}%"></i></div>'
-        f"<p>closes <b>{percent(cause['shrink'])}</b> of the gap ({percent(low)} … {percent(high)})<br>"
+        f"{_closes(cause)}<br>"
         f"probability <b>{percent(cause['probability'])}</b> · {_SCOPES.get(cause['scope'], _text(cause['scope']))}</p>"
         + (f'<div class="scroll"><table class="plain"><tbody>{table}</tbody></table></div>' if table else "")
         + _joint_by_joint(cause)
         + (f'<p class="but">{_text(doubt)}</p>' if doubt else "")
         + f'<p class="do">{_text(known.advice)}</p></article>'
+    )
+
+
+def _closes(cause: Content) -> str:
+    """What a cause closes of the gap, or what shows it where no fit can; an open paragraph."""
+    if shown := cause.get("shown_by"):
+        return f"<p><b>{_text(shown)}</b>. No law of the torque predicts its course, so that it stays in what is unexplained."
+    low, high = cause["shrink_ci95"]
+    return (
+        f'<div class="bar"><i style="width:{100 * min(1.0, max(0.0, cause["shrink"])):.1f}%"></i></div>'
+        f"<p>closes <b>{percent(cause['shrink'])}</b> of the gap ({percent(low)} … {percent(high)})"
     )
 
 

@@ -114,7 +114,7 @@ def _gap(gap: Content, causes: int) -> list[_Line]:
 
 
 def _causes(causes: Sequence[Content], machine: Sequence[str], label: str) -> list[_Line]:
-    """One line per cause: bar, share, effect, joints, first parameter, what it could be confused with."""
+    """One line per cause: bar, share, effect, joints, first parameter, what shows it, what it could be confused with."""
     room = len(causes) if len(causes) <= _MAX_CAUSES else _MAX_CAUSES - 1
     lines = []
     for cause in causes[:room]:
@@ -123,6 +123,8 @@ def _causes(causes: Sequence[Content], machine: Sequence[str], label: str) -> li
         for name, parameter in list(cause["parameters"].items())[:1]:
             text += f" · {parameter_name(name)} {parameter_text(parameter)[0]}"
             text += f", {then}" if (then := then_text(parameter)) else ""
+        if shown := cause.get("shown_by"):
+            text += f" · {shown}"
         if other := confusions(cause):
             text += f" · or {listed(other, 'or')}"
         lines.append(_Line(label if not lines else "", text))

@@ -59,7 +59,7 @@ def layer_content(
     verdict = evidence.verdict(bool(causes) or bool(unsigned) or bool(scales))
     rest = bool(evidence.rest.any())
     found = [_cause(cause, shrink, i, earlier is not None) for i, cause in enumerate(causes)]
-    found = sorted(found, key=lambda c: (-c["shrink"], -c["probability"]))
+    found = sorted(found, key=lambda c: ("shown_by" not in c, -c["shrink"], -c["probability"]))
     found = [*_unsigned(unsigned, errors.names), *(error.content(errors.names) for error in scales), *found]
     depends = _depends_on(errors, evidence) if rest else []
     beyond = beyond if rest else ()
@@ -140,6 +140,7 @@ def _cause(cause: LayerCause, shrink: Shrink, i: int, compared: bool) -> dict[st
         "shrink": significant(shrink.each[i]),
         "shrink_ci95": [significant(low), significant(high)],
         "confused_with": list(cause.rivals),
+        **({"shown_by": cause.shown_by} if cause.shown_by else {}),
     }
 
 

@@ -44,6 +44,11 @@ class LayerCause:
         return tuple(self.members)
 
     @property
+    def shown_by(self) -> str:
+        """What shows it in the joints that no fit found it in; empty if there is none."""
+        return "; ".join(f"{joint}: {cause.shown_by}" for joint, cause in self.members.items() if cause.shown_by)
+
+    @property
     def probability(self) -> float:
         """Of the name: that of the middle one of its joints. One joint in which what the law leaves out speaks against a rival
         does not make the name sure in the others."""

@@ -10,7 +10,7 @@ import numpy as np
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.free_run import window_samples
 from hqpipe.identify.least_squares import Fitter
-from hqpipe.identify.model import FORCE_SENSOR, LayerJoints
+from hqpipe.identify.model import FORCE_SENSOR, LayerJoints, Shown
 from hqpipe.identify.window_choice import window_for
 from hqpipe.layers.actuator.changes import RATIOS
 from hqpipe.layers.actuator.joint import ActuatorJoint
@@ -24,8 +24,10 @@ from hqpipe.layers.refusal import no_joint_judged
 from hqpipe.logs.finer_clock import steps_per_row
 from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
 from hqpipe.logs.trajectory import LogSet
+from hqpipe.logs.vibration import MEANS, Vibration, vibrations
 from hqpipe.machine import EFFECTS
 from hqpipe.machine.layout import BASE, neutral_row, slot
+from hqpipe.machine.stribeck_friction import EFFECT as STRIBECK
 
 NEEDED = ("position_command", "effort", "position", "velocity")
 # Without its sign noise round zero torque is a size, which looks like slack once the sign is restored.
@@ -80,9 +82,10 @@ class Actuator:
         steps = window_samples(dt, window.seconds, log_set.path)
         models, left = [], {}
         draws = self._draws(log_set)
+        vibrating = {each.joint: each for each in vibrations([t.trajectory for t in log_set.trials])}
         for j, name in enumerate(log_set.joints):
             barred = {*without, *(_SLACK if name in self.unsigned else ())}
-            model = self._joint(log_set, j, steps, draws, barred)
+            model = self._joint(log_set, j, steps, draws, barred, vibrating.get(name))
             if isinstance(model, str):
                 left[name] = model
             else:
@@ -100,7 +103,13 @@ class Actuator:
         )
 
     def _joint(
-        self, log_set: LogSet, j: int, steps: int, draws: tuple[np.ndarray, np.ndarray], barred: Collection[str]
+        self,
+        log_set: LogSet,
+        j: int,
+        steps: int,
+        draws: tuple[np.ndarray, np.ndarray],
+        barred: Collection[str],
+        vibration: Vibration | None,
     ) -> ActuatorJoint | str:
         """The model of joint `j`, or why there is none."""
         name, kind = log_set.joints[j], log_set.kinds.get(log_set.joints[j])
@@ -116,6 +125,7 @@ class Actuator:
         runs = len(records[0].signals.bounds) - 1
         effects, places = effects_of(size, len(log_set.joints), runs, log_set.effort_source, barred)
         units = (unit_of("N·m", kind), unit_of("rad", kind))
+        notes, shown = _told_by(vibration, units[0], {effect.name for effect in effects})
         row = self._neutral(log_set.joints[j], size, dt / per_row)
 
         fit, heldout = (record.samples() for record in records)
@@ -137,7 +147,7 @@ class Actuator:
                 noise=(noise, noise),
                 misfit_noise=(misfit_noise, misfit_noise),
                 starts=starts,
-                notes=(),
+                notes=notes,
                 places=places,
                 records=records,
                 neutral=row,
@@ -148,6 +158,7 @@ class Actuator:
                 units=units,
                 unsigned=name in self.unsigned,
                 implies=tuple(effect for effect in TOLD_BY_FRICTION if effect not in barred),
+                shown=shown,
             )
 
         guess = _best_guess(model, first_guesses(records[0], per_row))
@@ -187,6 +198,17 @@ class Actuator:
 def _sample_time(log_set: LogSet) -> float:
     """Median over the fit trials, s."""
     return float(np.median([t.trajectory.dt for t in log_set.fit]))
+
+
+def _told_by(
+    vibration: Vibration | None, unit: str, known: Collection[str]
+) -> tuple[tuple[str, ...], tuple[Shown, ...]]:
+    """Notes on a vibration, and what it shows of the effects that are known; unit: of the torque."""
+    if vibration is None:
+        return (), ()
+    text = vibration.text(unit)
+    shown = (Shown(STRIBECK.name, text, vibration.square),) if STRIBECK.name in known else ()
+    return (f"{text}; {MEANS}",), shown
 
 
 def _best_guess(

@@ -18,6 +18,7 @@ from hqpipe.logs.survey.findings import Finding, grouped
 from hqpipe.logs.survey.layers import COMMAND_OF, Layer, layers
 from hqpipe.logs.survey.reading import Reading
 from hqpipe.logs.trajectory import AsRecorded, Trajectory
+from hqpipe.logs.vibration import MEANS, vibrations
 
 USABLE, WITH_FINDINGS, NOT_DIAGNOSABLE, REFUSED = "usable", "usable_with_findings", "not_diagnosable", "refused"
 _HEADER = ("joints", "control_mode", "effort_source", "rate_hz", "base", "robot", "sha256")
@@ -84,7 +85,7 @@ def survey(reading: Reading, more_warnings: Iterable[str] = ()) -> Survey:
     mode_channel = COMMAND_OF.get(_mode(reading) or "")
     found = excitations([part for _, part in alike], mode_channel) if alike else []
     possible = _layers(reading)
-    own = [*_own_findings(channels, found, stops), *_undiagnosed(possible, _mode(reading))]
+    own = [*_own_findings(channels, found, stops), *_vibrating(alike), *_undiagnosed(possible, _mode(reading))]
     files = list(dict.fromkeys(trial.file for trial in trials))
     said = [Finding(group.of_first, group.files, group.joints) for group in groups_of(reading.looks)]
     said += grouped([*reading.warnings, *more_warnings], files)
@@ -162,6 +163,18 @@ def _own_findings(
         text = f"{joint_column(one_way[0], 'position')} moves one way only: friction and backlash cannot be told from an offset"
         found.append(Finding(text, (), tuple(one_way)))
     return found
+
+
+def _vibrating(trials: Sequence[tuple[str, Trajectory]]) -> list[Finding]:
+    return [
+        Finding(
+            f"{joint_column(each.joint, 'effort')}: {each.text(CHANNELS['effort'])}; {MEANS}",
+            (),
+            (each.joint,),
+            is_note=True,
+        )
+        for each in vibrations([trajectory for _, trajectory in trials])
+    ]
 
 
 def _undiagnosed(possible: Sequence[Layer], mode: str | None) -> list[Finding]:

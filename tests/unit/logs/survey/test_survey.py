@@ -34,6 +34,18 @@ def test_a_sound_set_is_usable(logs):
     ]
 
 
+def test_a_torque_that_vibrates_while_its_joint_slides_is_a_note(tmp_path):
+    columns = make_columns(samples=20_000)
+    time = columns["time"]
+    speed = np.where(time % 2.0 < 1.0, 0.5 * np.sin(np.pi * time), 0.0)
+    columns["joint/hip/velocity"], columns["joint/hip/position"] = speed, 1e-3 * np.cumsum(speed)
+    columns["joint/hip/effort"] = 40.0 * (np.abs(speed) > 0.02) * np.sin(2.0 * np.pi * 120.0 * time)
+    put(tmp_path / "logs", "strokes.parquet", columns)
+    (told,) = [f for f in surveyed(tmp_path / "logs").findings if "vibrates" in f.text]
+    assert told.is_note and told.joints == ("hip",)
+    assert told.text.startswith("joint/hip/effort: the torque vibrates by 39.8 N·m at 120 Hz while the joint slides")
+
+
 def test_the_json_has_its_keys_and_no_numpy(logs):
     plain = surveyed(logs).to_json()
     assert json.loads(json.dumps(plain)) == plain
