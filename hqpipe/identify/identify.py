@@ -87,12 +87,14 @@ def _searched(
         )
         answers = [new or joint for new, joint in zip(again, answers, strict=True)]
         answers = with_shared_names(answers, lambda steps: pool.some("renamed", steps), given_up)
-        for j, joint in pool.some("with_rare", _rare(answers)).items():
+        present = [frozenset(joint.kept.effects) for joint in answers]
+        rare = {j: (effects, others_of(present, j)) for j, effects in _rare(answers).items()}
+        for j, joint in pool.some("with_rare", rare).items():
             answers[j] = joint
         answers = with_shared_names(answers, lambda steps: pool.some("renamed", steps), given_up)
         answers = without_minor_causes(answers, lambda least: pool.some("without", least))
-        rare = _names(models) - _shared(answers) if len(models) > 1 else frozenset()
-        sets = [(frozenset(joint.kept.effects), frozenset(joint.base.effects), rare) for joint in answers]
+        few = _names(models) - _shared(answers) if len(models) > 1 else frozenset()
+        sets = [(frozenset(joint.kept.effects), frozenset(joint.base.effects), few) for joint in answers]
         visible = pool.each("visible", sets)
         read = pool.each("readings", [(frozenset(j.kept.effects), frozenset(j.named.effects)) for j in answers])
         found = [

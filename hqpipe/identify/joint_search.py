@@ -145,9 +145,14 @@ class JointSearch:
         lacking = shared - causes
         return self.answered() if lacking & self._known.names else None
 
-    def with_rare(self, rare: Names) -> JointFound:
-        """The answer once more, with causes that most joints of the machine do not have, for which more has to speak."""
-        self._search.rare = rare
+    def with_rare(self, asked: tuple[Names, Sequence[Names]]) -> JointFound:
+        """The answer once more, with causes that most joints of the machine do not have, for which more has to speak.
+
+        Args:
+            asked: these causes, and the effects that the answer of each of the other joints has by now.
+        """
+        self._search.rare, others = asked
+        self._told(others)
         self._known = with_one_for_two(self._search, self._known)
         return self.answered()
 

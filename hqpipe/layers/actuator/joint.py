@@ -217,10 +217,12 @@ class ActuatorJoint:
         return self._of_directions is not None and values[self._of_directions[0]] != 0.0
 
     def _is_even(self, values: np.ndarray) -> bool:
-        """Whether there are areas of an orifice that bends nothing, or that differ by less than those of any rod."""
+        """Whether there are areas of an orifice that bends nothing, that differ by less than those of any rod, or that stand
+        beside an offset of the torque: only the sum of the two shows (see `same_by_law`), so that one would undo the other."""
         if self._of_orifice is None:
             return False
-        return self._is_straight(values) or abs(values[self._of_orifice[1]]) < LEAST_UNEQUAL
+        alone = self._offset is None or values[self._offset] == 0.0
+        return not alone or self._is_straight(values) or abs(values[self._of_orifice[1]]) < LEAST_UNEQUAL
 
     def _is_straight(self, values: np.ndarray) -> bool:
         """Whether the orifice bends nothing."""

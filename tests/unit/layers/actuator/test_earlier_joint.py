@@ -26,7 +26,8 @@ def names_of(model):
 
 
 @pytest.mark.parametrize("by_opening", [0.0, 1.0])
-def test_numbers_go_into_a_row_and_come_back(model, by_opening):
+@pytest.mark.parametrize("absent", [("torque_bias", "nm"), ("direction_asymmetry", "areas")])
+def test_numbers_go_into_a_row_and_come_back(model, by_opening, absent):
     rng, parameters = np.random.default_rng(0), all_parameters(model)
     values = neutral(model)
     own = len(model.base) + len(model.places)
@@ -36,6 +37,7 @@ def test_numbers_go_into_a_row_and_come_back(model, by_opening):
         values[k] = np.clip(p.neutral + rng.uniform(0.1, 0.5) * size, p.low, p.high)
     values[names_of(model).index(("supply_droop", "by_opening"))] = by_opening
     values[names_of(model).index(("direction_asymmetry", "areas"))] = 0.1  # smaller ones do not act
+    values[names_of(model).index(absent)] = 0.0  # beside an offset of the torque areas do not act
     values[names_of(model).index(("position_dependent_stiffness", "strayed"))] = 0.0  # does not act beside a ratio
     values[BASE_NAMES.index(LOGGED_SPEED)] = values[BASE_NAMES.index(SPEED_LATE)] = 0.0
     found, known = model.values_of(model.row(values))

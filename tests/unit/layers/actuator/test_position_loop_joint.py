@@ -117,6 +117,19 @@ def test_an_offset_beyond_a_tenth_of_the_largest_torque_is_none_of_a_sensor(mode
     assert model.beyond(values) == (("torque_bias",) if beyond else ())
 
 
+@pytest.mark.parametrize("offset,idle", [(0.0, False), (0.05, True), (-0.05, True)])
+def test_unequal_areas_do_nothing_beside_an_offset_of_the_torque(model, offset, idle):
+    places = ("orifice_flow", "effort_max_nm"), ("torque_bias", "nm"), ("direction_asymmetry", "areas")
+    orifice, torque_bias, areas = (placed(model, *place) for place in places)
+    values = neutral(model)
+    values[orifice] = 1.1 * all_parameters(model)[orifice].least
+    values[torque_bias] = offset / values[orifice]
+    expected = model.error(values)
+    values[areas] = 0.06
+    assert (areas in model.idle(values)) is idle
+    assert np.array_equal(model.error(values), expected) is idle
+
+
 @pytest.mark.parametrize("share,offset,same", [(1.1, 0.01, True), (0.9, 0.01, False), (1.1, 0.0, False)])
 def test_an_offset_beside_an_orifice_may_be_unequal_areas(model, share, offset, same):
     orifice, torque_bias = placed(model, "orifice_flow", "effort_max_nm"), placed(model, "torque_bias", "nm")
