@@ -57,12 +57,12 @@ def vibrations(trials: Sequence[Trajectory]) -> list[Vibration]:
     """The joints that vibrate while they slide, and not while they stand.
 
     Args:
-        trials: with the same joints; those without a measured torque, or at another sample rate than most, say nothing.
+        trials: with the same joints; those without a measured torque, or at another rate than the middle one, say nothing.
     """
     measured = [t for t in trials if t.effort is not None and t.samples > 1]
     if not measured:
         return []
-    dt = float(np.median([t.dt for t in measured]))
+    dt = sorted(t.dt for t in measured)[len(measured) // 2]
     alike = [t for t in measured if abs(t.dt - dt) < 0.01 * dt]
     found = (_vibration(alike, j, joint, dt) for j, joint in enumerate(measured[0].joints))
     return [vibration for vibration in found if vibration is not None]

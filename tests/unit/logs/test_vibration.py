@@ -88,6 +88,7 @@ def test_trials_without_torque_and_at_another_rate_say_nothing():
     assert vibrations([without]) == [] and vibrations([]) == []
     whole = [trial(30.0 * SLIDES * LINE, seed=seed) for seed in (1, 2)]
     assert vibrations([*whole, trial(np.zeros(LENGTH), every=4)])[0].amplitude == pytest.approx(30.0, rel=0.1)
+    assert vibrations([whole[0], trial(np.zeros(LENGTH), every=4)]) == [], "the slower one of two is the middle one"
 
 
 def test_logs_too_short_for_a_median_show_nothing():
