@@ -16,7 +16,8 @@ from hqpipe.identify.model import Shown
 from hqpipe.identify.thresholds import CONFUSED, HALVED
 
 SURE = 1.0 - CONFUSED
-"""Probability of an effect whose sign is shown: signs are such that no other reason for them would be listed beside it."""
+"""Probability of an effect whose sign is shown; assumption: no other reason for the sign is so likely that it would be listed
+beside it. Seen: 23 of 24 joints of another simulator that vibrate have the effect as a fault, and one a little of it."""
 
 
 def with_shown(answers: Sequence[JointFound]) -> list[JointFound]:

@@ -1,9 +1,10 @@
 """Joints whose torque vibrates while they slide and is calm while they stand.
 
-Something has to feed a vibration that goes on without being commanded. What a pump or an unstable loop feeds goes on while the
-joint stands as well, and the frequency of what gear teeth feed rises with the speed. Friction that falls as the speed rises
-feeds a vibration at a frequency of the machine's own, and only while the joint slides (Armstrong-Hélouvry, Dupont & Canudas de
-Wit, Automatica 30, 1994). The law of an actuator that is driven by logged motion does not predict it.
+Something has to feed a vibration that goes on without being commanded. What a pump feeds goes on while the joint stands as
+well, and the frequency of what gear teeth feed rises with the speed. Friction that falls as the speed rises feeds a vibration
+at a frequency of the machine's own, and only while the joint slides (Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica
+30, 1994). A position loop that is unstable may do so too, where friction holds the joint at rest; it shows in the position, so
+that the law of the actuator predicts it, which whoever names a cause has to ask for.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hqpipe.logs.survey.channel import COMMANDS
 from hqpipe.logs.trajectory import Trajectory
 
-COMMANDS = ("position_command", "effort_command", "valve_command")
 WINDOW_S = 0.128  # a stroke is longer; assumption
 FEWEST_ROWS = 32  # of a window, in slow logs
 CYCLES = 6  # in a window, at least; a shock that rings down has fewer of its size; assumption
@@ -72,11 +73,11 @@ def _vibration(trials: Sequence[Trajectory], j: int, joint: str, dt: float) -> V
     rows = max(round(WINDOW_S / dt), FEWEST_ROWS)
     speed = np.concatenate([_windows(np.abs(t.velocity[:, j]), rows) for t in trials])
     fast = float(np.quantile(np.concatenate([np.abs(t.velocity[:, j]) for t in trials]), 0.95))
+    mean_speed = speed.mean(axis=1)
     stands = speed.max(axis=1) <= STANDING * fast
-    slides = np.flatnonzero(speed.mean(axis=1) > STANDING * fast)
+    slides = np.flatnonzero(mean_speed > STANDING * fast)
     if np.sum(stands) < FEWEST_WINDOWS or len(slides) < SPEEDS * FEWEST_WINDOWS:
         return None
-    mean_speed = speed.mean(axis=1)
     amplitude, line = _strongest_line(_not_commanded(trials, j, rows))
     ranges = np.array_split(slides[np.argsort(mean_speed[slides], kind="stable")], SPEEDS)
     sizes = [float(np.median(amplitude[each])) for each in ranges]
