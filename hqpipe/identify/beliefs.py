@@ -48,8 +48,9 @@ def with_beliefs(search: Search, best: Known, base: Known) -> tuple[Known, dict[
         found = {name: _believed(search, whole, name, exchanged) for name in causes_of(search, core, base)}
         if whole is not core:  # one of the small effects may be what takes the place of a cause
             found = {name: _with_twins(search, core, name, belief) for name, belief in found.items()}
-        likelier = [belief for belief in found.values() if belief.most > belief.probability]
-        doubtful = {name: belief.there for name, belief in found.items() if belief.there <= BELIEVED}
+        open_ones = {name: belief for name, belief in found.items() if name not in search.as_others}
+        likelier = [belief for belief in open_ones.values() if belief.most > belief.probability]
+        doubtful = {name: belief.there for name, belief in open_ones.items() if belief.there <= BELIEVED}
         if likelier:
             known = max(likelier, key=lambda belief: belief.most).rival
             exchanged.add(known.names)

@@ -22,7 +22,7 @@ def confirmed(search: Search, known: Known, base: Known) -> Known:
         return known
     without_any = heldout_square(search, base)
     least = LEAST_SHARE * max(without_any - floor_of(search.model, True), 0.0)
-    while causes := causes_of(search, known, base):
+    while causes := [name for name in causes_of(search, known, base) if name not in search.as_others]:
         closes, shown = {}, {}
         known, smaller = search.taken_apart(known, causes)
         with_all = heldout_square(search, known)

@@ -70,7 +70,8 @@ def occam(fitter: Fitter, solution: Solution, known: Covariance, places: np.ndar
     places, index = places[finite], index[finite]
     if not len(places):
         return 0.0
-    spread = fitter.spread[index]
+    within = fitter.within[index]  # anywhere between the bounds, with a density of 1 / √2π in this unit
+    spread = np.where(within, (fitter.high - fitter.low)[index] / np.sqrt(2.0 * np.pi), fitter.spread[index])
     # V no wider than the prior: the precisions add up
     relative = overstated * known.posterior[np.ix_(places, places)] / np.outer(spread, spread)
     values, vectors = np.linalg.eigh(relative)
@@ -78,9 +79,10 @@ def occam(fitter: Fitter, solution: Solution, known: Covariance, places: np.ndar
     posterior = 1.0 / (1.0 / values + 1.0)
     deviation = (solution.values - fitter.neutral)[index] / spread
     price = 0.5 * float(np.sum(np.log(2.0 * np.pi * posterior)))
-    price -= float(np.sum(np.log(np.pi * (1.0 + deviation**2))))
+    price -= float(np.sum(np.where(within, 0.5 * np.log(2.0 * np.pi), np.log(np.pi * (1.0 + deviation**2)))))
     sure = np.sqrt(np.maximum(np.diag((vectors * posterior) @ vectors.T), np.finfo(float).tiny))
     one_sided = (fitter.low[index] == fitter.neutral[index]) | (fitter.high[index] == fitter.neutral[index])
+    one_sided &= ~within
     # the prior is twice as dense on one side, and the posterior is cut at the bound
     price += float(np.sum(np.where(one_sided, np.log(2.0) + norm.logcdf(np.abs(deviation) / sure), 0.0)))
     return price

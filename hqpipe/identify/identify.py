@@ -15,6 +15,7 @@ from hqpipe.identify.joint_pool import JointPool
 from hqpipe.identify.joint_search import JointSearch
 from hqpipe.identify.minor_causes import without_minor_causes
 from hqpipe.identify.model import JointModel, LayerJoints
+from hqpipe.identify.numbers_of_others import own_numbers
 from hqpipe.identify.passing import modelled, with_passing
 from hqpipe.identify.prior import MOST_JOINTS, prior_odds
 from hqpipe.identify.same_by_law import with_the_same_by_law
@@ -92,6 +93,10 @@ def _searched(
         for j, joint in pool.some("with_rare", rare).items():
             answers[j] = joint
         answers = with_shared_names(answers, lambda steps: pool.some("renamed", steps), given_up)
+        own = own_numbers(answers, _shared(answers))
+        asked = {j: (frozenset(answers[j].kept.effects), numbers) for j, numbers in own.items()}
+        for j, joint in pool.some("as_others_have", asked).items():
+            answers[j] = joint or answers[j]
         answers = without_minor_causes(answers, lambda least: pool.some("without", least))
         few = _names(models) - _shared(answers) if len(models) > 1 else frozenset()
         sets = [(frozenset(joint.kept.effects), frozenset(joint.base.effects), few) for joint in answers]

@@ -19,7 +19,7 @@ from hqpipe.identify.model import JointModel
 from hqpipe.identify.search import Known, Names, Search
 from hqpipe.identify.thresholds import LEAST_GAIN
 from hqpipe.identify.uncertain_effects import certainty, replaces, without_uncertain
-from hqpipe.identify.worth_keeping import causes_of
+from hqpipe.identify.worth_keeping import causes_of, with_small
 
 
 def answer(search: Search, best: Known) -> JointFound:
@@ -37,7 +37,8 @@ def answer(search: Search, best: Known) -> JointFound:
     causes = sorted(without, key=lambda name: -without[name].solution.square)
     (values, half), floor = corrected(search, core), floor_of(search.model)
     whole, square = max(search.left_out(base), np.finfo(float).tiny), search.left_out(claimed)
-    closes_in_band, unknown = _beside_unknown(search, claimed, unshaped, base, causes)
+    known_law = [_with_law_of_machine(search, known, best) for known in (claimed, unshaped)]
+    closes_in_band, unknown = _beside_unknown(search, *known_law, base, causes)
     return JointFound(
         model=search.model,
         base=fitted(search, base),
@@ -97,7 +98,7 @@ def _beside_unknown(
     miss, they need no curve beside them, and count by what they close without.
 
     Args:
-        claimed, unshaped: the set with and without its generic shapes.
+        claimed, unshaped: the set with and without its generic shapes, beside the law of the machine.
     """
     whole = max(search.left_out(base), np.finfo(float).tiny)
     band = effect_band(base.solution.error - unshaped.solution.error, search.model.fit)
@@ -113,6 +114,14 @@ def _beside_unknown(
     told_by = unshaped if left <= LEAST_GAIN * max(square(base) - noise, 0.0) else claimed
     closes = {name: closed(told_by if name in told_by.names else claimed, name) for name in causes}
     return closes, left / whole
+
+
+def _with_law_of_machine(search: Search, known: Known, best: Known) -> Known:
+    """A set with what most joints have as a cause and this one asks for, though it does too little here for one: no unknown."""
+    law = best.names & search.shared - known.names
+    return with_small(
+        search, known, {name: best.solution.values[search.screening.places(name)] for name in sorted(law)}
+    )
 
 
 def _context(search: Search, best: Known) -> Known:

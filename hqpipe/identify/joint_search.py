@@ -15,6 +15,7 @@ from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.joint_moves import Step, Worths
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel
+from hqpipe.identify.numbers_of_others import OwnNumber, as_others_have
 from hqpipe.identify.prior import MOST_JOINTS
 from hqpipe.identify.rounds import forward_then_backward, searched, with_one_for_two
 from hqpipe.identify.search import Known, Names, Search
@@ -155,6 +156,20 @@ class JointSearch:
         self._told(others)
         self._known = with_one_for_two(self._search, self._known)
         return self.answered()
+
+    def as_others_have(self, asked: tuple[Names, Sequence[OwnNumber]]) -> JointFound | None:
+        """The answer with numbers as the other joints have them, and other effects beside these; None where it stays as it is.
+
+        Args:
+            asked: effects of the answer, and its causes that most joints have with other numbers.
+        """
+        kept, own_numbers = asked
+        found: JointFound | None = None
+        for own in own_numbers:
+            if (told := as_others_have(self._search, self._known, kept, own)) is not None:
+                self._search, self._known, found = told
+                kept = frozenset(found.kept.effects)
+        return found
 
     def without(self, effect: str) -> JointFound:
         """The answer with an effect barred from now on; one that is barred never comes back."""

@@ -7,7 +7,7 @@ short ones end it, when a step no longer changes what the logs say of a set of e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,16 +60,25 @@ class Fitter:
     """Fits one model again and again; keeps its parameters' bounds and priors as arrays.
 
     Attributes:
-        neutral, spread, low, high: (P,) of all parameters.
+        neutral, spread, low, high: (P,) of all parameters. Bounds hold for what is free.
+        within: (P,) whether its bounds say all that is known of a number beforehand.
     """
 
-    def __init__(self, model: JointModel) -> None:
+    def __init__(self, model: JointModel, within: Mapping[int, tuple[float, float]] | None = None) -> None:
+        """
+        Args:
+            within: place of a parameter → bounds that it has here, in place of its own where they are closer.
+        """
         self.model = model
         parameters = all_parameters(model)
         self.neutral = np.array([p.neutral for p in parameters], dtype=np.float64)
         self.spread = np.array([p.spread for p in parameters], dtype=np.float64)
         self.low = np.array([p.low for p in parameters], dtype=np.float64)
         self.high = np.array([p.high for p in parameters], dtype=np.float64)
+        self.within = np.zeros(len(parameters), dtype=bool)
+        for place, ends in (within or {}).items():
+            self.low[place], self.high[place] = np.clip(ends, self.low[place], self.high[place])
+            self.within[place] = True
         self._idle: Callable[[np.ndarray], Collection[int]] = getattr(model, "idle", lambda values: ())
         # Of its class: a model that wraps another one does not have the sensitivities of that.
         self._sensitivity = getattr(type(model), "sensitivity", lambda model, values, index: None)
@@ -97,7 +106,7 @@ class Fitter:
                 first steps; None where there is none.
             known: a fit of the same parameters, which is the result where no start leads lower; None where there is none.
         """
-        begun = [self._at(np.clip(start, self.low, self.high), free, noise) for start in starts]
+        begun = [self._at(self.clipped(start, free), free, noise) for start in starts]
         near = [] if known is None else [(self._at(known.values, free, noise), known.jacobian)]
         for point in begun:
             if np.isfinite(point.cost):
@@ -116,6 +125,12 @@ class Fitter:
             if _variance(point.error) >= _PRIOR_HOLDS * noise:
                 break
         return Solution(free, point.values, point.error, jacobian, float(point.error @ point.error))
+
+    def clipped(self, values: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """(P,) values with the free parameters, (F,) indices, within their bounds."""
+        found = values.copy()
+        found[free] = np.clip(values[free], self.low[free], self.high[free])
+        return found
 
     def _near(
         self,

@@ -59,7 +59,7 @@ def _stepped(fitter: Fitter, solution: Solution, step: np.ndarray, rest: np.ndar
     for share in _SHARES:
         values = solution.values.copy()
         values[solution.free] += share * step
-        error = fitter.error(np.clip(values, fitter.low, fitter.high))
+        error = fitter.error(fitter.clipped(values, solution.free))
         if float(error[rest] @ error[rest]) <= before:
             return error
     return solution.error

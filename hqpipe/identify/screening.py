@@ -120,7 +120,7 @@ class Screening:
                 whole, _, size = secant
                 moved = whole.copy()
                 moved[first] = self._fitter.neutral[first] + share * (whole[first] - self._fitter.neutral[first])
-                start = np.clip(moved, self._fitter.low, self._fitter.high)
+                start = self._fitter.clipped(moved, np.append(known.solution.free, self.places(name)))
                 found.append(Promise(gain, start, share**2 * size, whole))
         return sorted(found, key=lambda promise: -promise.gain)
 

@@ -47,11 +47,13 @@ class Search:
         refused: effects that were found at a bound or without a size, so that other sets have to do without them.
         given_up: effects that gave their place to another name: no set has them, but they are rivals.
         shared: effects that are causes in most joints of the machine, as far as that is known. rare: causes of this joint that
-            are not, where the machine has several.
+            are not, where the machine has several. as_others: effect → range of its first number, where the joint has it as
+            the others do: a part of the law, which stays.
     """
 
     model: JointModel
     odds: Mapping[str, float]
+    as_others: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     fitter: Fitter = field(init=False)
     known: dict[Names, Known] = field(init=False, default_factory=dict)
     barred: set[str] = field(init=False, default_factory=set)
@@ -64,7 +66,9 @@ class Search:
     gains: dict[str, float] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.fitter = Fitter(self.model)
+        first = len(self.model.base)  # of the places of a set with one effect
+        within = {int(positions(self.model, [name])[first]): ends for name, ends in self.as_others.items()}
+        self.fitter = Fitter(self.model, within)
         self.effects: dict[str, Effect] = {effect.name: effect for effect in self.model.effects}
         self.screening = Screening(self.fitter, self.effects)
         names: Names = frozenset()
@@ -91,6 +95,19 @@ class Search:
         """A set, fitted from given values (P,)."""
         return self._kept(names, self._fit(names, [values], self.base.covariance.noise))
 
+    def with_number_of_others(self, effect: str, others: tuple[float, float], joining: str) -> Search:
+        """The search begun again with the number of an effect as the other joints have it, and another effect that may join.
+
+        Args:
+            others: range of the first number of the effect in the other joints.
+        """
+        found = Search(self.model, self.odds, {**self.as_others, effect: others})
+        found.barred, found.refused, found.given_up = (
+            names - {effect, joining} for names in (self.barred, self.refused, self.given_up)
+        )
+        found.shared, found.rare = self.shared, self.rare | {joining}
+        return found
+
     def likelier(self, one: Known, other: Known) -> bool:
         """Whether a set is more probable than another."""
         return self.log_odds(one, other) > 0.0
@@ -106,9 +123,9 @@ class Search:
     def within_bounds(self, known: Known, name: str) -> bool:
         """Whether an effect is not at its bound, nor beyond what there is by its model, where another law must be at work.
 
-        What both of two records have is part of the machine, and a generic shape has no limit.
+        What both of two records have, or the other joints, is part of the machine, and a generic shape has no limit.
         """
-        if not self.effects[name].named or self.effects[name].in_both:
+        if not self.effects[name].named or self.effects[name].in_both or name in self.as_others:
             return True
         if name in getattr(self.model, "beyond", lambda values: ())(known.solution.values):
             return False
@@ -302,7 +319,7 @@ class Search:
             passed: sets that led to this one. A set that lacks an effect has to be more probable than each of them: errors that
                 grow from one removal to the next say ever less, and step by step would let everything go.
         """
-        for name in sorted(best.names):
+        for name in sorted(best.names - self.as_others.keys()):
             smaller = self.without(best, name)
             best = self._kept(best.names, best.solution)
             larger = [self.known[names] for names in passed if names > smaller.names]

@@ -19,13 +19,13 @@ from hqpipe.identify.uncertainty import LEVEL
 
 def certainty(search: Search, known: Known, name: str) -> float:
     """How far the numbers that say how large an effect is are from neutral, together, over how far they can be told from it
-    (Wald 1943); above 1 where the logs say that it is there. Infinite for generic shapes and what both of two records have.
+    (Wald 1943); above 1 where the logs say that it is there. Infinite for generic shapes and what is a part of the law.
 
     Its shape is held: an effect without a size has none, and where the logs do not show the shape, slopes would let one number
     undo what the other does.
     """
     effect = search.effects[name]
-    if not effect.named or effect.in_both or not np.isfinite(known.solution.square):
+    if not effect.named or effect.in_both or name in search.as_others or not np.isfinite(known.solution.square):
         return np.inf
     shape = np.array([parameter.shape for parameter in effect.parameters])
     places = search.screening.places(name)

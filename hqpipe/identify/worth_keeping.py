@@ -19,7 +19,7 @@ def worth_keeping(search: Search, known: Known, base: Known) -> tuple[Known, dic
     exchanged where another set of as few is more probable.
 
     What counts is the error on groups of fit samples, each predicted from the others. An effect that most joints of the machine
-    have need only not make it worse.
+    have need only not make it worse, and one that the joint has as they do stays.
 
     Args:
         known: a set that the logs ask for. base: the context alone.
@@ -77,7 +77,8 @@ def with_small(search: Search, known: Known, small: Mapping[str, np.ndarray]) ->
 def _likelier(search: Search, known: Known, base: Known) -> Known:
     """The most probable of the sets of as few effects that were fitted and of which nothing is too small: the search passed it
     over for one with effects that were too small."""
-    options = [k for k in search.known.values() if base.names <= k.names and len(k.names) <= len(known.names)]
+    law = base.names | search.as_others.keys()
+    options = [k for k in search.known.values() if law <= k.names and len(k.names) <= len(known.names)]
     options = [k for k in options if k is not known and search.may_have(k.names) and search.likelier(k, known)]
     for option in sorted(options, key=lambda k: (-search.preference(k, known), sorted(k.names))):
         if _without_small(search, option, base).names == option.names:
@@ -97,7 +98,8 @@ def _without_small(search: Search, known: Known, base: Known) -> Known:
         small = [
             name
             for name in rest
-            if closes[name] < needed[name] or not _is_large(search, known, name, least, closes[name])
+            if name not in search.as_others
+            and (closes[name] < needed[name] or not _is_large(search, known, name, least, closes[name]))
         ]
         if not small:
             better = search.settled(known)

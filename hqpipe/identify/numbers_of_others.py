@@ -1,0 +1,115 @@
+"""What most joints of a machine have, in a joint where its number is unlike theirs.
+
+Joints of one make scatter around what they share. A lag that is twice that of every other joint may be just that, or the lag of
+the others with a delay beside it, which nothing but the other joints could tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import median_abs_deviation, t
+
+from hqpipe.identify.found import JointFound
+from hqpipe.identify.joint_answer import answer
+from hqpipe.identify.search import Known, Names, Search
+from hqpipe.identify.thresholds import CONFUSED, OVERSTATED
+
+
+@dataclass(frozen=True)
+class OwnNumber:
+    """A cause that most joints have, with a number that is unlike theirs.
+
+    Attributes:
+        effect: its name. rivals: effects that could stand in its place. others: range of its first number in the other joints.
+    """
+
+    effect: str
+    rivals: tuple[str, ...]
+    others: tuple[float, float]
+
+
+def own_numbers(answers: Sequence[JointFound], shared: Names) -> dict[int, tuple[OwnNumber, ...]]:
+    """Joint → its causes that most joints have with another number, where something else may stand in their place.
+
+    Args:
+        answers: of the joints of a machine. shared: causes of most of them.
+    """
+    found = {}
+    for j, joint in enumerate(answers):
+        own, names = [], {cause.effect for cause in joint.causes}
+        for cause in joint.causes:
+            rivals = tuple(name for name in cause.confused_with if name not in names)
+            others = [n for k, other in enumerate(answers) if k != j for n in _numbers(other, cause.effect)]
+            if not rivals or cause.effect not in shared or not cause.numbers or len(others) < 2:
+                continue
+            low, high = range_of(others)
+            if not low <= cause.numbers[0].value <= high:
+                own.append(OwnNumber(cause.effect, rivals, (low, high)))
+        if own:
+            found[j] = tuple(own)
+    return found
+
+
+def range_of(numbers: Sequence[float]) -> tuple[float, float]:
+    """Where one more number lies with 1 − `CONFUSED`, if it scatters as these, of which less than half do not belong to them:
+    Student's interval for a new observation, with the median and the scaled median deviation (Hampel 1974)."""
+    count = len(numbers)
+    reach = t.ppf(1.0 - CONFUSED / 2.0, count - 1) * np.sqrt(1.0 + 1.0 / count)
+    middle, half = float(np.median(numbers)), float(reach * median_abs_deviation(numbers, scale="normal"))
+    return middle - half, middle + half
+
+
+def as_others_have(
+    search: Search, known: Known, kept: Names, own: OwnNumber
+) -> tuple[Search, Known, JointFound] | None:
+    """The answer of a joint with a number as the others have it and another effect beside that, if the joint asks for this
+    effect then, and its errors do not say that the number is its own; None if not.
+
+    Args:
+        search: a finished one. known: the set that it reached. kept: effects of its answer.
+    """
+    before, best = search.known[kept], None
+    start = known if own.effect in known.names else before
+    for rival in own.rivals:
+        again = search.with_number_of_others(own.effect, own.others, rival)
+        begun = again.begun_from(start.names, start.solution.values)
+        if rival not in again.addable(begun.names):
+            continue
+        reached = again.improved(again.grown_by(begun, rival))
+        found = replace(answer(again, reached), model=None)
+        if not {own.effect, rival} <= {cause.effect for cause in found.causes}:
+            continue
+        told = again.known[frozenset(found.kept.effects)]
+        says = again.telling(told, before)
+        if says < np.log(CONFUSED) or len(told.names) > len(kept) + 1:
+            continue
+        if best is None or says > best[0]:
+            best = says, again, reached, _with_own_number(found, rival, own.effect, says)
+    return best[1:] if best is not None else None
+
+
+def _with_own_number(found: JointFound, rival: str, effect: str, says: float) -> JointFound:
+    """An answer with the effect among those that its rival is confused with, unless the errors, which seem to say more for what
+    few joints have than they do, rule out that the number is the joint's own.
+
+    Args:
+        says: what they say for the rival, ln.
+    """
+    odds = float(np.exp(-max(says, 0.0) / OVERSTATED))
+    if odds < CONFUSED:
+        return found
+    causes = tuple(
+        replace(cause, confused_with=(*cause.confused_with, effect), odds=(*cause.odds, odds))
+        if cause.effect == rival
+        else cause
+        for cause in found.causes
+    )
+    return replace(found, causes=causes)
+
+
+def _numbers(joint: JointFound, effect: str) -> list[float]:
+    """The first number of an effect, if the joint has it as a cause."""
+    return [cause.numbers[0].value for cause in joint.causes if cause.effect == effect and cause.numbers]
