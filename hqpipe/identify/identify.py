@@ -97,6 +97,7 @@ def _searched(
         asked = {j: (frozenset(answers[j].kept.effects), numbers) for j, numbers in own.items()}
         for j, joint in pool.some("as_others_have", asked).items():
             answers[j] = joint or answers[j]
+        answers = with_shared_names(answers, lambda steps: pool.some("renamed", steps), given_up)
         answers = without_minor_causes(answers, lambda least: pool.some("without", least))
         few = _names(models) - _shared(answers) if len(models) > 1 else frozenset()
         sets = [(frozenset(joint.kept.effects), frozenset(joint.base.effects), few) for joint in answers]

@@ -37,7 +37,7 @@ def answer(search: Search, best: Known) -> JointFound:
     causes = sorted(without, key=lambda name: -without[name].solution.square)
     (values, half), floor = corrected(search, core), floor_of(search.model)
     whole, square = max(search.left_out(base), np.finfo(float).tiny), search.left_out(claimed)
-    known_law = [_with_law_of_machine(search, known, best) for known in (claimed, unshaped)]
+    known_law = [with_law_of_machine(search, known, best) for known in (claimed, unshaped)]
     closes_in_band, unknown = _beside_unknown(search, *known_law, base, causes)
     return JointFound(
         model=search.model,
@@ -116,7 +116,7 @@ def _beside_unknown(
     return closes, left / whole
 
 
-def _with_law_of_machine(search: Search, known: Known, best: Known) -> Known:
+def with_law_of_machine(search: Search, known: Known, best: Known) -> Known:
     """A set with what most joints have as a cause and this one asks for, though it does too little here for one: no unknown."""
     law = best.names & search.shared - known.names
     return with_small(

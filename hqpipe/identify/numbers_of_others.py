@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import median_abs_deviation, t
 
 from hqpipe.identify.found import JointFound
-from hqpipe.identify.joint_answer import answer
+from hqpipe.identify.joint_answer import answer, with_law_of_machine
 from hqpipe.identify.search import Known, Names, Search
 from hqpipe.identify.thresholds import CONFUSED, OVERSTATED
 
@@ -75,20 +75,26 @@ def as_others_have(
     start = known if own.effect in known.names else before
     for rival in own.rivals:
         again = search.with_number_of_others(own.effect, own.others, rival)
-        begun = again.begun_from(start.names, start.solution.values)
-        if rival not in again.addable(begun.names):
-            continue
-        reached = again.improved(again.grown_by(begun, rival))
+        reached = again.improved(again.grown_by(_begun(again, start, rival), rival))
         found = replace(answer(again, reached), model=None)
         if not {own.effect, rival} <= {cause.effect for cause in found.causes}:
             continue
         told = again.known[frozenset(found.kept.effects)]
-        says = again.telling(told, before)
+        says = again.telling(with_law_of_machine(again, told, reached), with_law_of_machine(search, before, known))
         if says < np.log(CONFUSED) or len(told.names) > len(kept) + 1:
             continue
         if best is None or says > best[0]:
             best = says, again, reached, _with_own_number(found, rival, own.effect, says)
     return best[1:] if best is not None else None
+
+
+def _begun(search: Search, start: Known, rival: str) -> Known:
+    """The set of an earlier search without what excludes a rival that is to join it."""
+    values, effects = start.solution.values.copy(), search.effects
+    shut = {name for name in start.names if name in effects[rival].excludes or rival in effects[name].excludes}
+    for name in shut:
+        values[search.screening.places(name)] = search.fitter.neutral[search.screening.places(name)]
+    return search.begun_from(start.names - shut, values)
 
 
 def _with_own_number(found: JointFound, rival: str, effect: str, says: float) -> JointFound:
