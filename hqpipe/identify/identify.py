@@ -73,32 +73,8 @@ def _searched(
             progress(done, len(models), models[j].joint)
 
     with JointPool([JointSearch(model, prior_odds) for model in models], workers) as pool:
-        present = pool.each("first", [(len(models) == 1,)] * len(models), report)
-        if len(models) > 1:
-            reached = pool.each("reached")
-            told = [(others_of(present, j), others_of(reached, j)) for j in range(len(models))]
-            present, worths = zip(*pool.each("weighed_again", told), strict=True)
-            present = settled_together(models, present, worths, lambda asked: pool.some("moved", asked))
-            pool.each("told", _others(present))
-        given_up: dict[int, set[str]] = {}
-        answers = with_shared_names(pool.each("answered"), lambda steps: pool.some("renamed", steps), given_up)
-        shared = _shared(answers)
-        again = pool.each(
-            "with_shared", [(shared, frozenset(cause.effect for cause in joint.causes)) for joint in answers]
-        )
-        answers = [new or joint for new, joint in zip(again, answers, strict=True)]
-        answers = with_shared_names(answers, lambda steps: pool.some("renamed", steps), given_up)
-        present = [frozenset(joint.kept.effects) for joint in answers]
-        rare = {j: (effects, others_of(present, j)) for j, effects in _rare(answers).items()}
-        for j, joint in pool.some("with_rare", rare).items():
-            answers[j] = joint
-        answers = with_shared_names(answers, lambda steps: pool.some("renamed", steps), given_up)
-        own = own_numbers(answers, _shared(answers))
-        asked = {j: (frozenset(answers[j].kept.effects), numbers) for j, numbers in own.items()}
-        for j, joint in pool.some("as_others_have", asked).items():
-            answers[j] = joint or answers[j]
-        answers = with_shared_names(answers, lambda steps: pool.some("renamed", steps), given_up)
-        answers = without_minor_causes(answers, lambda least: pool.some("without", least))
+        _search(pool, models, report)
+        answers = _answered(pool)
         few = _names(models) - _shared(answers) if len(models) > 1 else frozenset()
         sets = [(frozenset(joint.kept.effects), frozenset(joint.base.effects), few) for joint in answers]
         visible = pool.each("visible", sets)
@@ -119,6 +95,40 @@ def _searched(
         numbers = pool.each("numbers", asked)
     found = [with_numbers(joint, *own, rivals) for joint, own in zip(found, numbers, strict=True)]
     return with_what_they_stand_for(found, parts)
+
+
+def _search(pool: JointPool, models: Sequence[JointModel], report: Callable[[int], None]) -> None:
+    """Search every joint by itself, and again beside what the others have reached."""
+    present = pool.each("first", [(len(models) == 1,)] * len(models), report)
+    if len(models) > 1:
+        reached = pool.each("reached")
+        told = [(others_of(present, j), others_of(reached, j)) for j in range(len(models))]
+        present, worths = zip(*pool.each("weighed_again", told), strict=True)
+        present = settled_together(models, present, worths, lambda asked: pool.some("moved", asked))
+        pool.each("told", _others(present))
+
+
+def _answered(pool: JointPool) -> list[JointFound]:
+    """The answers of joints that were searched, each in the light of those of the others."""
+    given_up: dict[int, set[str]] = {}
+
+    def named_alike(answers: Sequence[JointFound]) -> list[JointFound]:
+        return with_shared_names(answers, lambda steps: pool.some("renamed", steps), given_up)
+
+    answers = named_alike(pool.each("answered"))
+    shared = _shared(answers)
+    again = pool.each("with_shared", [(shared, _causes(joint)) for joint in answers])
+    answers = named_alike([new or joint for new, joint in zip(again, answers, strict=True)])
+    present = [frozenset(joint.kept.effects) for joint in answers]
+    rare = {j: (effects, others_of(present, j)) for j, effects in _rare(answers).items()}
+    for j, joint in pool.some("with_rare", rare).items():
+        answers[j] = joint
+    answers = named_alike(answers)
+    own = own_numbers(answers, _shared(answers))
+    asked = {j: (frozenset(answers[j].kept.effects), numbers) for j, numbers in own.items()}
+    for j, joint in pool.some("as_others_have", asked).items():
+        answers[j] = joint or answers[j]
+    return without_minor_causes(named_alike(answers), lambda least: pool.some("without", least))
 
 
 def _others(present: Sequence[Names]) -> list[tuple[list[Names]]]:
