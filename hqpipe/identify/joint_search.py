@@ -15,7 +15,7 @@ from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.joint_moves import Step, Worths
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel
-from hqpipe.identify.numbers_of_others import OwnNumber, as_others_have
+from hqpipe.identify.numbers_of_others import Beside, OwnNumber, as_others_have, with_own_number
 from hqpipe.identify.prior import MOST_JOINTS
 from hqpipe.identify.rounds import forward_then_backward, searched, with_one_for_two
 from hqpipe.identify.search import Known, Names, Search
@@ -41,6 +41,7 @@ class JointSearch:
         self._model, self._odds = model, odds
         self._search: Search | None = None
         self._known: Known | None = None
+        self._beside: list[Beside] = []
 
     def load_compiled_code(self) -> None:
         """Predict once, so that copies of this process have the compiled code."""
@@ -55,7 +56,27 @@ class JointSearch:
 
     def answered(self) -> JointFound:
         """The answer."""
-        return replace(answer(self._search, self._known), model=None)
+        return self._answer_of(self._known)
+
+    def _answer_of(self, known: Known) -> JointFound:
+        """The answer with a set that was reached; numbers are the joint's own again where they were as in the other joints
+        because of an effect beside them that is a cause no more."""
+        found = replace(answer(self._search, known), model=None)
+        causes = {cause.effect for cause in found.causes}
+        for k, beside in enumerate(self._beside):
+            if beside.rival not in causes:
+                beside.earlier.barred |= self._search.barred
+                self._search, self._known, self._beside = beside.earlier, beside.earlier_known, self._beside[:k]
+                return self._answer_of(self._without_barred())
+            found = with_own_number(found, beside)
+        return found
+
+    def _without_barred(self) -> Known:
+        """The set that was reached without effects that are barred by now."""
+        search, known = self._search, self._known
+        for name in sorted(known.names & search.barred):
+            known = search.without(known, name)
+        return search.improved(known)
 
     def reached(self) -> Numbers:
         """The effects with a name that the joint asks for, with their numbers."""
@@ -166,22 +187,22 @@ class JointSearch:
         kept, own_numbers = asked
         found: JointFound | None = None
         for own in own_numbers:
-            if (told := as_others_have(self._search, self._known, kept, own)) is not None:
-                self._search, self._known, found = told
+            if (beside := as_others_have(self._search, self._known, kept, own)) is not None:
+                self._search, self._known = beside.search, beside.known
+                self._beside.append(beside)
+                found = self.answered()
                 kept = frozenset(found.kept.effects)
         return found
 
     def without(self, effect: str) -> JointFound:
         """The answer with an effect barred from now on; one that is barred never comes back."""
-        search, known = self._search, self._known
-        search.barred.add(effect)
-        for name in sorted(known.names & search.barred):
-            known = search.without(known, name)
-        return replace(answer(search, search.improved(known)), model=None)
+        self._search.barred.add(effect)
+        return self._answer_of(self._without_barred())
 
     def renamed(self, step: Step) -> JointFound:
         """The answer with another effect in the place of one, which from now on is only told as one that is like it."""
         search, known = self._search, self._known
+        self._beside = [replace(b, rival=step.joins) if b.rival == step.leaves else b for b in self._beside]
         if step.leaves in known.names:
             known = search.without(known, step.leaves)
             if step.joins in search.addable(known.names):

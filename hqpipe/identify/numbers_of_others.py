@@ -31,6 +31,24 @@ class OwnNumber:
     others: tuple[float, float]
 
 
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """A rival beside an effect whose number is as in the other joints.
+
+    Attributes:
+        effect, rival: their names. odds: of the effect with a number of the joint's own against both.
+        search, known: with both. earlier, earlier_known: before.
+    """
+
+    effect: str
+    rival: str
+    odds: float
+    search: Search
+    known: Known
+    earlier: Search
+    earlier_known: Known
+
+
 def own_numbers(answers: Sequence[JointFound], shared: Names) -> dict[int, tuple[OwnNumber, ...]]:
     """Joint → its causes that most joints have with another number, where something else may stand in their place.
 
@@ -62,30 +80,39 @@ def range_of(numbers: Sequence[float]) -> tuple[float, float]:
     return middle - half, middle + half
 
 
-def as_others_have(
-    search: Search, known: Known, kept: Names, own: OwnNumber
-) -> tuple[Search, Known, JointFound] | None:
-    """The answer of a joint with a number as the others have it and another effect beside that, if the joint asks for this
-    effect then, and its errors do not say that the number is its own; None if not.
+def as_others_have(search: Search, known: Known, kept: Names, own: OwnNumber) -> Beside | None:
+    """A number as the other joints have it, and the rival beside that for which the errors say most; None where the joint asks
+    for no rival then, or its errors say that the number is its own.
+
+    Errors seem to say more for what few joints have than they do, so the number may be the joint's own all the same.
 
     Args:
         search: a finished one. known: the set that it reached. kept: effects of its answer.
     """
-    before, best = search.known[kept], None
+    before, options = search.known[kept], []
     start = known if own.effect in known.names else before
     for rival in own.rivals:
         again = search.with_number_of_others(own.effect, own.others, rival)
         reached = again.improved(again.grown_by(_begun(again, start, rival), rival))
-        found = replace(answer(again, reached), model=None)
-        if not {own.effect, rival} <= {cause.effect for cause in found.causes}:
-            continue
+        found = answer(again, reached)
         told = again.known[frozenset(found.kept.effects)]
         says = again.telling(with_law_of_machine(again, told, reached), with_law_of_machine(search, before, known))
-        if says < np.log(CONFUSED) or len(told.names) > len(kept) + 1:
-            continue
-        if best is None or says > best[0]:
-            best = says, again, reached, _with_own_number(found, rival, own.effect, says)
-    return best[1:] if best is not None else None
+        both = {own.effect, rival} <= {cause.effect for cause in found.causes}
+        if both and says >= np.log(CONFUSED) and len(told.names) <= len(kept) + 1:
+            odds = float(np.exp(-max(says, 0.0) / OVERSTATED))
+            options.append((says, Beside(own.effect, rival, odds, again, reached, search, known)))
+    return max(options, key=lambda option: option[0], default=(0.0, None))[1]
+
+
+def with_own_number(found: JointFound, beside: Beside) -> JointFound:
+    """An answer with the effect among those that its rival is confused with, unless it is too improbable for that."""
+    causes = [
+        replace(cause, confused_with=(*cause.confused_with, beside.effect), odds=(*cause.odds, beside.odds))
+        if cause.effect == beside.rival and beside.odds >= CONFUSED
+        else cause
+        for cause in found.causes
+    ]
+    return replace(found, causes=tuple(causes))
 
 
 def _begun(search: Search, start: Known, rival: str) -> Known:
@@ -95,25 +122,6 @@ def _begun(search: Search, start: Known, rival: str) -> Known:
     for name in shut:
         values[search.screening.places(name)] = search.fitter.neutral[search.screening.places(name)]
     return search.begun_from(start.names - shut, values)
-
-
-def _with_own_number(found: JointFound, rival: str, effect: str, says: float) -> JointFound:
-    """An answer with the effect among those that its rival is confused with, unless the errors, which seem to say more for what
-    few joints have than they do, rule out that the number is the joint's own.
-
-    Args:
-        says: what they say for the rival, ln.
-    """
-    odds = float(np.exp(-max(says, 0.0) / OVERSTATED))
-    if odds < CONFUSED:
-        return found
-    causes = tuple(
-        replace(cause, confused_with=(*cause.confused_with, effect), odds=(*cause.odds, odds))
-        if cause.effect == rival
-        else cause
-        for cause in found.causes
-    )
-    return replace(found, causes=causes)
 
 
 def _numbers(joint: JointFound, effect: str) -> list[float]:

@@ -9,8 +9,10 @@ import pytest
 from identify.toy_joint import ToyJoint
 
 from hqpipe.identify.identify import identify
+from hqpipe.identify.joint_search import JointSearch
 from hqpipe.identify.model import Effect, LayerJoints, Parameter
 from hqpipe.identify.numbers_of_others import OwnNumber, own_numbers, range_of
+from hqpipe.identify.prior import prior_odds
 
 LAGS = (0.46, 0.50, 0.53, 0.48, 0.51, 0.55)
 
@@ -96,3 +98,17 @@ def test_a_number_is_a_joints_own_if_it_is_unlike_that_of_the_others_and_somethi
     assert isinstance(own, OwnNumber)
     assert own.others[0] < min(LAGS) < max(LAGS) < own.others[1] < 1.0
     assert own_numbers([_joint("lag", 0.5), _joint("lag", 1.0, "delay")], shared) == {}  # two joints: which one is odd?
+
+
+def test_a_number_is_the_joints_own_again_where_what_stood_beside_it_is_gone():
+    search = JointSearch(NearlyAlike("joint", {"lag": 0.6, "delay": 0.5}), prior_odds)
+    search.first(alone=True)
+    kept = frozenset(search.answered().kept.effects)
+    assert kept == {"delay"}
+    own = OwnNumber("delay", ("lag",), range_of(LAGS))
+    both = {cause.effect: cause for cause in search.as_others_have((kept, [own])).causes}
+    assert set(both) == {"lag", "delay"}
+    assert both["delay"].numbers[0].value < 0.7
+    (delay,) = search.without("lag").causes
+    assert delay.effect == "delay"
+    assert delay.numbers[0].value == pytest.approx(1.1, rel=0.03)
