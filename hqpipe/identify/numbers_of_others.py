@@ -1,7 +1,8 @@
 """What most joints of a machine have, in a joint where its number is unlike theirs.
 
-Joints of one make scatter around what they share. A lag that is twice that of every other joint may be just that, or the lag of
-the others with a delay beside it, which nothing but the other joints could tell.
+Joints of one make scatter around what they share: valves of one type, one controller. A lag that is twice that of every other
+joint may be just that, or the lag of the others with a delay beside it, which nothing but the other joints could tell. What is
+shared are times, rates and ratios; torques and angles also depend on the lever and the piston of a joint.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from hqpipe.identify.found import JointFound
 from hqpipe.identify.joint_answer import answer, with_law_of_machine
 from hqpipe.identify.search import Known, Names, Search
 from hqpipe.identify.thresholds import CONFUSED, OVERSTATED
+
+_SHARED_UNITS = frozenset({"1", "s", "1/s", "Hz"})
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,8 @@ class Beside:
 
 
 def own_numbers(answers: Sequence[JointFound], shared: Names) -> dict[int, tuple[OwnNumber, ...]]:
-    """Joint → its causes that most joints have with another number, where something else may stand in their place.
+    """Joint → its causes that most joints have with another number, as far as joints may share it, where something else may
+    stand in their place.
 
     Args:
         answers: of the joints of a machine. shared: causes of most of them.
@@ -61,7 +65,7 @@ def own_numbers(answers: Sequence[JointFound], shared: Names) -> dict[int, tuple
         for cause in joint.causes:
             rivals = tuple(name for name in cause.confused_with if name not in names)
             others = [n for k, other in enumerate(answers) if k != j for n in _numbers(other, cause.effect)]
-            if not rivals or cause.effect not in shared or not cause.numbers or len(others) < 2:
+            if not rivals or cause.effect not in shared or len(others) < 2 or not _numbers(joint, cause.effect):
                 continue
             low, high = range_of(others)
             if not low <= cause.numbers[0].value <= high:
@@ -125,5 +129,6 @@ def _begun(search: Search, start: Known, rival: str) -> Known:
 
 
 def _numbers(joint: JointFound, effect: str) -> list[float]:
-    """The first number of an effect, if the joint has it as a cause."""
-    return [cause.numbers[0].value for cause in joint.causes if cause.effect == effect and cause.numbers]
+    """The first number of an effect, if the joint has it as a cause and joints may share it."""
+    own = [cause.numbers[0] for cause in joint.causes if cause.effect == effect and cause.numbers]
+    return [number.value for number in own if number.unit in _SHARED_UNITS]

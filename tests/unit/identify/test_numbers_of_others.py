@@ -80,8 +80,8 @@ def _joint(effect, number, *rivals):
     return SimpleNamespace(causes=[_cause(effect, number, rivals)])
 
 
-def _cause(effect, number, rivals=()):
-    return SimpleNamespace(effect=effect, numbers=(SimpleNamespace(value=number),), confused_with=rivals)
+def _cause(effect, number, rivals=(), unit="s"):
+    return SimpleNamespace(effect=effect, numbers=(SimpleNamespace(value=number, unit=unit),), confused_with=rivals)
 
 
 def test_a_number_is_a_joints_own_if_it_is_unlike_that_of_the_others_and_something_else_may_be_in_its_place():
@@ -98,6 +98,11 @@ def test_a_number_is_a_joints_own_if_it_is_unlike_that_of_the_others_and_somethi
     assert isinstance(own, OwnNumber)
     assert own.others[0] < min(LAGS) < max(LAGS) < own.others[1] < 1.0
     assert own_numbers([_joint("lag", 0.5), _joint("lag", 1.0, "delay")], shared) == {}  # two joints: which one is odd?
+
+
+def test_joints_share_no_torques():
+    torques = [SimpleNamespace(causes=[_cause("friction", torque, ("offset",), "N·m")]) for torque in (*LAGS, 1.0)]
+    assert own_numbers(torques, frozenset({"friction"})) == {}
 
 
 def test_a_number_is_the_joints_own_again_where_what_stood_beside_it_is_gone():
