@@ -18,6 +18,7 @@ from hqpipe.identify.joint_answer import answer, with_law_of_machine
 from hqpipe.identify.search import Known, Names, Search
 from hqpipe.identify.thresholds import CONFUSED, OVERSTATED
 
+# What parts of one make share; N·m and rad hang on lever and piston, which differ between roll, pitch and knee.
 _SHARED_UNITS = frozenset({"1", "s", "1/s", "Hz"})
 
 
@@ -96,7 +97,7 @@ def as_others_have(search: Search, known: Known, kept: Names, own: OwnNumber) ->
     before, options = search.known[kept], []
     start = known if own.effect in known.names else before
     for rival in own.rivals:
-        again = search.with_number_of_others(own.effect, own.others, rival)
+        again = _begun_again(search, own, rival)
         reached = again.improved(again.grown_by(_begun(again, start, rival), rival))
         found = answer(again, reached)
         told = again.known[frozenset(found.kept.effects)]
@@ -117,6 +118,16 @@ def with_own_number(found: JointFound, beside: Beside) -> JointFound:
         for cause in found.causes
     ]
     return replace(found, causes=tuple(causes))
+
+
+def _begun_again(search: Search, own: OwnNumber, rival: str) -> Search:
+    """The search from its beginning with the number as the other joints have it, and with a rival that may join."""
+    found = Search(search.model, search.odds, {**search.as_others, own.effect: own.others})
+    found.barred, found.refused, found.given_up = (
+        names - {own.effect, rival} for names in (search.barred, search.refused, search.given_up)
+    )
+    found.shared, found.rare = search.shared, search.rare | {rival}
+    return found
 
 
 def _begun(search: Search, start: Known, rival: str) -> Known:

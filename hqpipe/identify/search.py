@@ -95,19 +95,6 @@ class Search:
         """A set, fitted from given values (P,)."""
         return self._kept(names, self._fit(names, [values], self.base.covariance.noise))
 
-    def with_number_of_others(self, effect: str, others: tuple[float, float], joining: str) -> Search:
-        """The search begun again with the number of an effect as the other joints have it, and another effect that may join.
-
-        Args:
-            others: range of the first number of the effect in the other joints.
-        """
-        found = Search(self.model, self.odds, {**self.as_others, effect: others})
-        found.barred, found.refused, found.given_up = (
-            names - {effect, joining} for names in (self.barred, self.refused, self.given_up)
-        )
-        found.shared, found.rare = self.shared, self.rare | {joining}
-        return found
-
     def likelier(self, one: Known, other: Known) -> bool:
         """Whether a set is more probable than another."""
         return self.log_odds(one, other) > 0.0
