@@ -8,11 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 # What a bound or a start value is a multiple of; the numbers come from the fit trials.
-SECOND, COMMAND, EFFORT, VELOCITY, SLOWNESS, FLOW, DAMPING, STIFFNESS, ANGLE, TRAVEL, CURVE, NONE = (
+SECOND, COMMAND, EFFORT, VELOCITY, USUAL_VELOCITY, SLOWNESS, FLOW, DAMPING, STIFFNESS, ANGLE, TRAVEL, CURVE, NONE = (
     "second",
     "command",
     "effort",
     "velocity",
+    "usual_velocity",
     "slowness",
     "flow",
     "damping",
@@ -30,9 +31,10 @@ class Search:
 
     Attributes:
         scale: what the others are multiples of: second, command (RMS of the position error), effort and velocity (RMS),
-            slowness (one over the RMS of the machine's total speed), flow (that RMS), damping (effort over velocity), stiffness
-            (effort over travel), angle (standard deviation of the position), travel (half of a usual stroke: 1 rad, and of a
-            joint that slides the range of its positions), curve (one over travel) or none.
+            usual_velocity (that of the middle joint of the machine, where this one is slower), slowness (one over the RMS of
+            the machine's total speed), flow (that RMS), damping (effort over velocity), stiffness (effort over travel), angle
+            (standard deviation of the position), travel (half of a usual stroke: 1 rad, and of a joint that slides the range
+            of its positions), curve (one over travel) or none.
         lower, upper: bounds.
         starts: where fits begin; several where an effect can be inactive over all data and then has no gradient.
         counts: False for a shape parameter: it cannot show by itself that the effect is there.

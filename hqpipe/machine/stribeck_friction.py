@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from hqpipe.machine.effect import EFFORT, NONE, VELOCITY, Block, Effect, Parameter, Search
+from hqpipe.machine.effect import EFFORT, NONE, USUAL_VELOCITY, Block, Effect, Parameter, Search
 from hqpipe.machine.sums import added
 
 
@@ -26,7 +26,7 @@ EFFECT = Effect(
     layer="actuator",
     parameters=(
         Parameter("static_nm", "N·m", Search(EFFORT, 0.0, 20.0, (0.1,))),
-        Parameter("velocity_rad_s", "rad/s", Search(VELOCITY, 0.02, 0.5, (0.1, 0.4), counts=False), neutral=0.5),
+        Parameter("velocity_rad_s", "rad/s", Search(USUAL_VELOCITY, 0.02, 0.5, (0.1, 0.4), counts=False), neutral=0.5),
         Parameter("exponent", "1", Search(NONE, 0.5, 2.0, (1.0,), counts=False), neutral=1.0),
     ),
     meaning="friction is larger near zero speed",

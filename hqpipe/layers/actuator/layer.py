@@ -175,7 +175,7 @@ class Actuator:
     def _sizes(self, log_set: LogSet, j: int, draws: np.ndarray) -> Sizes:
         """Sizes that the numbers of joint `j` refer to; the noise is always that of the logs that are judged."""
         slides = log_set.kinds.get(log_set.joints[j]) == PRISMATIC
-        own = sizes_of([t.trajectory for t in log_set.fit], j, draws, slides)
+        own = sizes_of([t.trajectory for t in log_set.fit], j, draws, slides, _alike(log_set, slides))
         if self.earlier is None:
             return own
         then, k = [t.trajectory for t in self.earlier.fit], self.earlier.joints.index(log_set.joints[j])
@@ -183,7 +183,7 @@ class Actuator:
             return own
         everywhere = np.ones(len(self.earlier.joints))
         everywhere[[self.earlier.joints.index(name) for name in log_set.joints]] = draws
-        return replace(sizes_of(then, k, everywhere, slides), noise=own.noise)
+        return replace(sizes_of(then, k, everywhere, slides, _alike(self.earlier, slides)), noise=own.noise)
 
     def _neutral(self, joint: str, size: Sizes, step: float) -> np.ndarray:
         """(WIDTH,) a row of the loops without effects; step: s."""
@@ -193,6 +193,11 @@ class Actuator:
         row[slot("setting", "clear")] = CLEAR * size.noise
         row[slot("setting", "effort_limit")] = self.effort_limit.get(joint, np.inf)
         return row
+
+
+def _alike(log_set: LogSet, slide: bool) -> list[int]:
+    """Numbers of the joints that slide, or of those that turn."""
+    return [k for k, name in enumerate(log_set.joints) if (log_set.kinds.get(name) == PRISMATIC) is slide]
 
 
 def _sample_time(log_set: LogSet) -> float:

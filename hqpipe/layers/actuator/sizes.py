@@ -63,11 +63,14 @@ def at_rest(trials: Sequence[Trajectory], j: int) -> str | None:
     return None
 
 
-def sizes_of(trials: Sequence[Trajectory], j: int, draws: np.ndarray, slides: bool = False) -> Sizes:
+def sizes_of(
+    trials: Sequence[Trajectory], j: int, draws: np.ndarray, slides: bool = False, alike: Sequence[int] = ()
+) -> Sizes:
     """Sizes of joint `j`, which is not `at_rest`, away from its end stops.
 
     Args:
         draws: (J,) what the speed of each joint counts in the flow. slides: whether the joint is known to slide.
+        alike: joints whose speeds have its unit.
     """
 
     def together(pick: Callable[[Trajectory], np.ndarray]) -> np.ndarray:
@@ -79,19 +82,22 @@ def sizes_of(trials: Sequence[Trajectory], j: int, draws: np.ndarray, slides: bo
     drawn = np.concatenate([np.abs(t.velocity) @ draws for t in trials])
     flow, angle = _rms(drawn), float(np.std(position))
     travel = float(np.ptp(position)) if slides else TRAVEL
+    speed = _rms(velocity)
+    others = [_rms(np.concatenate([t.velocity[:, k] for t in trials])) for k in alike]
     return Sizes(
         of={
             scales.SECOND: 1.0,
             scales.NONE: 1.0,
             scales.COMMAND: _rms(error),
             scales.EFFORT: _rms(effort),
-            scales.VELOCITY: _rms(velocity),
+            scales.VELOCITY: speed,
+            scales.USUAL_VELOCITY: max(speed, float(np.median(others))) if others else speed,
             scales.SLOWNESS: 1.0 / flow,
             scales.FLOW: flow,
             scales.ANGLE: angle,
             scales.TRAVEL: travel,
             scales.CURVE: 1.0 / travel,
-            scales.DAMPING: _rms(effort) / _rms(velocity),
+            scales.DAMPING: _rms(effort) / speed,
             scales.STIFFNESS: _rms(effort) / angle,
         },
         most_effort=float(np.abs(effort).max()),

@@ -61,6 +61,25 @@ def test_what_is_logged_at_an_end_stop_counts_for_nothing(logs):
     assert np.array_equal(one.error(values), two.error(values))
 
 
+def test_the_curve_of_a_slow_joint_s_friction_may_be_as_wide_as_that_of_the_middle_joint(logs):
+    trials = [t.trajectory for t in logs.fit]
+    slower = [replace(t, velocity=t.velocity * np.array([0.1, 1.0])) for t in trials]
+    alone, beside, other = (
+        sizes_of(slower, j, np.ones(2), alike=alike) for j, alike in ((0, ()), (0, (0, 1)), (1, (0, 1)))
+    )
+    assert alone.of["usual_velocity"] == alone.of["velocity"] == beside.of["velocity"]
+    assert beside.of["usual_velocity"] == np.mean([alone.of["velocity"], other.of["velocity"]])
+    assert other.of["usual_velocity"] == other.of["velocity"]
+
+    def widest(model):
+        (effect,) = (effect for effect in model.effects if effect.name == "stribeck_friction")
+        (speed,) = (p for p in effect.parameters if p.name == "velocity_rad_s")
+        return speed.high
+
+    log_set = changed(logs, lambda t: replace(t, velocity=t.velocity * np.array([0.1, 1.0])))
+    assert widest(Actuator().joints(log_set).models[0]) == pytest.approx(0.5 * beside.of["usual_velocity"])
+
+
 def test_a_joint_at_its_end_stop_throughout_is_left_out(logs):
     marked = changed(logs, lambda t: replace(t, extra={f"joint/{t.joints[0]}/at_end_stop": np.ones(t.samples)}))
     joints = Actuator().joints(marked)
