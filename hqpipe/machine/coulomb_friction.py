@@ -3,7 +3,8 @@
 It rubs on the piston, which rod and chain, a spring of stiffness K_t, connect to the joint. While the piston sticks, the torque
 x at the load cell changes by −K_t Δq alone. With the torque τ in front of the friction F z = τ − x, that is a change of its
 direction z by (Δτ + K_t Δq)/F, until it slips at z = ± 1: the reset integrator of Haessig and Friedland (1991), Dahl's
-model with the exponent 0. `presliding_rad` is F/K_t. A sign of the measured speed would be noise at rest. The friction is
+model with the exponent 0. On a slack chain x stays 0, and F z changes by what the oil's torque does, Δτ + K Δq with the
+stiffness K that τ has. `presliding_rad` is F/K_t. A sign of the measured speed would be noise at rest. The friction is
 `friction_nm` + `asymmetry_nm` while the position rises and `friction_nm` − `asymmetry_nm` while it falls.
 """
 
@@ -31,15 +32,29 @@ def strained(velocity: float, dt: float, presliding: float) -> float:
 
 
 @njit(cache=True, nogil=True, inline="always")
-def turn(turned: float, before: float, inner: float, grip: float, strain: float) -> float:
-    """Direction of the friction one sample later, −1 … 1, when the torque in front has changed from `before` to `inner`, N·m.
+def turn(
+    turned: float,
+    before: float,
+    wound: float,
+    grip: float,
+    strain: float,
+    half: float,
+    oil: float,
+    velocity: float,
+    dt: float,
+) -> float:
+    """Direction of the friction one sample later, −1 … 1, when the torque in front has changed from `before` to `wound`, N·m.
 
     Args:
-        grip: most that friction can hold, N·m. strain: of `strained`.
+        grip: most that friction can hold, N·m. strain: of `strained`. half: torque that takes up half of a chain's slack,
+            N·m. oil: stiffness, N·m/rad.
     """
     if grip <= 0.0:
         return turned
-    return min(max(turned + (inner - before) / grip + strain, -1.0), 1.0)
+    if abs(before - grip * turned) < half:
+        # On a slack chain the oil alone turns it; the travel of the joint, which τ counts, is added back.
+        strain = oil * velocity * dt / grip
+    return min(max(turned + (wound - before) / grip + strain, -1.0), 1.0)
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -69,7 +84,12 @@ EFFECT = Effect(
     blocks=(
         Block(strained, ("velocity", "dt", "presliding_rad"), ("strain",), ("grip",)),
         Block(added, ("grip", "friction_nm"), ("grip",), ("friction_nm",)),
-        Block(turn, ("turned", "before", "inner", "grip", "strain"), ("turned",), ("grip",)),
+        Block(
+            turn,
+            ("turned", "before", "wound", "grip", "strain", "half", "oil", "velocity", "dt"),
+            ("turned",),
+            ("grip",),
+        ),
         Block(rubbed, ("lost", "turned", "friction_nm", "asymmetry_nm"), ("lost",), ("friction_nm",)),
     ),
     states=(State("turned", moved_by="strain"),),

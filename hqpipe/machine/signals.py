@@ -15,6 +15,7 @@ NEUTRAL: dict[str, float | str] = {
     "lean": 0.0,  # share by which the chamber that an opening above 0 feeds is the stiffer one
     "even": 0.0,  # torque at which nothing leaks from one chamber to the other, N·m
     "oil": 0.0,  # stiffness of the oil, N·m/rad; 0 for a drive without any
+    "half": 0.0,  # torque that takes up half of a chain's slack, N·m
     "passed": 1.0,  # flow per opening, relative to an unloaded valve at full supply
     "leak": 0.0,  # share of the torque that leaks away within a sample
     "arm": 1.0,  # moment arm, relative to that in the middle of the motion
@@ -40,6 +41,6 @@ A block behind the hydraulics says how it is undone where logs are to be unwound
 """
 
 FEEDBACK = ("wound", "inner", "effort", "before")
-"""What only a running model knows; `before` is `inner` one sample ago."""
+"""What only a running model knows; `before` is `wound` one sample ago."""
 BEHIND = ("inner", "grip", "turned", "lost", "effort", "measured")
 """What comes about behind the base model, in this order."""

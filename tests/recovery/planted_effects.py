@@ -230,14 +230,16 @@ def simulate(
         pressed = np.sqrt(np.maximum(1.0 - 2.0 * loss - away - against, 0.0))
         fed = x * (feeds * pressed + drains * np.sqrt(np.maximum(1.0 + away - against, 0.0)))
         braked = k4 * np.where(inner * x < 0.0, np.abs(inner), 0.0) * x
-        pulling = beyond(wound, slack)
+        pulling = wound
         wound = wound + stiff * (k1 * fed - leaks - k3 * qd + braked)
         grip = (
             dry + static + load * np.abs(beyond(wound, slack))
         )  # while a piston sticks, friction holds against this change, and its spring follows the joint
         moved = DT * qd
-        pulled = np.where(grip > 0.0, (beyond(wound, slack) - pulling) / np.maximum(grip, 1e-30), 0.0)
-        bristle = np.clip(bristle + pulled + moved / creep, -1.0, 1.0)
+        held = np.maximum(grip, 1e-30)
+        pulled = np.where(grip > 0.0, (wound - pulling) / held, 0.0)
+        loose = np.abs(pulling - grip * bristle) < slack  # then the oil alone pulls, whatever the joint does
+        bristle = np.clip(bristle + pulled + np.where(loose, k3 / DT * moved / held, moved / creep), -1.0, 1.0)
         qd = qd + DT * (passed - DAMPING * qd - LOAD + knock[k]) / INERTIA
         q = q + moved
     return Planted(time, target, log[0], log[1], log[2] + noise * rng.normal(size=(samples, joints)))

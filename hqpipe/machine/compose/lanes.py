@@ -64,8 +64,7 @@ class Lanes:
             self.source.add(*lines)
 
     def buffer(self, name: str) -> str:
-        """Name of the array that a signal is written into; behind the law, the torque of before is still needed."""
-        name = f"{name}_after" if name == "inner" and self.wound == "following" else name
+        """Name of the array that a signal is written into."""
         if name not in self.buffers:
             self.buffers.append(name)
         return f"b_{name}"
@@ -113,11 +112,11 @@ class Lanes:
         self.need(name for name in ("inner", "lost", "effort") if name in names)
 
     def advance(self) -> None:
-        """From the torque `wound` before a sample to `following` after it; `before` is what the chain passed on."""
+        """From the torque `wound` before a sample, which is `before` then, to `following` after it."""
         chain, source = self.chain, self.source
-        self.behind("inner")
-        source.add(f"before = {self.array('inner')}")
+        source.add(f"before = {self.wound}")
         self.known.add("before")
+        self.behind("inner")
         behind = [x for x in self.links if x in chain.behind]
         self.known.discard("effort")
         if slack := [x for x in behind if "effort" in x.writes]:

@@ -138,11 +138,9 @@ def _joint(source: Source, chain: Chain, memory: Memory) -> None:
                     source.add(f"m[{ring} + now % RING] = {name}", f"{name} = past(m, {ring}, now, p[{link.by}] / dt)")
             else:
                 code.link(link)
-        source.add(f"wound = m[{WOUND}]")
-        code.known.add("wound")
+        source.add(f"wound = m[{WOUND}]", "before = wound")
+        code.known |= {"wound", "before"}
         code.behind({"inner"}, False)
-        source.add("before = inner")
-        code.known.add("before")
         code.behind({"lost"}, False)
         code.behind({"effort"}, False)
         for link in chain.core:

@@ -105,9 +105,9 @@ def _advance(source: Source, chain: Chain, arrays: Arrays, states: list[str], sl
     with source.under("for k in range(begin, last):"):
         _fetch(source, arrays, names, "k")
         code = Straight(source, chain, [*names, "wound"])
-        code.behind({"inner"}, True)
-        source.add("before = inner")
+        source.add("before = wound")
         code.known.add("before")
+        code.behind({"inner"}, True)
         code.behind({"lost"}, True)
         code.behind({"effort"}, True)
         for link in chain.core:

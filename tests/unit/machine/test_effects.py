@@ -324,16 +324,45 @@ def test_a_piston_that_sticks_passes_on_what_its_spring_says():
     for pull, travel in ((4.0, 1e-4), (-15.0, -3e-4), (6.0, 2e-4), (-30.0, 1e-5), (3.0, -2e-4)):
         sticking = behind - spring * travel
         strain = strained(travel / dt, dt, friction / spring)
-        turned = turn(turned, oil, oil + pull, friction, strain)
+        turned = turn(turned, oil, oil + pull, friction, strain, 0.0, 3e4, travel / dt, dt)
         oil, joint = oil + pull, joint + travel
         behind = min(max(sticking, oil - friction), oil + friction)
         assert oil - friction * turned == pytest.approx(behind)
 
 
+def test_the_oil_alone_moves_a_piston_on_a_slack_chain():
+    """It sticks while the oil does not overcome its friction, wherever the joint goes within the slack."""
+    friction, stiffness, half, dt = 20.0, 3e4, 45.0, 1e-3
+    oil, piston, joint = 4.0, 1e-4, 0.0
+    turned, wound = oil / friction, oil + stiffness * (piston - joint)
+    slips = 0
+    for flow, travel in (
+        (3.0, 2e-4),
+        (0.0, -3e-4),
+        (18.0, 1e-4),
+        (6.0, 4e-4),
+        (-30.0, -5e-4),
+        (-15.0, 1e-4),
+        (2.0, -6e-4),
+    ):
+        oil, joint = oil + flow, joint + travel
+        slip = np.sign(oil) * max(abs(oil) - friction, 0.0)
+        oil, piston, slips = oil - slip, piston + slip / stiffness, slips + (slip != 0.0)
+        before, wound = wound, wound + flow - stiffness * travel
+        turned = turn(
+            turned, before, wound, friction, strained(travel / dt, dt, 1e-3), half, stiffness, travel / dt, dt
+        )
+        assert friction * turned == pytest.approx(oil)
+        assert wound - friction * turned == pytest.approx(stiffness * (piston - joint))
+        assert transmitted(wound - friction * turned, half) == 0.0, "the chain stays slack"
+    assert slips == 3
+
+
 def test_direction_of_friction_has_ends_and_needs_a_friction():
-    assert turn(0.9, 0.0, 1.0, 10.0, 0.05) == 1.0 and turn(-0.9, 1.0, 0.0, 10.0, -0.05) == -1.0
-    assert turn(0.3, 5.0, 5.0, 10.0, 0.0) == 0.3, "at rest it stays"
-    assert turn(0.3, 5.0, 9.0, 0.0, 0.1) == 0.3
+    tight = 0.0, 0.0, 0.0, 1e-3
+    assert turn(0.9, 0.0, 1.0, 10.0, 0.05, *tight) == 1.0 and turn(-0.9, 1.0, 0.0, 10.0, -0.05, *tight) == -1.0
+    assert turn(0.3, 5.0, 5.0, 10.0, 0.0, *tight) == 0.3, "at rest it stays"
+    assert turn(0.3, 5.0, 9.0, 0.0, 0.1, *tight) == 0.3
 
 
 def test_friction_laws():
