@@ -5,7 +5,7 @@ The secant goes from neutral to each of the effect's starting values; what the f
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -59,7 +59,7 @@ class Screening:
         self._fitter, self._effects = fitter, effects
         self._places = {name: positions(fitter.model, [name])[len(fitter.model.base) :] for name in effects}
         self._promised: dict[tuple[Names, float, str], list[Promise]] = {}
-        self._replaced: dict[tuple[Names, float, str, Names, float], float] = {}
+        self._replaced: dict[tuple[Names, float, Names], dict[str, float]] = {}
         self._span_of: tuple[Known, np.ndarray] | None = None
 
     def places(self, name: str) -> np.ndarray:
@@ -87,20 +87,40 @@ class Screening:
         found = [(promises[0].gain, name) for name in names if (promises := self.promises(known, name))]
         return sorted(((gain, name) for gain, name in found if gain > 0.0), reverse=True)
 
-    def in_place(self, known: Known, names: Sequence[str], larger: Known) -> list[tuple[float, str]]:
-        """(share that an effect can do of what a larger set changes in the error beyond what the free parameters can, effect),
-        the best first; those that can do nothing of it are left out."""
-        found = [(self._replaces(known, name, larger), name) for name in names]
-        return sorted(((share, name) for share, name in found if share > 0.0), reverse=True)
+    def in_place(self, larger: Known, left: Collection[str], names: Sequence[str]) -> list[tuple[float, str]]:
+        """(share that an effect can do of what others do in a set beyond what its free parameters can, effect), the best first;
+        those that can do nothing of it are left out.
 
-    def _replaces(self, known: Known, name: str, larger: Known) -> float:
-        key = known.names, known.solution.square, name, larger.names, larger.solution.square
-        if key not in self._replaced:
-            wanted = self.beyond(known, larger.solution.error - known.solution.error)
-            whole = square_of(wanted)
-            gains = [self._along(name, secant, -wanted)[1] for secant in self._secants(known, name)]
-            self._replaced[key] = max(gains, default=0.0) / whole if 0.0 < whole < np.inf else 0.0
-        return self._replaced[key]
+        The slopes are those of the set itself: without these others its free parameters may go where slopes say nothing of it.
+
+        Args:
+            left: effects of the set that leave. names: of those that may take their place.
+        """
+        key = larger.names, larger.solution.square, frozenset(left)
+        shares = self._replaced.setdefault(key, {})
+        if unknown := [name for name in names if name not in shares]:
+            shares |= self._shares_in_place(larger, left, unknown)
+        return sorted(((shares[name], name) for name in names if shares[name] > 0.0), reverse=True)
+
+    def _shares_in_place(self, larger: Known, left: Collection[str], names: Sequence[str]) -> dict[str, float]:
+        """As `in_place`; 0 for those that can do nothing."""
+        solution, values = larger.solution, larger.solution.values.copy()
+        places = np.concatenate([self.places(name) for name in sorted(left)])
+        values[places] = self._fitter.neutral[places]
+        error, span = self._fitter.error(values), self._orthonormal(solution, places)
+        wanted = beyond(span, solution.error - error)
+        whole = square_of(wanted)
+        if not 0.0 < whole < np.inf:
+            return dict.fromkeys(names, 0.0)
+
+        def change(moved: np.ndarray) -> np.ndarray:
+            return beyond(span, self._fitter.error(moved) - error)
+
+        def most(name: str) -> float:
+            secants = self._secants_from(values, name, change)
+            return max((self._along(name, secant, -wanted)[1] for secant in secants), default=0.0)
+
+        return {name: most(name) / whole for name in names}
 
     def promises(self, known: Known, name: str) -> list[Promise]:
         """What each start of an effect promises, the best first.
@@ -156,15 +176,23 @@ class Screening:
 
     def _secants(self, known: Known, name: str) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
         """Values at each start of an effect, what they change in the error that the free parameters cannot, and its square."""
+        return self._secants_from(
+            known.solution.values, name, lambda moved: self.beyond(known, self.change(known, moved))
+        )
+
+    def _secants_from(
+        self, values: np.ndarray, name: str, change: Callable[[np.ndarray], np.ndarray]
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
+        """As `_secants`, from given values; change: of the error by others, as far as the free parameters cannot do it."""
         for combination in self.combinations(name):
-            moved = known.solution.values.copy()
+            moved = values.copy()
             moved[self.places(name)] = combination
-            change = self.beyond(known, self.change(known, moved))
-            if not np.isfinite(change).all():
+            changed = change(moved)
+            if not np.isfinite(changed).all():
                 continue
-            size = square_of(change)
+            size = square_of(changed)
             if 0.0 < size < np.inf:
-                yield moved, change, size
+                yield moved, changed, size
 
     def change(self, known: Known, values: np.ndarray) -> np.ndarray:
         """(N,) what other values change in the error of a set; not finite where the prediction overflows."""
@@ -172,10 +200,7 @@ class Screening:
 
     def beyond(self, known: Known, change: np.ndarray) -> np.ndarray:
         """(N,) the part of a change that the free parameters of a set cannot do."""
-        if not np.isfinite(change).all():
-            return change
-        span = self._span(known)
-        return change - span @ (span.T @ change)
+        return beyond(self._span(known), change)
 
     def shares(self, name: str, combination: np.ndarray) -> tuple[float, float]:
         """How far along the secant the first parameter may go."""
@@ -201,12 +226,17 @@ class Screening:
             self._span_of = known, self._orthonormal(known.solution)
         return self._span_of[1]
 
-    def _orthonormal(self, solution: Solution) -> np.ndarray:
+    def _orthonormal(self, solution: Solution, but: Collection[int] = ()) -> np.ndarray:
         columns = solution.jacobian
         if not np.isfinite(solution.square):
             return columns[:, :0]
         stopped = self._fitter.stopped(solution.values, solution.free, columns.T @ solution.error)
-        return np.linalg.qr(columns[:, ~stopped])[0]
+        return np.linalg.qr(columns[:, ~(stopped | np.isin(solution.free, list(but)))])[0]
+
+
+def beyond(span: np.ndarray, change: np.ndarray) -> np.ndarray:
+    """(N,) the part of a change outside of a span (N, F) that is orthonormal; the change itself where it is not finite."""
+    return change - span @ (span.T @ change) if np.isfinite(change).all() else change
 
 
 def square_of(change: np.ndarray) -> float:

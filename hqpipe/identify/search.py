@@ -6,17 +6,19 @@ already. The held-out samples play no part.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from hqpipe.identify.base_solution import base_solution
+from hqpipe.identify.effect_band import effect_band
 from hqpipe.identify.evidence import independence, log_bayes_factor, occam, settled_price
 from hqpipe.identify.joint_moves import Step, Worths
 from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.left_out import left_out_square
+from hqpipe.identify.misfit import floor_of
 from hqpipe.identify.model import Effect, JointModel, positions
 from hqpipe.identify.sampling import covariance
 from hqpipe.identify.screening import Known, Names, Screening
@@ -62,6 +64,7 @@ class Search:
     shared: frozenset[str] = field(init=False, default=frozenset())
     rare: frozenset[str] = field(init=False, default=frozenset())
     _left_out: dict[tuple[Names, float], float] = field(init=False, default_factory=dict)
+    _faster: dict[tuple[Names, float], float] = field(init=False, default_factory=dict)
     _begun: set[tuple[Names, Names, float]] = field(init=False, default_factory=set)
     gains: dict[str, float] = field(init=False, default_factory=dict)
 
@@ -241,11 +244,27 @@ class Search:
         output = self.model.fit.output
         return len(output) * (MATERIAL * float(np.std(output))) ** 2 if len(output) else 0.0
 
+    def in_reach(self, known: Known, square: float) -> float:
+        """A squared error of a set without what is above the noise and faster than its effects act, which none could describe.
+
+        Args:
+            square: of the set, in the fit or on data left out of it.
+        """
+        if not np.isfinite(known.solution.square):
+            return square
+        key = known.names, known.solution.square
+        if key not in self._faster:
+            error, samples = known.solution.error, self.model.fit
+            band = effect_band(self.base.solution.error - error, samples)
+            noise = floor_of(self.model) * (1.0 - band.share)
+            self._faster[key] = max(float(error @ error) - band.square(error) - noise, 0.0)
+        return max(square - self._faster[key], 0.0)
+
     def needed(self, square: float, is_usual: bool) -> float:
         """What a cause has to close of the squared error.
 
         Args:
-            square: what is left with it. is_usual: whether it is of usual size.
+            square: what is left with it, of `in_reach`. is_usual: whether it is of usual size.
         """
         return max(LEAST_RISE * square / (STRONGER**2 if is_usual else 1.0), self.material)
 
@@ -283,7 +302,8 @@ class Search:
 
     def one_more(self, best: Known) -> dict[str, Known]:
         """Effect → the set with it as well, for the one that promises most and those that promise what is asked for."""
-        needed = max(LEAST_GAIN / (1.0 + LEAST_GAIN) * best.solution.square, self.material)
+        left = self.in_reach(best, best.solution.square)
+        needed = max(LEAST_GAIN / (1.0 + LEAST_GAIN) * left, self.material)
         ranked = self.screening.screened(best, self.addable(best.names))[:REFITTED]
         tried = ranked[:1] + [(gain, name) for gain, name in ranked[1:] if gain >= _PROMISED * needed]
         return {name: self.grown_by(best, name) for _, name in tried}
@@ -291,7 +311,7 @@ class Search:
     def _closes_enough(self, larger: Known, smaller: Known, name: str) -> bool:
         """Whether an effect that a set has beside a smaller one takes off what the search goes on for."""
         share = LEAST_GAIN / (STRONGER**2 if self.is_usual(larger, name) else 1.0)
-        least = max(share / (1.0 + share) * smaller.solution.square, self.material)
+        least = max(share * self.in_reach(larger, larger.solution.square), self.material)
         return smaller.solution.square - larger.solution.square >= least
 
     def is_ordinary(self, known: Known, name: str) -> bool:
@@ -318,24 +338,29 @@ class Search:
         return None
 
     def replaced(self, smaller: Known, name: str) -> list[Known]:
-        """A set with each of the effects that promise most in the place of one that was taken out, and enough to replace it,
-        and of those that more joints of the machine have than not."""
+        """A set with another effect in the place of one that was taken out: each of those that promise most, and enough to
+        replace it, or can do most of what it does, and of those that more joints of the machine have than not."""
         needed = smaller.solution.square - self.known[smaller.names | {name}].solution.square
         ranked = self.screening.screened(smaller, self._others(smaller, name))[:_REPLACED]
-        return self._with_one_of(smaller, [other for gain, other in ranked if gain >= _PROMISED * needed], name)
+        likely = [other for gain, other in ranked if gain >= _PROMISED * needed]
+        return self._with_one_of(smaller, dict.fromkeys((*likely, *self._alike(smaller, name))), name)
 
     def rivals(self, smaller: Known, *names: str) -> list[Known]:
         """A set with each of the effects that can do most of what those do that were taken out, and of those that more joints
         of the machine have than not. What the rest of the error promises says nothing of a rival."""
-        ranked = self.screening.in_place(smaller, self._others(smaller, *names), self.known[smaller.names.union(names)])
-        likely = [other for share, other in ranked[:_REPLACED] if share >= _PROMISED]
-        return self._with_one_of(smaller, likely, *names)
+        return self._with_one_of(smaller, self._alike(smaller, *names), *names)
+
+    def _alike(self, smaller: Known, *names: str) -> list[str]:
+        """The effects that can do most of what those do that were taken out."""
+        whole = self.known[smaller.names.union(names)]
+        ranked = self.screening.in_place(whole, names, self._others(smaller, *names))
+        return [other for share, other in ranked[:_REPLACED] if share >= _PROMISED]
 
     def _others(self, smaller: Known, *names: str) -> list[str]:
         """Effects that may join a set, without those that were taken out of it."""
         return [other for other in self.addable(smaller.names) if other not in names]
 
-    def _with_one_of(self, smaller: Known, likely: Sequence[str], *names: str) -> list[Known]:
+    def _with_one_of(self, smaller: Known, likely: Collection[str], *names: str) -> list[Known]:
         """A set with each of some effects, and of those that more joints have than not, in the place of others."""
         usual = [other for other in self._others(smaller, *names) if self.odds[other] > 0.0 and other not in likely]
         return [self.grown_by(smaller, other) for other in (*likely, *usual)]

@@ -24,7 +24,8 @@ def least_visible(search: Search, known: Known, base: Known, rare: Collection[st
     Args:
         known: the set that was kept. base: without causes. rare: effects that most joints of the machine do not have.
     """
-    left, unexplained = search.left_out(known), max(search.left_out(known) - floor_of(search.model), 0.0)
+    left = search.in_reach(known, search.left_out(known))
+    unexplained = max(left - floor_of(search.model), 0.0)
     gap = max(search.left_out(base) - floor_of(search.model), 0.0)
     time = correlation_time(known.solution.error, search.model.fit)
     found = {}
@@ -63,7 +64,7 @@ def least_square(
     """Square of what an effect has to change in the prediction, beyond what the free numbers can do, to be named.
 
     Args:
-        left: squared error beside the effect. unexplained: as much of it as is above the noise of the sensors.
+        left: squared error beside the effect, of `Search.in_reach`. unexplained: as much of it as is above the noise of the sensors.
         variance: of the errors. time: samples that say as much as one that is independent. is_usual: whether it is of usual
             size.
     """

@@ -94,7 +94,8 @@ def _without_small(search: Search, known: Known, base: Known) -> Known:
         square = search.left_out(known)
         closes = {name: search.left_out(smaller[name]) - square for name in rest}
         asked = [name for name in rest if name not in search.shared]
-        needed = dict.fromkeys(rest, 0.0) | {n: search.needed(square, search.is_usual(known, n)) for n in asked}
+        left = search.in_reach(known, square)
+        needed = dict.fromkeys(rest, 0.0) | {n: search.needed(left, search.is_usual(known, n)) for n in asked}
         small = [
             name
             for name in rest

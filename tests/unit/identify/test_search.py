@@ -10,6 +10,7 @@ from identify.toy_joint import ToyJoint
 from hqpipe.identify.prior import prior_odds
 from hqpipe.identify.rounds import forward_then_backward, searched
 from hqpipe.identify.search import Search
+from hqpipe.identify.worth_keeping import worth_keeping
 
 
 def search_of(joint):
@@ -66,8 +67,40 @@ def test_rivals_do_what_the_effect_does_however_much_others_promise():
 
 def test_what_does_nothing_has_no_rival():
     search = search_of(ToyJoint())
-    known = search.known[frozenset({"spring"})] = replace(search.base, names=frozenset({"spring"}))
-    assert search.screening.in_place(search.base, ["viscous_friction"], known) == []
+    known = replace(search.base, names=frozenset({"spring"}))
+    assert search.screening.in_place(known, ["spring"], ["viscous_friction"]) == []
+
+
+def test_where_the_fit_went_without_an_effect_says_nothing_of_its_rivals():
+    """Without it, the base may end where its slopes imitate what a rival does."""
+    search = search_of(ToyJoint(truth={"viscous_friction": 0.3}))
+    known = search.begun_at({"viscous_friction": np.full(1, 0.3)})
+    smaller = search.without(known, "viscous_friction")
+    quadratic = search.model._fit[-1]
+    jacobian = np.stack([*smaller.solution.jacobian.T[:-1], quadratic], axis=1)
+    astray = replace(smaller, solution=replace(smaller.solution, jacobian=jacobian))
+    search.known[smaller.names] = astray
+    promised = [gain for gain, _ in search.screening.screened(astray, ["quadratic"])]
+    assert max(promised, default=0.0) < 1e-6 * known.solution.square
+    for tried in (search.rivals(astray, "viscous_friction"), search.replaced(astray, "viscous_friction")):
+        assert "quadratic" in {next(iter(option.names)) for option in tried}
+
+
+def test_a_vibration_asks_no_more_of_a_cause():
+    """No effect could have described what is faster than effects act: the joint is as well explained without it."""
+    joint = ToyJoint(truth={"viscous_friction": 0.3})
+    search = search_of(joint)
+    known = search.begun_at({"viscous_friction": np.full(1, 0.3)})
+    square = search.left_out(known)
+    assert search.in_reach(known, square) > 0.98 * square  # noise alone is no vibration
+    vibration = 8.0 * np.sin(2.0 * np.pi * 80.0 * joint.fit.time)
+    joint.fit = replace(joint.fit, output=joint.fit.output + vibration)
+    search = search_of(joint)
+    known = search.begun_at({"viscous_friction": np.full(1, 0.3)})
+    assert search.left_out(known) > 100.0 * square
+    assert 0.5 * square < search.in_reach(known, search.left_out(known)) < 2.0 * square
+    assert searched(search, alone=False).names == {"viscous_friction"}
+    assert worth_keeping(search, known, search.base)[0].names == {"viscous_friction"}
 
 
 class AskedTogether(Search):
