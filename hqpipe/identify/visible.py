@@ -64,9 +64,9 @@ def least_square(
     """Square of what an effect has to change in the prediction, beyond what the free numbers can do, to be named.
 
     Args:
-        left: squared error beside the effect, of `Search.in_reach`. unexplained: as much of it as is above the noise of the sensors.
-        variance: of the errors. time: samples that say as much as one that is independent. is_usual: whether it is of usual
-            size.
+        left: squared error beside the effect, of `Search.in_reach`. unexplained: as much of it as is above the noise of the
+            sensors. variance: of the errors. time: samples that say as much as one that is independent.
+        is_usual: whether it is of usual size.
     """
     independent = max(len(search.model.fit.trial) / time, 1.0)
     charge = 0.5 * len(search.effects[name].parameters) * float(np.log(independent)) - search.odds[name]
