@@ -79,8 +79,9 @@ class Judged:
 
     @property
     def needed(self) -> tuple[TrueEffect, ...]:
-        """Those of the counted ones that make a gap."""
-        return tuple(e for e in self.counted if must_be_named(self.gaps, e))
+        """Those of the counted ones that make a gap which no integrator hides."""
+        counted = ((effect, self.answer.as_it_shows(effect)) for effect in self.counted)
+        return tuple(e for e, visible in counted if visible is not None and must_be_named(self.gaps, visible))
 
     @property
     def not_asked(self) -> frozenset[str]:
@@ -155,7 +156,8 @@ class Judged:
 
     def _joints_right(self, effect: TrueEffect, strict: bool) -> bool:
         said = {joint for cause in self.of(effect, strict) for joint in cause["joints"]}
-        needed = shown(self.gaps, effect)
+        visible = self.answer.as_it_shows(effect)
+        needed = frozenset() if visible is None else shown(self.gaps, visible)
         wrong = (said - set(effect.joints)) | (needed - said)
         return not wrong if strict else len(wrong) <= (1.0 - SAME_PLACE) * len(said | needed)
 

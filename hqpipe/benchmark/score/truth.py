@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,11 @@ CHANGE = "change"  # kind of a case with earlier logs: only what changed since i
 SHOWN = 0.3  # assumption: a joint with a third of the effect of the worst one must be named, with less it may be
 LEAST_RISE = 0.05  # assumption: an effect that alone raises no joint's gap by more need not be named
 GAPLESS = {"torque_scale"}  # the model's coefficients take it up: there is no gap, and other channels show it
+INTEGRATOR = "integral_action"
+TAKEN_UP = {"position_bias", "torque_bias"}
+"""Offsets of the reference plant that the integrator of a joint has taken up when the log begins. The plant's flow is linear in
+opening and torque, and no integrator reaches its limit: what it holds then, which no log says, differs by as much, and nothing
+else does."""
 
 Gap = Mapping[str, float]
 """RMSE by joint in the unit of its output, and over "all", each joint's against its scale in the case."""
@@ -92,6 +97,15 @@ class Answer:
     @property
     def names(self) -> frozenset[str]:
         return frozenset(effect.effect for effect in self.effects)
+
+    def as_it_shows(self, effect: TrueEffect) -> TrueEffect | None:
+        """An effect without the joints in which an integrator hides it, see `TAKEN_UP`; None if that are all of them."""
+        if self.machine != QUADRUPED or effect.effect not in TAKEN_UP:
+            return effect
+        hidden = {joint for other in self.effects if other.effect == INTEGRATOR for joint in other.joints}
+        joints = tuple(joint for joint in effect.joints if joint not in hidden)
+        faulty = tuple(joint for joint in effect.faulty if joint not in hidden)
+        return replace(effect, joints=joints, faulty=faulty) if joints else None
 
     @property
     def sought(self) -> tuple[TrueEffect, ...]:

@@ -64,6 +64,19 @@ def test_an_integrator_that_ran_before_the_log_began_is_found_where_it_stands(ot
     assert rms(residual_windows(row(effects), signals)) < 1e-3 < 1e-4 * rms(residual_windows(rest, signals))
 
 
+@pytest.mark.parametrize("offset", ["position_bias", "torque_bias"])
+def test_an_integrator_that_reaches_no_limit_takes_up_an_offset(offset):
+    """So no log of such a joint says anything of it, and the score of the diagnosis does not ask for it. Impacts, which k4
+    makes a product of torque and opening, would show a little of an offset of the torque."""
+    errors = []
+    for integrator in ({"ki": 0.5}, planted.TYPICAL["integral_action"]):
+        effects = {"integral_action": integrator, offset: planted.TYPICAL[offset]}
+        late = planted.trajectory(planted.simulate(6.0, [effects], 0.0, 9, gains={"k4": [0.0]})).section(2000, 6000)
+        alone = row({"integral_action": integrator}, k4=0.0)
+        errors.append(rms(residual_windows(alone, windows_of([late], 0, STEPS))))
+    assert errors[0] < 1e-3 < 1e-3 * errors[1]
+
+
 def test_an_integrator_without_a_limit_is_found_at_every_gain():
     """Where more of a start is always worth as much, the search for it may meet it to the last bit, and then ends."""
     effects = {"integral_action": {"ki": 0.05}, "orifice_flow": planted.TYPICAL["orifice_flow"]}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from itertools import permutations
 
 import pytest
@@ -221,6 +222,25 @@ def test_an_effect_that_makes_no_gap_need_not_be_named_but_may_be():
 def test_a_gain_of_the_sensor_makes_no_gap_and_must_be_named_all_the_same():
     case = judged("place", [effect("torque_scale", ("LFK",))], diagnosis(), gaps=gaps(4.1, 4.1))
     assert not case.exact()
+
+
+@pytest.mark.parametrize("offset", ["position_bias", "torque_bias"])
+def test_an_offset_need_not_be_named_where_an_integrator_has_taken_it_up(offset):
+    everywhere = [effect("integral_action"), effect(offset, LEG)]
+    silent = judged("mixture", everywhere, diagnosis(cause("integral_action")))
+    bold = judged("mixture", everywhere, diagnosis(cause("integral_action"), cause(offset, LEG)))
+    other = judged("mixture", everywhere, diagnosis(cause("integral_action"), cause("valve_lag", LEG)))
+    assert (silent.exact(), bold.exact(), other.exact()) == (True, True, False)
+    assert silent.needed == (everywhere[0],)
+    beside = judged(
+        "mixture", [effect("integral_action", LEG), effect(offset)], diagnosis(cause("integral_action", LEG))
+    )
+    assert not beside.exact()
+    outside = tuple(joint for joint in ALL if joint not in LEG)
+    causes = cause("integral_action", LEG), cause(offset, outside)
+    assert replace(beside, content=diagnosis(*causes)).place_is_right(strict=True)
+    arm = replace(silent, answer=replace(silent.answer, machine="arm"))
+    assert not arm.exact()  # whose integrator is in front of the encoder's offset
 
 
 def test_shrink_counts_only_where_the_set_is_exact():
