@@ -61,6 +61,18 @@ def effect_band(change: np.ndarray, samples: Samples) -> EffectBand:
     return EffectBand(samples, float(frequency[order][np.searchsorted(below, WITHIN_BAND * below[-1])]))
 
 
+def square_above(error: np.ndarray, band: EffectBand, floor: float) -> float:
+    """Sum of the squares of that part of errors (N,) which is above the band and above the noise; 0 where a prediction
+    overflows.
+
+    Args:
+        floor: sum of the squares of the noise at all frequencies, which is white.
+    """
+    if not np.isfinite(error).all():
+        return 0.0
+    return max(float(error @ error) - band.square(error) - floor * (1.0 - band.share), 0.0)
+
+
 def _powers(values: np.ndarray, samples: Samples) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Of each trial: frequencies, cycles a sample, and the part of the sum of squares at each."""
     for k in range(len(samples.files)):

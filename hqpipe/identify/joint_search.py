@@ -13,6 +13,7 @@ from hqpipe.identify.implied import Reading, readings
 from hqpipe.identify.isolability import Isolability, isolability
 from hqpipe.identify.joint_answer import answer
 from hqpipe.identify.joint_moves import Step, Worths
+from hqpipe.identify.joint_steps import after, steps
 from hqpipe.identify.least_squares import Fitter
 from hqpipe.identify.model import JointModel
 from hqpipe.identify.numbers_of_others import Beside, OwnNumber, as_others_have, with_own_number
@@ -111,7 +112,7 @@ class JointSearch:
             whole = search.grown_along(sorted(usual))
             known = whole if search.preference(whole, known) > 0.0 else known
         self._known = forward_then_backward(search, search.improved(known))
-        return self._known.names, search.steps(self._known)
+        return self._known.names, steps(search, self._known)
 
     def _as_another(self, reached: Sequence[Numbers]) -> Known:
         """The set of the joint, or a likelier one that another joint has reached: what joins one after the other may have led
@@ -139,9 +140,9 @@ class JointSearch:
         """
         step, others = asked
         self._told(others)
-        search, known = self._search, self._search.after(self._known, step)
+        search, known = self._search, after(self._search, self._known, step)
         self._known = search.improved(known)
-        return self._known.names, search.steps(self._known)
+        return self._known.names, steps(search, self._known)
 
     def told(self, others: Sequence[Names]) -> None:
         """Go by the effects of each of the other joints from now on."""

@@ -13,9 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from hqpipe.identify.base_solution import base_solution
-from hqpipe.identify.effect_band import effect_band
+from hqpipe.identify.effect_band import effect_band, square_above
 from hqpipe.identify.evidence import independence, log_bayes_factor, occam, settled_price
-from hqpipe.identify.joint_moves import Step, Worths
 from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.left_out import left_out_square
 from hqpipe.identify.misfit import floor_of
@@ -64,7 +63,6 @@ class Search:
     shared: frozenset[str] = field(init=False, default=frozenset())
     rare: frozenset[str] = field(init=False, default=frozenset())
     _left_out: dict[tuple[Names, float], float] = field(init=False, default_factory=dict)
-    _faster: dict[tuple[Names, float], float] = field(init=False, default_factory=dict)
     _begun: set[tuple[Names, Names, float]] = field(init=False, default_factory=set)
     gains: dict[str, float] = field(init=False, default_factory=dict)
 
@@ -213,31 +211,6 @@ class Search:
         free = np.arange(len(self.model.base), len(known.solution.free))
         return independence(self.fitter, known.solution, known.covariance, free) if len(free) else 1.0
 
-    def steps(self, known: Known) -> Worths:
-        """What the logs say of one effect more, one less, or one in the place of another, for the sets that were fitted."""
-        found: dict[Step, float] = {}
-        for name in self.addable(known.names):
-            if known.names | {name} in self.known:
-                found[Step(None, name)] = self._worth(self.grown_by(known, name), known)
-        for name in sorted(known.names):
-            smaller = self.without(known, name)
-            found[Step(name, None)] = -self._worth(known, smaller)
-            for other in self.addable(smaller.names):
-                if other != name and smaller.names | {other} in self.known:
-                    option = self.grown_by(smaller, other)
-                    odds = self.odds[other] - self.odds[name]
-                    found[Step(name, other)] = self.preference(option, known) - odds
-        return found
-
-    def after(self, known: Known, step: Step) -> Known:
-        """The set after a step."""
-        smaller = known if step.leaves is None else self.without(known, step.leaves)
-        return smaller if step.joins is None else self.grown_by(smaller, step.joins)
-
-    def _worth(self, large: Known, small: Known) -> float:
-        """ln of how much more probable the logs are with a set than with a part of it, the prior of the effects left aside."""
-        return self.gain(large, small) - sum(self.odds[name] for name in large.names - small.names)
-
     @cached_property
     def material(self) -> float:
         """Squared error, over all fit samples together, of which a simulator notices nothing."""
@@ -250,15 +223,9 @@ class Search:
         Args:
             square: of the set, in the fit or on data left out of it.
         """
-        if not np.isfinite(known.solution.square):
-            return square
-        key = known.names, known.solution.square
-        if key not in self._faster:
-            error, samples = known.solution.error, self.model.fit
-            band = effect_band(self.base.solution.error - error, samples)
-            noise = floor_of(self.model) * (1.0 - band.share)
-            self._faster[key] = max(float(error @ error) - band.square(error) - noise, 0.0)
-        return max(square - self._faster[key], 0.0)
+        change = self.base.solution.error - known.solution.error
+        faster = square_above(known.solution.error, effect_band(change, self.model.fit), floor_of(self.model))
+        return max(square - faster, 0.0)
 
     def needed(self, square: float, is_usual: bool) -> float:
         """What a cause has to close of the squared error.

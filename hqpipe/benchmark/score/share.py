@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from statistics import NormalDist
 from typing import Any
 
-Z95 = NormalDist().inv_cdf(0.975)  # half width of a 95 % interval over the deviation
+from hqpipe.identify.uncertainty import NORMAL
 
 
 def wilson(right: int, of: int) -> list[float]:
     """95 % interval of a share; Wilson, JASA 22, 1927. [0, 1] if nothing was tried."""
     if of == 0:
         return [0.0, 1.0]
-    share, weight = right / of, Z95**2 / of
+    share, weight = right / of, NORMAL**2 / of
     middle = (share + weight / 2) / (1 + weight)
-    half = Z95 * math.sqrt(share * (1 - share) / of + weight / (4 * of)) / (1 + weight)
+    half = NORMAL * math.sqrt(share * (1 - share) / of + weight / (4 * of)) / (1 + weight)
     return [max(middle - half, 0.0), min(middle + half, 1.0)]
 
 

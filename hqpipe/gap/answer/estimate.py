@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
-
-Z95 = NormalDist().inv_cdf(0.975)  # half width of a 95 % interval over the deviation
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.gap.answer.estimate import Z95, Estimate, agree
+from hqpipe.gap.answer.estimate import Estimate, agree
 from hqpipe.gap.answer.scope import scope_of
 from hqpipe.gap.answer.shapley import Shrink, shapley
 from hqpipe.gap.checks.signs import NAME as UNSIGNED
@@ -17,6 +17,7 @@ from hqpipe.gap.residuals.layer_errors import LayerErrors
 from hqpipe.identify.found import JointCause, Number
 from hqpipe.identify.model import JointModel, LayerJoints
 from hqpipe.identify.prior import MOST_JOINTS
+from hqpipe.identify.uncertainty import NORMAL
 from hqpipe.machine import EFFECTS
 
 SENSING = "sensing"
@@ -150,7 +151,7 @@ def _near(a: JointCause, b: JointCause) -> bool:
 
 def _estimate(number: Number) -> Estimate:
     low, high = number.ci95
-    return Estimate(number.value, low, high, (high - low) / (2.0 * Z95))
+    return Estimate(number.value, low, high, (high - low) / (2.0 * NORMAL))
 
 
 def _cause(effect: str, layer: str, members: dict[str, JointCause], machine: Sequence[str]) -> LayerCause:
@@ -192,7 +193,7 @@ def _pooled(numbers: list[Number]) -> Number:
     value = float(np.mean(drawn * shared + (1.0 - drawn) * values))
     variance = np.sum((1.0 - drawn) * own) / len(parts) ** 2 + np.mean(drawn) ** 2 / weight.sum()
     finite = deviations[np.isfinite(deviations)]
-    half = Z95 * max(float(np.sqrt(variance)), float(np.median(finite)) if len(finite) else np.inf)
+    half = NORMAL * max(float(np.sqrt(variance)), float(np.median(finite)) if len(finite) else np.inf)
     then = [number.reference for number in numbers]
     mean = None if any(value is None for value in then) else float(np.mean(then))
     low, high = min(part.low for part in parts), max(part.high for part in parts)  # their bounds are its bounds

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from hqpipe.gap.answer.estimate import Z95, Estimate, pooled
+from hqpipe.gap.answer.estimate import Estimate, pooled
 from hqpipe.gap.answer.head import significant
 from hqpipe.gap.answer.layer_causes import LayerCause
 from hqpipe.gap.answer.scope import scope_of
 from hqpipe.gap.checks.cross_check import CrossCheck, cross_check
+from hqpipe.identify.uncertainty import NORMAL
 from hqpipe.logs.trajectory import LogSet
 from hqpipe.machine import EFFECTS
 
@@ -62,7 +63,7 @@ def scale_errors(findings: Sequence[CrossCheck]) -> list[ScaleError]:
     while rest:
         batch = [f for f in rest if abs(f.value - rest[0].value) <= SAME * abs(rest[0].value - 1.0) + 0.005]
         rest = [f for f in rest if f not in batch]
-        parts = [Estimate(f.value, f.low, f.high, max(f.high - f.low, 1e-12) / (2.0 * Z95)) for f in batch]
+        parts = [Estimate(f.value, f.low, f.high, max(f.high - f.low, 1e-12) / (2.0 * NORMAL)) for f in batch]
         one = pooled(parts) if len(parts) > 1 else parts[0]
         errors.append(ScaleError(tuple(f.joint for f in batch), _with_class(one)))
     return errors
@@ -70,7 +71,7 @@ def scale_errors(findings: Sequence[CrossCheck]) -> list[ScaleError]:
 
 def _with_class(ratio: Estimate) -> Estimate:
     """The ratio with the accuracy of the pressure sensors in its interval."""
-    half = Z95 * ACCURACY_CLASS * ratio.value
+    half = NORMAL * ACCURACY_CLASS * ratio.value
     low, high = float(np.hypot(ratio.value - ratio.low, half)), float(np.hypot(ratio.high - ratio.value, half))
     deviation = float(np.hypot(ratio.deviation, ACCURACY_CLASS * ratio.value))
     return Estimate(ratio.value, ratio.value - low, ratio.value + high, deviation)

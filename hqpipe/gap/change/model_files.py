@@ -16,7 +16,7 @@ from hqpipe.actuators.posterior_file import load_posterior
 from hqpipe.errors import ConfigError
 from hqpipe.files.documents import read_json, read_table
 from hqpipe.files.entries import Entry
-from hqpipe.gap.answer.estimate import Z95
+from hqpipe.identify.uncertainty import NORMAL
 from hqpipe.machine.layout import slot
 
 FIT, DIAGNOSIS, RESIDUALS = "fit.json", "diagnosis.json", "residuals.csv"
@@ -136,7 +136,7 @@ def _coefficients(folder: Path, model: Hydraulic, joint: str) -> Iterator[tuple[
             low, high = interval.numbers(2, lower=-LARGEST_COEFFICIENT, upper=LARGEST_COEFFICIENT)
             if not low <= high:
                 raise interval.error(f"low {low:g} is above high {high:g}")
-            yield name, ((high - low) / (2.0 * Z95)) ** 2
+            yield name, ((high - low) / (2.0 * NORMAL)) ** 2
 
 
 def _fit_of(folder: Path, scope: str, joint: str) -> dict[str, Entry] | None:

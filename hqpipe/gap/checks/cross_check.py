@@ -17,6 +17,7 @@ import numpy as np
 
 from hqpipe.gap.checks.sensing import skew
 from hqpipe.gap.residuals.bootstrap import BLOCK_S, block_weights, interval
+from hqpipe.identify.uncertainty import NORMAL
 from hqpipe.logs.end_stops import at_end_stop
 from hqpipe.logs.trajectory import LogSet, Trajectory
 
@@ -223,7 +224,7 @@ def _late(trials: list[Trajectory], j: int, joint: str) -> CrossCheck:
             lag = skew([(x[piece], y[piece])], dt, min_drop=LEAST_DROP)
             parts.append(0.0 if lag is None else lag)
     error = float(np.std(parts, ddof=1) / np.sqrt(len(parts)))
-    value, margin = whole or 0.0, max(1.96 * error, LEAST_SHARE * dt)
+    value, margin = whole or 0.0, max(NORMAL * error, LEAST_SHARE * dt)
     sure = abs(value) > SIGMAS * error and whole is not None
     return CrossCheck(
         "channel_skew", joint, value, "s", value - margin, value + margin, bool(sure), "the chamber pressures"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hqpipe.identify.effect_band import effect_band
+from hqpipe.identify.effect_band import effect_band, square_above
 from hqpipe.identify.model import Samples
 
 LENGTHS = (1200, 801)
@@ -50,3 +50,13 @@ def test_errors_that_overflow_are_infinite_in_every_band(samples):
     error[3] = np.inf
     assert effect_band(_wave(samples, SLOW), samples).square(error) == np.inf
     assert effect_band(error, samples).highest == 0.5
+
+
+def test_only_what_is_faster_and_above_the_noise_is_above_the_band(samples):
+    band = effect_band(_wave(samples, SLOW), samples)
+    noise = 0.1 * np.random.default_rng(3).normal(size=len(samples.trial))
+    slow, fast = _wave(samples, SLOW), _wave(samples, FAST)
+    floor = float(noise @ noise)
+    assert square_above(slow + fast + noise, band, floor) == pytest.approx(float(fast @ fast), rel=0.05)
+    assert square_above(slow + noise, band, floor) < 0.2 * floor
+    assert square_above(np.full(len(noise), np.inf), band, floor) == 0.0

@@ -442,7 +442,7 @@ def test_the_order_of_a_set_does_not_decide_which_effect_is_tried_first():
         base = SimpleNamespace(names=frozenset(), solution=SimpleNamespace(square=0.0))
 
         def __init__(self):
-            self.effects, self.asked = {effect.name: effect for effect in self.model.effects}, []
+            self.effects, self.asked, self.known = {effect.name: effect for effect in self.model.effects}, [], {}
 
         def addable(self, names):
             return [*self.effects]
@@ -462,9 +462,6 @@ def test_the_order_of_a_set_does_not_decide_which_effect_is_tried_first():
 
         def improved(self, known):
             return known
-
-        def steps(self, known):
-            return {}
 
     asked = []
     for names in (("spring", "viscous_friction"), ("viscous_friction", "spring")):
