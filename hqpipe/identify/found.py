@@ -48,7 +48,7 @@ class JointCause:
         probability: of the effect, all sets together. numbers: its parameters. confused_with: effects that take its place in
             sets that the logs cannot rule out. odds: of each of these sets against the one with the cause, those that fit as
             well being as likely beforehand; not of effects that no log could tell apart.
-        shown_by: what shows it without a fit; empty for one that a fit found.
+        shown_by: what shows it in the errors; empty for one that a fit found.
     """
 
     effect: str

@@ -113,19 +113,6 @@ class Implied:
     most: float
 
 
-@dataclass(frozen=True)
-class Shown:
-    """An effect that the logs of a joint show by themselves.
-
-    Attributes:
-        effect: its name. text: what shows it, one clause. square: mean square of that in the output over the logs.
-    """
-
-    effect: str
-    text: str
-    square: float
-
-
 @dataclass(frozen=True, eq=False)
 class Samples:
     """The samples on which a joint is judged, masked ones left out; in the order of time within each trial.
@@ -180,7 +167,7 @@ class JointModel(Protocol):
     what counts at the fit samples, if it is off by its standard deviation.
     It may have `implied(values)`: what the numbers imply, see `Implied`, and `limited()`: the same joint with a law in which
     that is no more than a sound machine has.
-    It may have `shown`: what its logs show by themselves, see `Shown`.
+    It may have `vibration_shows`: the effect that a vibration shows in what its law leaves, empty where none does.
     It may have `remarks(causes, values)`: what the numbers of a fit say beside the causes' parameters, one sentence each.
     """
 

@@ -37,14 +37,13 @@ class Vibration:
 
     Attributes:
         joint: its name. frequency: Hz. amplitude: N·m (N), median at the speeds where it is largest. standing: the same of what
-            the torque does while the joint stands. square: mean square of the vibration over the whole logs.
+            the torque does while the joint stands.
     """
 
     joint: str
     frequency: float
     amplitude: float
     standing: float
-    square: float
 
     def text(self, unit: str) -> str:
         """One clause about it; unit: of the torque."""
@@ -90,7 +89,7 @@ def _vibration(trials: Sequence[Trajectory], j: int, joint: str, dt: float) -> V
     cycles = float(np.median(line[strong]))
     if cycles < CYCLES or rises > FOLLOWS:
         return None
-    return Vibration(joint, cycles / (rows * dt), size, standing, square=0.5 * float(np.mean(amplitude**2)))
+    return Vibration(joint, cycles / (rows * dt), size, standing)
 
 
 def _windows(values: np.ndarray, rows: int) -> np.ndarray:

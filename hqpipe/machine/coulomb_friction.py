@@ -40,20 +40,20 @@ def turn(
     strain: float,
     half: float,
     oil: float,
-    velocity: float,
+    speed: float,
     dt: float,
 ) -> float:
     """Direction of the friction one sample later, −1 … 1, when the torque in front has changed from `before` to `wound`, N·m.
 
     Args:
         grip: most that friction can hold, N·m. strain: of `strained`. half: torque that takes up half of a chain's slack,
-            N·m. oil: stiffness, N·m/rad.
+            N·m. oil, speed: stiffness, N·m/rad, and speed that the oil feels, rad/s.
     """
     if grip <= 0.0:
         return turned
     if abs(before - grip * turned) < half:
         # On a slack chain the oil alone turns it; the travel of the joint, which τ counts, is added back.
-        strain = oil * velocity * dt / grip
+        strain = oil * speed * dt / grip
     return min(max(turned + (wound - before) / grip + strain, -1.0), 1.0)
 
 
@@ -86,7 +86,7 @@ EFFECT = Effect(
         Block(added, ("grip", "friction_nm"), ("grip",), ("friction_nm",)),
         Block(
             turn,
-            ("turned", "before", "wound", "grip", "strain", "half", "oil", "velocity", "dt"),
+            ("turned", "before", "wound", "grip", "strain", "half", "oil", "speed", "dt"),
             ("turned",),
             ("grip",),
         ),

@@ -124,7 +124,7 @@ CAUSE = {
     "shrink": AT_MOST_ONE,
     "shrink_ci95": INTERVAL,
     "confused_with": TEXTS,
-    "shown_by": Maybe(TEXT, absent=True),  # of a cause that the logs show without a fit
+    "shown_by": Maybe(TEXT, absent=True),  # of a cause that shows in the errors
 }
 CONSIDERED = {
     "effect": TEXT,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hqpipe.identify.model import Effect, Implied, Parameter, Ratio, Samples, Shown, all_parameters
+from hqpipe.identify.model import Effect, Implied, Parameter, Ratio, Samples, all_parameters
 from hqpipe.layers.actuator import link
 from hqpipe.layers.actuator.parameters import (
     BASE_NAMES,
@@ -66,7 +66,7 @@ class ActuatorJoint:
         shape_scale: (C,) what they were divided by. ratios: what may have changed since an earlier record, see there.
         draws: rad/s of flow per speed and per position error of this joint. units: of its effort and position.
         unsigned: whether its torque had lost its sign, which was restored. implies: effects that its numbers may imply.
-        shown: effects that its logs show by themselves.
+        vibration_shows: effect that a vibration shows in what the law leaves; empty where there may be other reasons.
         is_limited: whether the link between piston and joint is no softer than a rod or a chain.
     """
 
@@ -91,7 +91,7 @@ class ActuatorJoint:
     units: tuple[str, str]
     unsigned: bool = False
     implies: tuple[str, ...] = ()
-    shown: tuple[Shown, ...] = ()
+    vibration_shows: str = ""
     is_limited: bool = False
 
     _columns: np.ndarray = field(init=False)

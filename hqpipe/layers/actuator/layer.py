@@ -10,7 +10,7 @@ import numpy as np
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.free_run import window_samples
 from hqpipe.identify.least_squares import Fitter
-from hqpipe.identify.model import FORCE_SENSOR, LayerJoints, Shown
+from hqpipe.identify.model import FORCE_SENSOR, LayerJoints
 from hqpipe.identify.window_choice import window_for
 from hqpipe.layers.actuator.changes import RATIOS
 from hqpipe.layers.actuator.joint import ActuatorJoint
@@ -125,7 +125,9 @@ class Actuator:
         runs = len(records[0].signals.bounds) - 1
         effects, places = effects_of(size, len(log_set.joints), runs, log_set.effort_source, barred)
         units = (unit_of("N·m", kind), unit_of("rad", kind))
-        notes, shown = _told_by(vibration, units[0], {effect.name for effect in effects})
+        notes = () if vibration is None else (f"{vibration.text(units[0])}; {MEANS}",)
+        # Without its sign the torque near zero changes from sample to sample as well.
+        fed = STRIBECK.name in {effect.name for effect in effects} and name not in self.unsigned
         row = self._neutral(log_set.joints[j], size, dt / per_row)
 
         fit, heldout = (record.samples() for record in records)
@@ -158,7 +160,7 @@ class Actuator:
                 units=units,
                 unsigned=name in self.unsigned,
                 implies=tuple(effect for effect in TOLD_BY_FRICTION if effect not in barred),
-                shown=shown,
+                vibration_shows=STRIBECK.name if fed else "",
             )
 
         guess = _best_guess(model, first_guesses(records[0], per_row))
@@ -203,17 +205,6 @@ def _alike(log_set: LogSet, slide: bool) -> list[int]:
 def _sample_time(log_set: LogSet) -> float:
     """Median over the fit trials, s."""
     return float(np.median([t.trajectory.dt for t in log_set.fit]))
-
-
-def _told_by(
-    vibration: Vibration | None, unit: str, known: Collection[str]
-) -> tuple[tuple[str, ...], tuple[Shown, ...]]:
-    """Notes on a vibration, and what it shows of the effects that are known; unit: of the torque."""
-    if vibration is None:
-        return (), ()
-    text = vibration.text(unit)
-    shown = (Shown(STRIBECK.name, text, vibration.square),) if STRIBECK.name in known else ()
-    return (f"{text}; {MEANS}",), shown
 
 
 def _best_guess(

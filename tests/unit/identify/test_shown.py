@@ -1,4 +1,4 @@
-"""What the logs of a joint show by themselves is a cause, unless the law of the joint explains what shows it."""
+"""What vibrates beyond the law of a joint shows the effect that feeds it, unless that effect is a cause already."""
 
 from __future__ import annotations
 
@@ -7,13 +7,30 @@ from dataclasses import dataclass
 import numpy as np
 
 from hqpipe.identify.found import Fitted, JointCause, JointFound
-from hqpipe.identify.model import Shown
+from hqpipe.identify.model import Samples
 from hqpipe.identify.shown import SURE, with_shown
+from hqpipe.identify.vibration_left import vibration_left
+
+LENGTH = 2000
+_ORDER = np.arange(LENGTH)
+SLIDES = _ORDER % 500 > 250
+SAMPLES = Samples(
+    ("a",),
+    np.zeros(LENGTH, dtype=np.int64),
+    0.005 * _ORDER,
+    np.zeros(LENGTH),
+    SLIDES * (1.0 + 0.5 * np.sin(0.01 * _ORDER)),
+    10.0 * np.sin(0.02 * _ORDER),
+    np.zeros(LENGTH),
+)
+ERROR = 0.1 * np.random.default_rng(0).standard_normal(LENGTH) + 5.0 * SLIDES * np.sin(2.4 * _ORDER)
 
 
 @dataclass(frozen=True)
 class Model:
-    shown: tuple[Shown, ...] = ()
+    vibration_shows: str = "stribeck_friction"
+    fit: Samples = SAMPLES
+    unit: str = "N·m"
 
 
 class Wrapped:
@@ -26,34 +43,37 @@ class Wrapped:
         return getattr(self._model, name)
 
 
-def joint(model: object, *, left: float, causes: tuple[JointCause, ...] = ()) -> JointFound:
-    """left: root mean square of what its causes leave."""
-    fitted = Fitted((), np.zeros(0), np.full(100, left), np.zeros(0))
+@dataclass(frozen=True)
+class Plain:
+    fit: Samples = SAMPLES
+    unit: str = "N·m"
+
+
+def joint(model: object, error: np.ndarray = ERROR, causes: tuple[JointCause, ...] = ()) -> JointFound:
+    """error: what its causes leave."""
+    fitted = Fitted((), np.zeros(0), error, np.zeros(0))
     return JointFound(model, fitted, fitted, fitted, fitted, causes, {}, {}, {}, {})
 
 
-SIGN = (Shown("stribeck_friction", "the torque vibrates", 8.0),)  # with an amplitude of 4
-
-
-def test_a_sign_that_no_cause_explains_is_a_cause_without_numbers():
-    (found,) = with_shown([joint(Model(SIGN), left=3.0)])
-    assert found.causes == (JointCause("stribeck_friction", SURE, (), shown_by="the torque vibrates"),)
+def test_a_vibration_that_no_cause_explains_shows_a_cause_without_numbers():
+    (found,) = with_shown([joint(Model())])
+    text = vibration_left(ERROR, SAMPLES).text("N·m")
+    assert found.causes == (JointCause("stribeck_friction", SURE, (), shown_by=text),)
     assert found.without["stribeck_friction"] is found.named
     assert found.probabilities["stribeck_friction"] == SURE
 
 
-def test_a_sign_that_the_law_predicts_is_none():
-    (found,) = with_shown([joint(Model(SIGN), left=1.0)])
+def test_one_that_the_law_explains_shows_nothing():
+    (found,) = with_shown([joint(Model(), 0.1 * ERROR)])
     assert found.causes == ()
 
 
 def test_a_cause_that_was_found_keeps_its_numbers():
     cause = JointCause("stribeck_friction", 0.7, ("numbers",), ("coulomb_friction",))
-    (found,) = with_shown([joint(Model(SIGN), left=3.0, causes=(cause,))])
+    (found,) = with_shown([joint(Model(), causes=(cause,))])
     assert found.causes == (cause,)
 
 
-def test_joints_without_a_sign_and_those_held_against_other_logs_stay_as_they_are():
-    sound, without, wrapped = joint(Model(), left=3.0), joint(object(), left=3.0), joint(Wrapped(Model(SIGN)), left=3.0)
-    found = with_shown([sound, without, wrapped])
-    assert all(new is old for new, old in zip(found, [sound, without, wrapped], strict=True))
+def test_joints_in_which_it_shows_nothing_and_those_held_against_other_logs_stay_as_they_are():
+    joints = [joint(Model("")), joint(Plain()), joint(Wrapped(Model()))]
+    assert all(new is old for new, old in zip(with_shown(joints), joints, strict=True))

@@ -330,7 +330,8 @@ def test_a_piston_that_sticks_passes_on_what_its_spring_says():
         assert oil - friction * turned == pytest.approx(behind)
 
 
-def test_the_oil_alone_moves_a_piston_on_a_slack_chain():
+@pytest.mark.parametrize("arm", [1.0, 0.8])
+def test_the_oil_alone_moves_a_piston_on_a_slack_chain(arm):
     """It sticks while the oil does not overcome its friction, wherever the joint goes within the slack."""
     friction, stiffness, half, dt = 20.0, 3e4, 45.0, 1e-3
     oil, piston, joint = 4.0, 1e-4, 0.0
@@ -345,13 +346,12 @@ def test_the_oil_alone_moves_a_piston_on_a_slack_chain():
         (-15.0, 1e-4),
         (2.0, -6e-4),
     ):
-        oil, joint = oil + flow, joint + travel
+        oil, joint = oil + flow, joint + arm * travel
         slip = np.sign(oil) * max(abs(oil) - friction, 0.0)
         oil, piston, slips = oil - slip, piston + slip / stiffness, slips + (slip != 0.0)
-        before, wound = wound, wound + flow - stiffness * travel
-        turned = turn(
-            turned, before, wound, friction, strained(travel / dt, dt, 1e-3), half, stiffness, travel / dt, dt
-        )
+        before, wound = wound, wound + flow - stiffness * arm * travel
+        strain = strained(travel / dt, dt, 1e-3)
+        turned = turn(turned, before, wound, friction, strain, half, stiffness, arm * travel / dt, dt)
         assert friction * turned == pytest.approx(oil)
         assert wound - friction * turned == pytest.approx(stiffness * (piston - joint))
         assert transmitted(wound - friction * turned, half) == 0.0, "the chain stays slack"
