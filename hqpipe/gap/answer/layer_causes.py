@@ -46,8 +46,11 @@ class LayerCause:
 
     @property
     def shown_by(self) -> str:
-        """What shows it in the joints that no fit found it in; empty if there is none."""
-        return "; ".join(f"{joint}: {cause.shown_by}" for joint, cause in self.members.items() if cause.shown_by)
+        """What shows it in the joints that no fit found it in, by joint if there are several; empty if there is none."""
+        shown = {joint: cause.shown_by for joint, cause in self.members.items() if cause.shown_by}
+        if len(self.members) == 1:
+            return "".join(shown.values())
+        return "; ".join(f"{joint}: {text}" for joint, text in shown.items())
 
     @property
     def probability(self) -> float:

@@ -57,6 +57,16 @@ def test_precise_joints_that_differ_give_their_mean(models):
     assert high - low == pytest.approx(0.001 + 0.004, rel=0.01), "as sure as the middle one of the joints"
 
 
+def test_what_shows_a_cause_is_told_by_joint_where_there_are_several(models):
+    shows = replace(cause("stribeck_friction"), shown_by="the torque vibrates")
+    found, errors = errors_of(*(made_up(m, 1.0, 0.5, causes=[shows]) for m in models[:2]))
+    (both,) = merge_causes(errors, found.joints)
+    assert both.shown_by == "hip: the torque vibrates; knee: the torque vibrates"
+    found, errors = errors_of(made_up(models[0], 1.0, 0.5, causes=[shows]), made_up(models[1], 1.0, 0.5))
+    (one,) = merge_causes(errors, found.joints)
+    assert one.joints == ("hip",) and one.shown_by == "the torque vibrates"
+
+
 @pytest.mark.parametrize("value", [0.0, np.nan, np.inf])
 def test_a_number_that_is_like_none_other_is_a_cause_of_its_own(models, value):
     sizes = (0.5, value, value)
