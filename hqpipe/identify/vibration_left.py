@@ -58,12 +58,14 @@ def vibration_left(error: np.ndarray, samples: Samples) -> VibrationLeft | None:
     if least == 0.0:
         return None
     ranges = np.array_split(sliding[np.argsort(speed[sliding], kind="stable")], SPEEDS)
+    rests = _size(error, standing)
+    least = max(least, rests / np.sqrt(HALVED))
     vibrating = [
         _size(error, at)
         for at in ranges
         if _size(error, at) >= least and calm <= CALM * _turns(error, at) and _goes_on(error, at) < HALVED
     ]
-    return VibrationLeft(max(vibrating), _size(error, standing)) if vibrating else None
+    return VibrationLeft(max(vibrating), rests) if vibrating else None
 
 
 def _inner(samples: Samples) -> np.ndarray:

@@ -48,6 +48,13 @@ def test_one_that_is_folded_down_to_motion_cannot_be_told_from_it():
     assert vibration_left(NOISE + 5.0 * SLIDES * np.sin(2.0 * np.pi * 225.0 * TIME), SAMPLES) is None
 
 
+def test_errors_that_are_as_large_while_the_joint_stands_are_none():
+    beside = 5.0 * np.sin(2.0 * np.pi * 0.9 * TIME)
+    vibrates = 4.0 * SLIDES * np.sin(2.0 * np.pi * 140.0 * TIME)
+    assert vibration_left(NOISE + vibrates, SAMPLES)
+    assert vibration_left(NOISE + vibrates + beside, SAMPLES) is None
+
+
 def test_a_law_that_lacks_something_slower_is_none():
     assert vibration_left(NOISE + 6.0 * SLIDES * np.sin(2.0 * np.pi * 12.0 * TIME), SAMPLES) is None
 
