@@ -59,6 +59,19 @@ class JointCause:
     shown_by: str = ""
 
 
+@dataclass(frozen=True)
+class BesideUnknown:
+    """A cause beside what nothing explains, both at the frequencies at which the effects of the joint act.
+
+    Attributes:
+        closes: what the cause closes as the last one. unknown: what is left above the noise without generic shapes. Both as
+            shares of the squared error of the base on data left out of its fit.
+    """
+
+    closes: float
+    unknown: float
+
+
 @dataclass(frozen=True, eq=False)
 class SetNumbers:
     """How sure the numbers of one set of effects are: a normal distribution within bounds.
@@ -104,9 +117,8 @@ class JointFound:
         gains: effect → ln of how much more probable the logs are with it than without it, beside the set that was found.
         shapes: signal of each generic shape that closes enough to be kept → share of the squared error of `named` on the fit
             samples that it closes.
-        unexplained: what is left above the noise. closes_in_band: cause → what it closes as the last one, at the frequencies at
-            which the effects of the joint act, and unknown: what is left there above the noise without generic shapes. All as
-            shares of the squared error of `base` on data left out of its fit.
+        unexplained: what is left above the noise, as a share of the squared error of `base` on data left out of its fit.
+        beside_unknown: cause → what it closes beside what is left.
         visible: named effect that the joint was not given → how far from neutral its first number would have to be for these
             logs to name it; those that the joint's other numbers can imitate are left out.
         drifts: numbers that differ between trials by more than chance, as sentences.
@@ -126,8 +138,7 @@ class JointFound:
     gains: dict[str, float]
     shapes: dict[str, float]
     unexplained: float = 0.0
-    closes_in_band: dict[str, float] = field(default_factory=dict)
-    unknown: float = 0.0
+    beside_unknown: dict[str, BesideUnknown] = field(default_factory=dict)
     visible: dict[str, float] = field(default_factory=dict)
     drifts: tuple[str, ...] = ()
     withdrawn: tuple[str, ...] = ()

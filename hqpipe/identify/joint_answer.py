@@ -10,8 +10,8 @@ from hqpipe.identify.beliefs import Belief, with_beliefs
 from hqpipe.identify.beside import rank_beside
 from hqpipe.identify.confirmed import confirmed, heldout_square
 from hqpipe.identify.drifts import drifts
-from hqpipe.identify.effect_band import effect_band
-from hqpipe.identify.found import Fitted, JointCause, JointFound, Number
+from hqpipe.identify.effect_band import EffectBand, effect_band
+from hqpipe.identify.found import BesideUnknown, Fitted, JointCause, JointFound, Number
 from hqpipe.identify.intervals import corrected
 from hqpipe.identify.left_out import left_out_error
 from hqpipe.identify.misfit import floor_of
@@ -38,7 +38,7 @@ def answer(search: Search, best: Known) -> JointFound:
     (values, half), floor = corrected(search, core), floor_of(search.model)
     whole, square = max(search.left_out(base), np.finfo(float).tiny), search.left_out(claimed)
     known_law = [with_law_of_machine(search, known, best) for known in (claimed, unshaped)]
-    closes_in_band, unknown = _beside_unknown(search, *known_law, base, causes)
+    beside_unknown = _beside_unknown(search, *known_law, base, causes)
     return JointFound(
         model=search.model,
         base=fitted(search, base),
@@ -54,8 +54,7 @@ def answer(search: Search, best: Known) -> JointFound:
         gains=dict(search.gains),
         shapes=_shapes(search, core, named),
         unexplained=max(square - floor, 0.0) / whole,
-        closes_in_band=closes_in_band,
-        unknown=unknown,
+        beside_unknown=beside_unknown,
         drifts=drifts(search, core),
         withdrawn=tuple(sorted(claimed.names - core.names)),
         minor=tuple(sorted(search.barred)),
@@ -90,9 +89,11 @@ def _certain(search: Search, best: Known) -> tuple[Known, Known, Known, dict[str
 
 def _beside_unknown(
     search: Search, claimed: Known, unshaped: Known, base: Known, causes: Sequence[str]
-) -> tuple[dict[str, float], float]:
-    """What each cause closes, and what is left above the noise without generic shapes, in the band of the effects; over the
-    squared error of the base.
+) -> dict[str, BesideUnknown]:
+    """What each cause closes, and what is left above the noise without generic shapes.
+
+    Both at the frequencies at which the effects of the set act, or up to higher ones at which the cause closes something: what
+    a delay does beside a lag is faster than most of what both do.
 
     A curve without meaning can describe all that a cause does. Where the causes alone leave no more than a simulator would
     miss, they need no curve beside them, and count by what they close without.
@@ -103,17 +104,26 @@ def _beside_unknown(
     whole = max(search.left_out(base), np.finfo(float).tiny)
     band = effect_band(base.solution.error - unshaped.solution.error, search.model.fit)
 
-    def square(known: Known) -> float:
-        return band.square(left_out_error(search.fitter, known.solution))
+    errors: dict[Names, np.ndarray] = {}
 
-    def closed(known: Known, name: str) -> float:
-        return (square(search.without(known, name)) - square(known)) / whole
+    def square(known: Known, within: EffectBand) -> float:
+        if known.names not in errors:
+            errors[known.names] = left_out_error(search.fitter, known.solution)
+        return within.square(errors[known.names])
 
-    noise = floor_of(search.model) * band.share
-    left = max(square(unshaped) - noise, 0.0)
-    told_by = unshaped if left <= LEAST_GAIN * max(square(base) - noise, 0.0) else claimed
-    closes = {name: closed(told_by if name in told_by.names else claimed, name) for name in causes}
-    return closes, left / whole
+    def above_noise(known: Known, within: EffectBand) -> float:
+        return max(square(known, within) - floor_of(search.model) * within.share, 0.0)
+
+    def beside(known: Known, name: str) -> BesideUnknown:
+        smaller = search.without(known, name)
+        own = effect_band(smaller.solution.error - known.solution.error, search.model.fit)
+        within = max(band, own, key=lambda each: each.highest)
+        closes = square(smaller, within) - square(known, within)
+        return BesideUnknown(closes / whole, above_noise(unshaped, within) / whole)
+
+    is_closed = above_noise(unshaped, band) <= LEAST_GAIN * above_noise(base, band)
+    told_by = unshaped if is_closed else claimed
+    return {name: beside(told_by if name in told_by.names else claimed, name) for name in causes}
 
 
 def with_law_of_machine(search: Search, known: Known, best: Known) -> Known:

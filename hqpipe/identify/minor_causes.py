@@ -39,9 +39,11 @@ def _minor(answers: Sequence[JointFound]) -> list[tuple[float, str, int]]:
     most joints have may each take most of the other's part of the gap.
     """
     found = []
-    for effect in sorted({name for joint in answers for name in joint.closes_in_band}):
-        having = [(j, joint) for j, joint in enumerate(answers) if effect in joint.closes_in_band]
-        told = {j: (joint.closes_in_band[effect], HALVED * joint.unknown) for j, joint in having}
+    for effect in sorted({name for joint in answers for name in joint.beside_unknown}):
+        having = [
+            (j, joint.beside_unknown[effect]) for j, joint in enumerate(answers) if effect in joint.beside_unknown
+        ]
+        told = {j: (beside.closes, HALVED * beside.unknown) for j, beside in having}
         shares = {j: closed / max(needed, 1e-12) for j, (closed, needed) in told.items()}
         closes = least = 0.0
         for j in sorted(shares, key=lambda j: -shares[j]):

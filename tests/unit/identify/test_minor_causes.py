@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 from hqpipe.identify import joint_search
+from hqpipe.identify.found import BesideUnknown
 from hqpipe.identify.joint_search import JointSearch
 from hqpipe.identify.minor_causes import without_minor_causes
 
@@ -16,10 +17,14 @@ CLOSES = {"coulomb_friction": 0.30, "spring": 0.10, "backlash": 0.05}
 class Answered:
     """What is told of an answer here."""
 
-    closes_in_band: dict
-    unknown: float
+    beside_unknown: dict
     model: object = field(default=None)
     causes: tuple = ()
+
+
+def answered(closes: dict, unknown: float) -> Answered:
+    """closes: cause → its share. unknown: share that is left."""
+    return Answered({name: BesideUnknown(share, unknown) for name, share in closes.items()})
 
 
 def test_an_effect_that_went_does_not_come_back_when_the_next_one_goes(monkeypatch):
@@ -29,7 +34,7 @@ def test_an_effect_that_went_does_not_come_back_when_the_next_one_goes(monkeypat
         calls.append(known)
         assert len(calls) <= len(CLOSES), "an effect came back"
         left = 0.5 if known else 1.0  # nothing is explained, whatever is left
-        return Answered({name: CLOSES[name] for name in known}, left)
+        return answered({name: CLOSES[name] for name in known}, left)
 
     monkeypatch.setattr(joint_search, "answer", answer)
     joint = JointSearch(None, None)
@@ -39,8 +44,8 @@ def test_an_effect_that_went_does_not_come_back_when_the_next_one_goes(monkeypat
         improved=lambda known: known.names,
     )
     joint._known = SimpleNamespace(names=frozenset(CLOSES))
-    (last,) = without_minor_causes([Answered(CLOSES, 0.5)], lambda least: {0: joint.without(least[0])})
-    assert set(last.closes_in_band) == {"coulomb_friction"}
+    (last,) = without_minor_causes([answered(CLOSES, 0.5)], lambda least: {0: joint.without(least[0])})
+    assert set(last.beside_unknown) == {"coulomb_friction"}
     assert joint._search.barred == {"spring", "backlash"}
 
 
@@ -52,9 +57,9 @@ def test_what_closes_little_goes_where_something_is_unexplained_and_no_other_joi
 
         def without(least):
             told.append(dict(least))
-            return {j: Answered({}, unknown) for j in least}
+            return {j: answered({}, unknown) for j in least}
 
-        without_minor_causes([Answered(dict(closes), unknown) for closes in joints], without)
+        without_minor_causes([answered(dict(closes), unknown) for closes in joints], without)
         return told
 
     assert barred(faint, faint, sound, sound, unknown=0.01) == [{0: "torque_bias", 1: "torque_bias"}]
