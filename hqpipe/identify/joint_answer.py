@@ -17,7 +17,7 @@ from hqpipe.identify.left_out import left_out_error
 from hqpipe.identify.misfit import floor_of
 from hqpipe.identify.model import JointModel
 from hqpipe.identify.search import Known, Names, Search
-from hqpipe.identify.thresholds import LEAST_GAIN
+from hqpipe.identify.thresholds import HALVED, LEAST_GAIN
 from hqpipe.identify.uncertain_effects import certainty, replaces, without_uncertain
 from hqpipe.identify.worth_keeping import causes_of, with_small
 
@@ -92,8 +92,8 @@ def _beside_unknown(
 ) -> dict[str, BesideUnknown]:
     """What each cause closes, and what is left above the noise without generic shapes.
 
-    Both at the frequencies at which the effects of the set act, or up to higher ones at which the cause closes something: what
-    a delay does beside a lag is faster than most of what both do.
+    Both at the frequencies at which the effects of the set act, or up to higher ones at which the cause closes something, where
+    it is larger there: what a delay does beside a lag is faster than most of what both do.
 
     A curve without meaning can describe all that a cause does. Where the causes alone leave no more than a simulator would
     miss, they need no curve beside them, and count by what they close without.
@@ -104,12 +104,12 @@ def _beside_unknown(
     whole = max(search.left_out(base), np.finfo(float).tiny)
     band = effect_band(base.solution.error - unshaped.solution.error, search.model.fit)
 
-    errors: dict[Names, np.ndarray] = {}
+    errors: dict[Known, np.ndarray] = {}
 
     def square(known: Known, within: EffectBand) -> float:
-        if known.names not in errors:
-            errors[known.names] = left_out_error(search.fitter, known.solution)
-        return within.square(errors[known.names])
+        if known not in errors:
+            errors[known] = left_out_error(search.fitter, known.solution)
+        return within.square(errors[known])
 
     def above_noise(known: Known, within: EffectBand) -> float:
         return max(square(known, within) - floor_of(search.model) * within.share, 0.0)
@@ -117,9 +117,11 @@ def _beside_unknown(
     def beside(known: Known, name: str) -> BesideUnknown:
         smaller = search.without(known, name)
         own = effect_band(smaller.solution.error - known.solution.error, search.model.fit)
-        within = max(band, own, key=lambda each: each.highest)
-        closes = square(smaller, within) - square(known, within)
-        return BesideUnknown(closes / whole, above_noise(unshaped, within) / whole)
+        found = [
+            BesideUnknown((square(smaller, each) - square(known, each)) / whole, above_noise(unshaped, each) / whole)
+            for each in (band, max(band, own, key=lambda one: one.highest))
+        ]
+        return max(found, key=lambda each: each.closes - HALVED * each.unknown)
 
     is_closed = above_noise(unshaped, band) <= LEAST_GAIN * above_noise(base, band)
     told_by = unshaped if is_closed else claimed

@@ -15,7 +15,7 @@ from hqpipe.identify.vibration_left import VibrationLeft, vibration_left
 
 SURE = 1.0 - CONFUSED
 """Probability of an effect whose sign is shown; assumption: no other reason for the sign is so likely that it would be listed
-beside it. Seen: 45 joints of another simulator whose errors vibrate, which all have the effect as a fault, and none of 336
+beside it. Seen: 51 joints of another simulator whose errors vibrate, which all have the effect as a fault, and none of 330
 others."""
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import median_abs_deviation
 
 from hqpipe.identify.model import Samples
 from hqpipe.identify.thresholds import HALVED
@@ -19,7 +20,6 @@ from hqpipe.logs.vibration import CALM, SHARE, SPEEDS
 STANDING = 0.03  # of the 95 % speed: below, friction holds or turns round; assumption
 SLIDING = 0.1  # of it: above, no joint rests; assumption
 FEWEST_SAMPLES = 30  # of a kind that its median needs; assumption
-_MEDIAN_OF_SQUARES = 0.4549  # of a standard normal variable
 
 
 @dataclass(frozen=True)
@@ -54,18 +54,12 @@ def vibration_left(error: np.ndarray, samples: Samples) -> VibrationLeft | None:
     standing, sliding = inner[speed[inner] <= STANDING * fast], inner[speed[inner] > SLIDING * fast]
     if len(standing) < FEWEST_SAMPLES or len(sliding) < SPEEDS * FEWEST_SAMPLES:
         return None
-    least, calm = SHARE * float(np.std(samples.output)), _turns(error, standing)
-    if least == 0.0:
-        return None
+    rests, calm = _size(error, standing), _roughness(error, standing)
+    least = max(SHARE * float(np.std(samples.output)), rests / np.sqrt(HALVED))
     ranges = np.array_split(sliding[np.argsort(speed[sliding], kind="stable")], SPEEDS)
-    rests = _size(error, standing)
-    least = max(least, rests / np.sqrt(HALVED))
-    vibrating = [
-        _size(error, at)
-        for at in ranges
-        if _size(error, at) >= least and calm <= CALM * _turns(error, at) and _goes_on(error, at) < HALVED
-    ]
-    return VibrationLeft(max(vibrating), rests) if vibrating else None
+    rough = [at for at in ranges if calm < CALM * _roughness(error, at) and _goes_on(error, at) < HALVED]
+    largest = max((_size(error, at) for at in rough), default=0.0)
+    return VibrationLeft(largest, rests) if largest >= least > 0.0 else None
 
 
 def _inner(samples: Samples) -> np.ndarray:
@@ -83,13 +77,13 @@ def _size(error: np.ndarray, at: np.ndarray) -> float:
     return float(np.sqrt(np.mean(error[at] ** 2)))
 
 
-def _turns(error: np.ndarray, at: np.ndarray) -> float:
-    """How much the change from sample to sample changes, as the deviation of white errors that would do so.
+def _roughness(error: np.ndarray, at: np.ndarray) -> float:
+    """Size of the second differences of the errors, as the deviation of white errors that would have them.
 
     By the median, which leaves shocks aside.
     """
-    bend = error[at + 1] - 2.0 * error[at] + error[at - 1]
-    return float(np.sqrt(np.median(bend**2) / _MEDIAN_OF_SQUARES / 6.0))
+    second = error[at + 1] - 2.0 * error[at] + error[at - 1]
+    return float(median_abs_deviation(second, scale="normal") / np.sqrt(6.0))
 
 
 def _goes_on(error: np.ndarray, at: np.ndarray) -> float:
