@@ -52,8 +52,7 @@ class Record:
 
     def picked(self, rows: np.ndarray) -> np.ndarray:
         """(N,) the judged ones of (steps, W) values of samples 1 … steps of each window, window by window."""
-        judged = rows[self._every].T
-        return judged.ravel() if self._whole else judged[self.judged]
+        return rows[self._every].T.ravel() if self._whole else rows.ravel()[self._picked]
 
     @cached_property
     def _every(self) -> slice:
@@ -63,6 +62,12 @@ class Record:
     @cached_property
     def _whole(self) -> bool:
         return bool(self.judged.all())
+
+    @cached_property
+    def _picked(self) -> np.ndarray:
+        """(N,) place of each judged sample among all values of all windows, step by step."""
+        window, step = np.nonzero(self.judged)
+        return (self.step[step] - 1) * self.windows + window
 
     def driven_by(
         self,

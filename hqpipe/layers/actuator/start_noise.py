@@ -17,15 +17,50 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
+
+import hqpipe.system.checked_cache  # noqa: F401 (before any function is compiled)
 
 _LEAST = 1e-12  # |a|² below which nothing of the start is left
 
 
+@njit(cache=True, nogil=True)
+def _squares(left: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """(W,) |a|² of each window of (N,) a; ends: (W + 1,) first sample of each window, and the end."""
+    found = np.zeros(len(ends) - 1)
+    for w in range(len(found)):
+        for i in range(ends[w], ends[w + 1]):
+            found[w] += left[i] ** 2
+    return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def _removed(error: np.ndarray, left: np.ndarray, squares: np.ndarray, ends: np.ndarray, share: float) -> np.ndarray:
+    """(N,) r of errors e (N,), with a (N,) and |a|² (W,); share: ρ."""
+    found, total, grown, part, last = np.empty_like(error), 0.0, 0.0, 0.0, -1.0
+    for w in range(len(squares)):
+        if squares[w] != last:  # complete windows are alike
+            last = squares[w]
+            grown = np.log1p(share * last)
+            part = -np.expm1(-0.5 * grown) / max(last, _LEAST)
+        total += grown
+        along = 0.0
+        for i in range(ends[w], ends[w + 1]):
+            along += left[i] * error[i]
+        along *= part
+        for i in range(ends[w], ends[w + 1]):
+            found[i] = error[i] - along * left[i]
+    found *= np.exp(0.5 * total / len(error))
+    return found
+
+
 class _Left(NamedTuple):
-    """What a law that leaks `leak` leaves of the start: `share` (S,) is a, and `square` |a|²."""
+    """What a law that leaks `leak` leaves of the start: `sample` (N,) is a at each judged sample, `squares` (W,) |a|² of each
+    window, and `square` that of a complete one."""
 
     leak: float
-    share: np.ndarray
+    sample: np.ndarray
+    squares: np.ndarray
     square: float
 
 
@@ -62,16 +97,7 @@ class StartNoise:
         if share <= 0.0:
             return error
         left = self._left(leak)
-        if self._whole:
-            windows, square = error.reshape(self.judged.shape), np.float64(left.square)
-        else:
-            windows, square = np.zeros(self.judged.shape), self.judged @ left.share**2
-            windows[self.judged] = error
-        grown = np.log1p(share * square)
-        part = -np.expm1(-0.5 * grown) / np.maximum(square, _LEAST)
-        found = windows - np.outer(part * (windows @ left.share), left.share)
-        found *= np.exp(0.5 * np.sum(np.broadcast_to(grown, len(windows))) / len(error))
-        return found.ravel() if self._whole else found[self.judged]
+        return _removed(np.ascontiguousarray(error), left.sample, left.squares, self._samples[1], share)
 
     def floor(self, leak: float) -> tuple[float, float]:
         """Root mean square that the noise leaves in e, and in r, of a law that is right."""
@@ -79,12 +105,14 @@ class StartNoise:
         return sd * (1.0 + square / count) ** 0.5, sd * (1.0 + square) ** (0.5 / count)
 
     @cached_property
-    def _whole(self) -> bool:
-        return bool(self.judged.all())
+    def _samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """(N,) index of each judged sample in its window, and (W + 1,) the first of each window, and the end."""
+        return np.nonzero(self.judged)[1], np.concatenate([[0], np.cumsum(self.judged.sum(axis=1))])
 
     def _left(self, leak: float) -> _Left:
         """Of the start; the last one is kept, as most of what is tried leaks as much."""
         if self._last is None or self._last.leak != leak:
-            share = min(max(1.0 - leak, 0.0), 1.0) ** self.step.astype(np.float64)
-            object.__setattr__(self, "_last", _Left(leak, share, float(share @ share)))
+            left, (step, ends) = min(max(1.0 - leak, 0.0), 1.0) ** self.step.astype(np.float64), self._samples
+            kept = _Left(leak, left[step], _squares(left[step], ends), float(left @ left))
+            object.__setattr__(self, "_last", kept)
         return self._last
