@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from machine.augmented_rows import EXACT, STEPS, planted, row, signals_of, trial
+from machine.augmented_rows import ALONE, EXACT, STEPS, planted, row, signals_of, trial
 from machine.signal_windows import windows_of
 from scipy.signal import lfilter
 
@@ -109,6 +109,16 @@ def test_a_window_does_not_hang_on_which_others_there_are(effect, windows):
     signals, p = signals_of(effect), row({effect: planted.TYPICAL[effect]})
     whole = residual_windows(p, signals)[:, windows]
     np.testing.assert_allclose(residual_windows(p, some_of(signals, windows)), whole, atol=1e-6)
+
+
+@pytest.mark.parametrize("effect", ["coulomb_friction", "position_dependent_stiffness", "backlash"])
+def test_a_trial_does_not_hang_on_which_others_there_are(effect):
+    """More of them, and of other lengths, than are followed side by side."""
+    ends = [(0, 1200), (1200, 1900), (500, 4000), (2000, 2500), (0, 900), (900, 3000)]
+    trials = [trial().section(first, last) for first, last in ends]
+    p, j = row({effect: planted.TYPICAL[effect]}), ALONE.index(effect)
+    alone = [residual_windows(p, windows_of([t], j, STEPS)) for t in trials]
+    np.testing.assert_array_equal(residual_windows(p, windows_of(trials, j, STEPS)), np.concatenate(alone, axis=1))
 
 
 @pytest.mark.parametrize("effect", ["coulomb_friction", "stribeck_friction", "load_dependent_friction"])
