@@ -55,7 +55,7 @@ def answer(search: Search, best: Known) -> JointFound:
         shapes=_shapes(search, core, named),
         unexplained=max(square - floor, 0.0) / whole,
         beside_unknown=beside_unknown,
-        drifts=drifts(search, core),
+        drifts=drifts(search, core, base),
         withdrawn=tuple(sorted(claimed.names - core.names)),
         minor=tuple(sorted(search.barred)),
     )

@@ -453,6 +453,15 @@ def test_a_number_that_differs_between_trials_is_told():
     assert not _found(ToyJoint(truth={"coulomb_friction": 0.3}))[0].drifts
 
 
+@pytest.mark.parametrize("difference, is_told", [(0.17, False), (0.5, True)])
+def test_a_difference_between_trials_is_told_where_it_matters(difference, is_told):
+    """Both are more than chance; 0.17 N·m in one trial of three are 0.46 % of the torque's spread."""
+    model = ToyJoint(truth={"coulomb_friction": 0.3})
+    model.fit.output[model.fit.trial == 1] += difference * np.sign(model.fit.velocity[model.fit.trial == 1])
+    (joint,) = _found(_with_third_trial(model, ToyJoint(truth={"coulomb_friction": 0.3}, seed=1)))
+    assert any("friction_nm differs from trial to trial" in text for text in joint.drifts) == is_told
+
+
 def _with_third_trial(model, other):
     from hqpipe.identify.change import _joined
 
