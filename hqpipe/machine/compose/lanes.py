@@ -32,6 +32,10 @@ class Lanes:
         """A parameter, a constant or a state of lane i."""
         raise NotImplementedError
 
+    def element(self, array: str) -> str:
+        """Lane i of what `array` or `buffer` names."""
+        return f"{array}[i]"
+
     def on(self, when: Iterable[int]) -> str:
         """Whether some lane has links with these columns."""
         when = tuple(when)
@@ -46,15 +50,23 @@ class Lanes:
         if ref.kind != SIGNAL:
             return self.place(ref)
         if ref.name == "wound":
-            return f"{self.wound}[i]"
+            return self.element(self.wound)
         value = self.chain.neutral.get(ref.name)
         if ref.name in self.known or value is None or self.writers(ref.name):
-            return f"{ref.name}[i]"
+            return self.element(ref.name)
         return self.text(value) if isinstance(value, Ref) else repr(value)
 
     def array(self, name: str) -> str:
         """The array of a signal."""
-        return self.text(Ref(SIGNAL, name)).removesuffix("[i]")
+        if name == "wound":
+            return self.wound
+        value = self.chain.neutral.get(name)
+        alias = isinstance(value, Ref) and value.kind == SIGNAL
+        return self.array(value.name) if alias and name not in self.known and not self.writers(name) else name
+
+    def is_array(self, name: str) -> bool:
+        """Whether the array of a signal can be that of another one, too."""
+        return True
 
     def writers(self, name: str) -> list[Link]:
         return [link for link in self.links if name in link.writes]
@@ -80,11 +92,11 @@ class Lanes:
                 self.need([value.name])
             if not writers or not writers[0].when:
                 continue
-            if alias and len(writers) == 1:
+            if alias and len(writers) == 1 and self.is_array(self.array(value.name)):
                 self.source.add(f"{name} = {self.array(value.name)}")
             else:
                 given = self.text(value) if isinstance(value, Ref) else repr(value)
-                self.loop(f"{self.buffer(name)}[i] = {given}")
+                self.loop(f"{self.element(self.buffer(name))} = {given}")
                 self.source.add(f"{name} = {self.buffer(name)}")
             self.known.add(name)
 
@@ -92,7 +104,7 @@ class Lanes:
         """One loop, where some lane has the link."""
         names = [out.name for out in link.outs if out.kind == SIGNAL]
         self.need([*sorted(link.reads), *names])
-        outs = ", ".join(self.place(x) if x.kind == STATE else f"{self.buffer(x.name)}[i]" for x in link.outs)
+        outs = ", ".join(self.place(x) if x.kind == STATE else self.element(self.buffer(x.name)) for x in link.outs)
         made = call(self.source, link.call, self.text)
         self.known |= set(names)
         with self.source.under(f"if {self.on(link.when) if link.when else True}:"):
@@ -139,11 +151,11 @@ class Lanes:
         self.source.add(f"measured = {into}")
         self.known.add("measured")
         effort, lost = (self.text(Ref(SIGNAL, name)) for name in ("effort", "lost"))
-        self.loop(f"measured[i] = {effort} - {lost}")
+        self.loop(f"{self.element('measured')} = {effort} - {lost}")
         for link in self.links:
             if "measured" in link.writes:
                 with self.source.under(f"if {self.on(link.when)}:"):
-                    self.loop(f"measured[i] = {call(self.source, link.call, self.text)}")
+                    self.loop(f"{self.element('measured')} = {call(self.source, link.call, self.text)}")
 
     def law(self, out: str) -> None:
         """The base's law into an array, plain where nothing bends it."""
@@ -152,6 +164,6 @@ class Lanes:
         self.need(sorted({ref.name for made in laws for ref in made.args if ref.kind == SIGNAL}))
         if chain.bent:
             with source.under(f"if {self.on(chain.bent)}:"):
-                self.loop(f"{out}[i] = {call(source, chain.law, self.text)}")
+                self.loop(f"{self.element(out)} = {call(source, chain.law, self.text)}")
         with source.under("else:" if chain.bent else "if True:"):
-            self.loop(f"{out}[i] = {call(source, chain.plain, self.text)}")
+            self.loop(f"{self.element(out)} = {call(source, chain.plain, self.text)}")

@@ -116,8 +116,6 @@ def write_windows(source: Source, chain: Chain) -> None:
             with source.under(f"if anew[{stages.laid + i}]:"):
                 source.add(f"lay_out(a_{name}, s.first, w.laid[{i} + {len(arrays.needed)} * slot[{stages.laid + i}]])")
         source.add(f"follow(p, s, w, {names})", f"run(p, s, w, out, slot[{stages.laid}:])")
-        with source.under("for k in range(out.shape[0]):"), source.under("for i in range(out.shape[1]):"):
-            source.add("out[k, i] = 0.0 if np.isnan(s.target[k + 1, i]) else out[k, i] - s.target[k + 1, i]")
     source.add("", "", f"PLAN = {stages.plan!r}", f"SCRATCH = {stages.count}", f"LAID = {len(arrays.needed)}")
     source.add(f"LINES = {run.lines}", f"STATES = {len(run.states) + 1}")
 
@@ -241,7 +239,11 @@ def _started(source: Source, arrays: Arrays, link: Link, start: object, text) ->
 
 
 class _Run(Lanes):
-    """Source of `run`, the law and what lies behind it over all windows at once."""
+    """Source of `run`, the law and what lies behind it over all windows at once.
+
+    What a signal is at a sample of the windows is a row of `lines`, or of what is laid out, by its number: views of them would
+    cost more than the sums where windows are few.
+    """
 
     FLAG = "on_{}"
 
@@ -255,44 +257,60 @@ class _Run(Lanes):
     def place(self, ref: Ref) -> str:
         return f"m_{ref.name}[i]" if ref.kind == STATE else scalar(ref)
 
+    def element(self, array: str) -> str:
+        return f"lines[{array}, i]"
+
     def text(self, ref: Ref) -> str:
-        along = ref.kind == STATE and ref.name in self._rows  # a state that another link has left along the log
-        return f"{ref.name}[i]" if along else super().text(ref)
+        # Of the log, or a state that another link has left along it.
+        of_the_log = ref.kind in (SIGNAL, STATE) and ref.name in self._rows
+        return f"l_{ref.name}[k_{ref.name}, i]" if of_the_log else super().text(ref)
+
+    def is_array(self, name: str) -> bool:
+        return name not in self._rows
 
     def write(self) -> None:
         source, chain = self.source, self.chain
         after = {n for x in chain.behind if x.writes & {"lost", "effort", "measured"} for n in x.reads} & set(
             self._rows
         )
-        with source.function(
-            "run", "p, s, w, out, slot", "The base's law and what lies behind it over all windows at once."
-        ):
+        says = "Of the base's law and what lies behind it over all windows at once: predicted less logged torque."
+        with source.function("run", "p, s, w, out, slot", says):
             calls = [x.call for x in (*chain.core, *chain.behind)] + [chain.law, chain.plain]
-            source.add("size, wound = s.first.shape[0], w.lines[0]")
+            source.add("size, lines, wound = s.first.shape[0], w.lines, 0")
             constants(source, chain, only=constants_of(chain, calls))
-            source.add(*(f"m_{name} = w.lines[{1 + i}]" for i, name in enumerate(self.states)))
-            with source.hole() as lines:
-                for name, value in self._absent.items():
-                    self.loop(f"{self.buffer(f'absent_{name}')}[i] = {value}")
+            source.add(*(f"m_{name} = lines[{1 + i}]" for i, name in enumerate(self.states)))
+            with source.hole() as head:
                 with source.under("for k in range(s.steps):"):
                     self._fetch(self._rows, "k")
-                    even, odd = self.buffer("even"), self.buffer("odd")
-                    loaded = self.on(self.loaded)
-                    source.add(f"following = ({even} if k % 2 == 0 else {odd}) if {loaded} else out[k]")
+                    source.add(f"following = {self.buffer('even')} if k % 2 == 0 else {self.buffer('odd')}")
                     self.advance()
-                    with source.under(f"if {loaded}:"):
+                    source.add("measured = following")
+                    with source.under(f"if {self.on(self.loaded)}:"):
                         self._fetch(sorted(after), "k + 1")
-                        self.measure("out[k]")
+                        self.measure(self.buffer("measured"))
+                    missed = f"{self.element('measured')} - s.target[k + 1, i]"
+                    self.loop(f"out[k, i] = 0.0 if np.isnan(s.target[k + 1, i]) else {missed}")
                     source.add("wound = following")
-                lines += [f"on_{i} = {present(when)}" for i, when in enumerate(self.flags)]
-                lines += [f"b_{n} = w.lines[{1 + len(self.states) + i}]" for i, n in enumerate(self.buffers)]
+                self._begin(head)
+
+    def _begin(self, head: list[str]) -> None:
+        """Flags, rows, and where signals are taken from, once it is known which there are."""
+        absent = {name: self.buffer(f"absent_{name}") for name in self._absent}
+        fetched = {}
+        for name, row in self._rows.items():
+            fetched[name] = f"w.laid[{row} + {len(self._rows)} * slot[{row}]]"
+            if name in absent:
+                fetched[name] += f" if {self.on(self._when[name])} else lines[{absent[name]} : {absent[name]} + 1]"
+        head += [f"on_{i} = {present(when)}" for i, when in enumerate(self.flags)]
+        head += [f"b_{name} = {1 + len(self.states) + i}" for i, name in enumerate(self.buffers)]
+        head += [f"lines[{row}, :] = {self._absent[name]}" for name, row in absent.items()]
+        head += [f"l_{name} = {taken}" for name, taken in fetched.items()]
 
     def _fetch(self, names: Iterable[str], k: str) -> None:
-        """The arrays of signals along the log at a sample of the windows."""
+        """Where signals along the log stand at a sample of the windows."""
         for name in names:
-            row, when = self._rows[name], self._when[name]
-            row = f"w.laid[{row} + {len(self._rows)} * slot[{row}], {k}]"
-            self.source.add(f"{name} = {row} if {self.on(when)} else b_absent_{name}" if when else f"{name} = {row}")
+            when = self._when[name]
+            self.source.add(f"k_{name} = {k} if {self.on(when)} else 0" if when else f"k_{name} = {k}")
 
     @property
     def lines(self) -> int:
