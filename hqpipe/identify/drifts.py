@@ -55,10 +55,12 @@ def drifts(search: Search, best: Known, base: Known) -> tuple[str, ...]:
         closes = scatter * best.covariance.noise * time
         spread = float(np.sqrt(max(np.average((moved - np.average(moved, weights=weight)) ** 2, weights=weight), 0.0)))
         if chi2.sf(scatter, len(moved) - 1) < _CHANCE and spread > NOTABLE * value and closes >= least:
-            low, high = (solution.values[index] + pick(moved) for pick in (np.min, np.max))
+            ends = solution.values[index] + np.array([moved.min(), moved.max()])
+            low, high = np.clip(ends, search.fitter.low[index], search.fitter.high[index])
             parameter = parameters[index]
+            unit = "" if parameter.unit == "1" else f" {parameter.unit}"
             found.append(
-                f"{model.joint}: {parameter.name} differs from trial to trial, from {low:.3g} to {high:.3g} {parameter.unit}: "
+                f"{model.joint}: {parameter.name} differs from trial to trial, from {low:.3g} to {high:.3g}{unit}: "
                 "an effect that depends on what differs between them is missing"
             )
     return tuple(found)

@@ -52,7 +52,7 @@ class Record:
 
     def picked(self, rows: np.ndarray) -> np.ndarray:
         """(N,) the judged ones of (steps, W) values of samples 1 … steps of each window, window by window."""
-        return rows[self._every].T.ravel() if self._whole else rows.ravel()[self._picked]
+        return rows[self._every].T.ravel() if self._whole else rows.ravel()[self._places]
 
     @cached_property
     def _every(self) -> slice:
@@ -64,7 +64,7 @@ class Record:
         return bool(self.judged.all())
 
     @cached_property
-    def _picked(self) -> np.ndarray:
+    def _places(self) -> np.ndarray:
         """(N,) place of each judged sample among all values of all windows, step by step."""
         window, step = np.nonzero(self.judged)
         return (self.step[step] - 1) * self.windows + window

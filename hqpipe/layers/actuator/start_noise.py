@@ -24,16 +24,6 @@ import hqpipe.system.checked_cache  # noqa: F401 (before any function is compile
 _LEAST = 1e-12  # |a|² below which nothing of the start is left
 
 
-@njit(cache=True, nogil=True)
-def _squares(left: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """(W,) |a|² of each window of (N,) a; ends: (W + 1,) first sample of each window, and the end."""
-    found = np.zeros(len(ends) - 1)
-    for w in range(len(found)):
-        for i in range(ends[w], ends[w + 1]):
-            found[w] += left[i] ** 2
-    return found
-
-
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
 def _removed(error: np.ndarray, left: np.ndarray, squares: np.ndarray, ends: np.ndarray, share: float) -> np.ndarray:
     """(N,) r of errors e (N,), with a (N,) and |a|² (W,); share: ρ."""
@@ -97,7 +87,7 @@ class StartNoise:
         if share <= 0.0:
             return error
         left = self._left(leak)
-        return _removed(np.ascontiguousarray(error), left.sample, left.squares, self._samples[1], share)
+        return _removed(np.ascontiguousarray(error), left.sample, left.squares, self._ends, share)
 
     def floor(self, leak: float) -> tuple[float, float]:
         """Root mean square that the noise leaves in e, and in r, of a law that is right."""
@@ -106,13 +96,19 @@ class StartNoise:
 
     @cached_property
     def _samples(self) -> tuple[np.ndarray, np.ndarray]:
-        """(N,) index of each judged sample in its window, and (W + 1,) the first of each window, and the end."""
-        return np.nonzero(self.judged)[1], np.concatenate([[0], np.cumsum(self.judged.sum(axis=1))])
+        """(N,) window of each judged sample, and (N,) its index in it."""
+        return np.nonzero(self.judged)
+
+    @cached_property
+    def _ends(self) -> np.ndarray:
+        """(W + 1,) first judged sample of each window, and the end."""
+        return np.concatenate([[0], np.cumsum(self.judged.sum(axis=1))])
 
     def _left(self, leak: float) -> _Left:
         """Of the start; the last one is kept, as most of what is tried leaks as much."""
         if self._last is None or self._last.leak != leak:
-            left, (step, ends) = min(max(1.0 - leak, 0.0), 1.0) ** self.step.astype(np.float64), self._samples
-            kept = _Left(leak, left[step], _squares(left[step], ends), float(left @ left))
+            left, (window, step) = min(max(1.0 - leak, 0.0), 1.0) ** self.step.astype(np.float64), self._samples
+            squares = np.bincount(window, left[step] ** 2, len(self.judged))
+            kept = _Left(leak, left[step], squares, float(left @ left))
             object.__setattr__(self, "_last", kept)
         return self._last
