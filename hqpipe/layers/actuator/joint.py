@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hqpipe.identify.model import Effect, Implied, Parameter, Ratio, Samples, all_parameters
-from hqpipe.layers.actuator import link
+from hqpipe.layers.actuator import link, sudden_change
 from hqpipe.layers.actuator.parameters import (
     BASE_NAMES,
     BY_OPENING,
@@ -63,7 +63,8 @@ class ActuatorJoint:
         places: owner and name of each parameter of the effects of the loops. records, starts: of the fit and the held-out
             trials.
         neutral: (WIDTH,) a row of the loops without effects, settings filled in. shapes: (C, N) of each, see `shapes`.
-        shape_scale: (C,) what they were divided by. ratios: what may have changed since an earlier record, see there.
+        shape_scale: (C,) what they were divided by. stepped: (T,) times of both records that step where the gain may change
+            suddenly; None without shapes. ratios: what may have changed since an earlier record, see there.
         draws: rad/s of flow per speed and per position error of this joint. units: of its effort and position.
         unsigned: whether its torque had lost its sign, which was restored. implies: effects that its numbers may imply.
         vibration_shows: effect that a vibration shows in what the law leaves; empty where there may be other reasons.
@@ -86,6 +87,7 @@ class ActuatorJoint:
     neutral: np.ndarray
     shapes: tuple[np.ndarray, np.ndarray]
     shape_scale: np.ndarray
+    stepped: tuple[np.ndarray, np.ndarray] | None
     ratios: Mapping[str, Ratio]
     draws: tuple[float, float]
     units: tuple[str, str]
@@ -105,6 +107,7 @@ class ActuatorJoint:
     _offset: int | None = field(init=False)
     _zero: int | None = field(init=False)
     _neutral: np.ndarray = field(init=False)
+    _first_shape: int = field(init=False)
     _last: dict[str, float] = field(init=False)
     _driven: Signals = field(init=False)
     _share: float = field(init=False, default=0.0)
@@ -130,6 +133,7 @@ class ActuatorJoint:
             at = len(self.base) + self.places.index(place) if place in self.places else None
             object.__setattr__(self, attribute, at)
         object.__setattr__(self, "_neutral", np.array([parameter.neutral for parameter in all_parameters(self)]))
+        object.__setattr__(self, "_first_shape", len(self._neutral) - len(self.shape_scale))
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
         """(N,) prediction less measured torque at the samples of `fit` or `heldout`, N·m or N.
@@ -140,9 +144,9 @@ class ActuatorJoint:
         record = self.records[heldout]
         if not record.windows:
             return np.zeros(0)
-        shares, row = self._shares(values), self.row(values)
+        shares = self._shares(values)
         if heldout:
-            errors = residual_windows(row, record.driven_by(*shares))
+            errors = residual_windows(*self._read(values, record.driven_by(*shares), heldout))
         else:
             # The share of a signal that is followed says which of several it is.
             versions = {name: share for names, share in zip(_DRIVEN, self._each(shares), strict=True) for name in names}
@@ -150,9 +154,10 @@ class ActuatorJoint:
             if moved:
                 object.__setattr__(self, "_driven", record.driven_by(*shares, self._driven, moved))
                 object.__setattr__(self, "_last", versions)
-            errors = self._run.errors(row, self._driven, versions)
+            row, driven = self._read(values, self._driven)
+            errors = self._run.errors(row, driven, versions | {"time": float(driven.time is not self._driven.time)})
         found = record.picked(errors)
-        beside = values[len(self.base) + len(self.places) :]
+        beside = values[self._first_shape :]
         for shape in np.flatnonzero(beside):
             found += beside[shape] * self.shapes[heldout][shape]
         return found
@@ -164,6 +169,14 @@ class ActuatorJoint:
         if not heldout:
             object.__setattr__(self, "_share", share)
         return start.removed_from(error, leak, share)
+
+    def _read(self, values: np.ndarray, signals: Signals, heldout: bool = False) -> tuple[np.ndarray, Signals]:
+        """The row and the signals that the loops read: those of the machine, unless its gain changes suddenly."""
+        row = self.row(values)
+        if self.stepped is None or values[self._first_shape - 1] == 0.0:
+            return row, signals
+        row[sudden_change.SLOT] = values[self._first_shape - 1]
+        return row, signals._replace(time=self.stepped[heldout])
 
     @staticmethod
     def _each(shares: tuple[float, float, tuple[float, ...]]) -> tuple[float, float, float, float]:
@@ -262,8 +275,8 @@ class ActuatorJoint:
         """
         if self._zero is None or values[self._zero] == 0.0 or self._is_straight(values) or not self._is_even(values):
             return np.zeros((len(self.fit.time), 0))
-        record, even = self.records[0], self.row(values)
-        signals = record.driven_by(*self._shares(values))
+        record = self.records[0]
+        even, signals = self._read(values, record.driven_by(*self._shares(values)))
         uneven = even.copy()
         uneven[slot(*_AREAS)] = ALIKE_WITHIN / np.sqrt(3.0)  # deviation of a number that is anywhere within
         change = record.picked(residual_windows(uneven, signals)) - record.picked(residual_windows(even, signals))
@@ -276,8 +289,8 @@ class ActuatorJoint:
         return 0.0 if self._offset is None else abs(float(values[self._offset] * values[self._of_orifice[0]]))
 
     def sensitivity(self, values: np.ndarray, index: int) -> np.ndarray | None:
-        """(N,) of the misfit by the size of a generic shape, in which the error is linear; None of any other parameter."""
-        shape = index - len(self.base) - len(self.places)
+        """(N,) of the misfit by the size of a shape in which the error is linear; None of any other parameter."""
+        shape = index - self._first_shape
         if shape < 0:
             return None
         return self.starts[0].removed_from(self.shapes[0][shape], float(values[_LEAK]), self._share)
@@ -338,7 +351,7 @@ class ActuatorJoint:
     def referred_to(self, values: np.ndarray, other: ActuatorJoint) -> np.ndarray:
         """The same joint as the model of another record counts it: its shapes have a mean square of their own."""
         found = values.copy()
-        found[len(self.base) + len(self.places) :] *= other.shape_scale / self.shape_scale
+        found[self._first_shape :] *= other.shape_scale / self.shape_scale
         return found
 
     def reported(self, effect: str, name: str, value: float) -> tuple[str, float, str]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from hqpipe.errors import IdentificationError
 from hqpipe.identify.free_run import window_samples
-from hqpipe.identify.least_squares import Fitter
+from hqpipe.identify.least_squares import Fitter, Solution
 from hqpipe.identify.model import FORCE_SENSOR, LayerJoints
 from hqpipe.identify.window_choice import window_for
 from hqpipe.layers.actuator.changes import RATIOS
@@ -20,6 +20,7 @@ from hqpipe.layers.actuator.shapes import free_run_shapes, shapes_of
 from hqpipe.layers.actuator.sizes import Sizes, at_rest, sizes_of
 from hqpipe.layers.actuator.start import first_guesses
 from hqpipe.layers.actuator.start_noise import StartNoise
+from hqpipe.layers.actuator.sudden_change import moment_of_change, stepped_time, with_sudden_change
 from hqpipe.layers.refusal import no_joint_judged
 from hqpipe.logs.finer_clock import steps_per_row
 from hqpipe.logs.joint_kinds import PRISMATIC, unit_of
@@ -134,16 +135,21 @@ class Actuator:
         none = np.zeros((0, len(fit.trial))), np.zeros((0, len(heldout.trial)))
         starts = tuple(StartNoise(size.noise**2, record.step, record.judged) for record in records)
 
-        def model(first: dict[str, float], leak: float = 0.0, shaped: bool = False) -> ActuatorJoint:
+        def model(first: dict[str, float], leak: float = 0.0, law: Solution | None = None) -> ActuatorJoint:
             # A base that lacks an effect may leak too little; the floor is the least that noise leaves.
             noise, misfit_noise = starts[0].floor(max(first["k2"], leak))
-            shapes, scale = free_run_shapes(records, size, first) if shaped else (none, np.zeros(0))
+            shapes, scale, stepped, known = none, np.zeros(0), None, effects
+            if law is not None:
+                shapes, scale = free_run_shapes(records, size, first)
+                moment = moment_of_change(records[0], size, first, law, shapes[0])
+                stepped = tuple(stepped_time(record, moment) for record in records)
+                known = (*with_sudden_change(effects), *shapes_of(size, units[0]))
             return ActuatorJoint(
                 joint=name,
                 unit=units[0],
                 dt=dt,
                 base=base_parameters(first, size, slowest),
-                effects=(*effects, *(shapes_of(size, units[0]) if shaped else ())),
+                effects=known,
                 fit=fit,
                 heldout=heldout,
                 noise=(noise, noise),
@@ -155,6 +161,7 @@ class Actuator:
                 neutral=row,
                 shapes=shapes,
                 shape_scale=scale,
+                stepped=stepped,
                 ratios={name: ratio for name, ratio in RATIOS.items() if name not in barred},
                 draws=(float(draws[0][j]), float(draws[1][j])),
                 units=units,
@@ -164,7 +171,8 @@ class Actuator:
             )
 
         guess = _best_guess(model, first_guesses(records[0], per_row))
-        return model(_fitted(model(guess)), guess["k2"], shaped=True)  # the shapes fade with the leakage
+        first, law = _fitted(model(guess))
+        return model(first, guess["k2"], law)  # the shapes fade with the leakage
 
     def _draws(self, log_set: LogSet) -> tuple[np.ndarray, np.ndarray]:
         """(J,) rad/s of flow per speed and per position error of each joint."""
@@ -220,8 +228,8 @@ def _best_guess(
     return min(guesses, key=square)
 
 
-def _fitted(joint: ActuatorJoint) -> dict[str, float]:
-    """The four coefficients fitted by themselves."""
+def _fitted(joint: ActuatorJoint) -> tuple[dict[str, float], Solution]:
+    """The four coefficients fitted by themselves, and their fit."""
     fitter = Fitter(joint)
-    found = fitter.fit(np.arange(len(BASE)), [fitter.neutral], 0.0).values
-    return {name: float(value) for name, value in zip(BASE, found, strict=False)}
+    found = fitter.fit(np.arange(len(BASE)), [fitter.neutral], 0.0)
+    return {name: float(value) for name, value in zip(BASE, found.values, strict=False)}, found

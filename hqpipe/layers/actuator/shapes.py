@@ -7,7 +7,7 @@ model leaves of a change at the logged torque.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -26,7 +26,6 @@ SHAPES = (
     ("hysteresis", "command", 2),
     ("leak_curve", "effort", 2),
     ("offset_drift", "time", 1),
-    ("sudden_change", "time", 3),
     ("drag", "direction", 1),
 )
 """Name, the signal that it depends on, and its number of columns, in the order of `_columns`."""
@@ -34,9 +33,6 @@ USUAL = 0.1  # of the usual torque, that a shape gives; assumption: as a small e
 PLAYS = (0.05, 0.2)
 """Of the usual opening, that a spool is held back by; assumption: a few per cent of its stroke, of which commands use a part.
 Plays of other widths are near to sums of these (Prandtl and Ishlinskii)."""
-MOMENTS = (0.25, 0.5, 0.75)
-"""Shares of the longest trial after which the gain may be another one; assumption. A drift, which has a name, is told from
-three steps by a sixteenth of its square."""
 TURNING = 0.02  # of the usual speed, over which a drag changes its sign; assumption: seals creep before they slide
 
 
@@ -56,25 +52,29 @@ def free_run_shapes(
     """What each shape adds to the torque in a free run.
 
     Args:
-        first: coefficient → value, of which those of leakage and impacts count.
+        first: see `summed`.
 
     Returns:
         (C, N) of the fit and the held-out samples, of mean square 1 in the fit; and (C,) what they were divided by for that.
     """
     whole = max(float(records[0].signals.time.max(initial=0.0)), np.finfo(float).tiny)
-    fit, heldout = (_summed(record, size, whole, first) for record in records)
+    fit, heldout = (summed(record, _columns(record, size, whole), first) for record in records)
     scale = np.sqrt(np.mean(fit**2, axis=1, keepdims=True))
     scale[scale == 0.0] = 1.0
     return (fit / scale, heldout / scale), scale[:, 0]
 
 
+def opening_of(record: Record, size: Sizes) -> np.ndarray:
+    """(T,) of the valve, in usual ones."""
+    return (record.signals.command - record.signals.position) / size.of[scales.COMMAND]
+
+
 def _columns(record: Record, size: Sizes, whole: float) -> list[np.ndarray]:
-    """(T,) each; whole: s, length of the longest fit trial."""
+    """(T,) what each shape adds to the rate of the torque; whole: s, length of the longest fit trial."""
     s = record.signals
     z = (s.position - size.middle) / size.of[scales.ANGLE]
-    v, e = s.velocity / size.of[scales.VELOCITY], (s.command - s.position) / size.of[scales.COMMAND]
+    v, e = s.velocity / size.of[scales.VELOCITY], opening_of(record, size)
     f = s.effort / size.of[scales.EFFORT]
-    passed = s.time / whole
     by_speed = [v * np.abs(v), v**3]
     return [
         *(z, z**2),
@@ -84,8 +84,7 @@ def _columns(record: Record, size: Sizes, whole: float) -> list[np.ndarray]:
         *(e * np.abs(e), e**3),
         *(_held_back(e, s.bounds, play) for play in PLAYS),
         *(f * np.abs(f), f**2),
-        passed - 0.5,
-        *(e * (passed > moment) for moment in MOMENTS),
+        s.time / whole - 0.5,
         v / np.sqrt(v**2 + TURNING**2),
     ]
 
@@ -103,9 +102,14 @@ def _kept(record: Record, first: Mapping[str, float]) -> np.ndarray:
     return np.maximum(1.0 - first["k2"] - np.where(s.effort * error < 0.0, first["k4"] * np.abs(error), 0.0), 0.0)
 
 
-def _summed(record: Record, size: Sizes, whole: float, first: Mapping[str, float]) -> np.ndarray:
+def summed(record: Record, rates: Sequence[np.ndarray], first: Mapping[str, float]) -> np.ndarray:
+    """(C, N) what rates (T,) add to the torque in a free run.
+
+    Args:
+        first: coefficient → value, of which those of leakage and impacts count.
+    """
     s, found, keep = record.signals, [], _kept(record, first)
-    for column in _columns(record, size, whole):
+    for column in rates:
         rows, total = np.empty((s.steps, record.windows)), np.zeros(record.windows)
         for k in range(s.steps):
             total = keep[s.first + k] * total + column[s.first + k]

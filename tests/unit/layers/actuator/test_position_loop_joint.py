@@ -21,7 +21,8 @@ def alone(model, *names):
         e.name for e in model.effects for _ in e.parameters
     ]  # one may hold a number that acts in another's place
     places = tuple(p for name, p in zip(effects, model.places, strict=False) if name in names)
-    return replace(model, effects=tuple(e for e in model.effects if e.name in names), places=places)
+    kept = tuple(e for e in model.effects if e.name in names)
+    return replace(model, effects=kept, places=places, shape_scale=np.zeros(0), stepped=None)
 
 
 def placed(model, effect, name):
@@ -223,7 +224,7 @@ def test_a_joint_beside_one_that_slides_keeps_its_share_of_the_flow(logs):
 def test_a_shape_that_grows_with_time_grows_alike_in_a_shorter_held_out_trial(logs):
     short = tuple(t if t.split == "fit" else replace(t, trajectory=t.trajectory.section(0, 1500)) for t in logs.trials)
     joint = Actuator().joints(replace(logs, trials=short), window_s=0.1).models[0]
-    at = [p.name for e in joint.effects if not e.named for p in e.parameters].index("offset_drift_1")
+    at = [p.name for p in all_parameters(joint)[-len(joint.shape_scale) :]].index("offset_drift_1")
     slopes = []
     for record, shapes in zip(joint.records, joint.shapes, strict=True):
         first = shapes[at].reshape(record.windows, -1)[:, 0]  # of each window
@@ -263,7 +264,26 @@ def test_sensitivities_that_the_joint_gives_are_those_of_differences(model):
             moved[index] += 0.5
             np.testing.assert_allclose((model.error(moved) - before) / 0.5, exact, rtol=1e-6, atol=1e-6)
             given += 1
-    assert given == sum(len(effect.parameters) for effect in model.effects if not effect.named)
+    assert given == sum(len(e.parameters) for e in model.effects if not e.named and e.name != "sudden_change")
+
+
+def test_a_gain_that_changes_suddenly_changes_what_begins_after_its_moment_and_stands_beside_no_drift(model):
+    """A window that ends before the moment is as it was; one that begins after it is that of another gain."""
+    values, change = neutral(model), next(e for e in model.effects if e.name == "sudden_change")
+    values[placed(model, "sudden_change", "gain_step")] = 0.3
+    other = neutral(model)
+    other[[0, 3]] *= 1.3  # of what the opening does: flow, and impacts
+    before, after, whole = (model.error(each).copy() for each in (neutral(model), values, other))
+    s = model.records[0].signals
+    begins, ends = s.time[s.first], s.time[s.first + s.steps]
+    moment = s.time[model.stepped[0] > 0.5].min()
+    for window, same in ((ends < moment, before), (begins >= moment, whole)):
+        sample = np.broadcast_to(window[:, None], model.records[0].judged.shape)[model.records[0].judged]
+        assert sample.any()
+        np.testing.assert_allclose(after[sample], same[sample], rtol=1e-5, atol=1e-3)
+    drift = next(e for e in model.effects if e.name == "gain_drift")
+    assert "gain_drift" in change.excludes and "sudden_change" in drift.excludes
+    assert np.array_equal(model.row(values), model.row(neutral(model))), "it is no number of the machine"
 
 
 def test_a_moment_arm_that_changes_is_told_in_a_remark(model):
