@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hqpipe.identify.model import Effect, Implied, Parameter, Ratio, Samples, all_parameters
-from hqpipe.layers.actuator import link, sudden_change
+from hqpipe.layers.actuator import link, spool_hysteresis, sudden_change
 from hqpipe.layers.actuator.parameters import (
     BASE_NAMES,
     BY_OPENING,
@@ -109,6 +109,7 @@ class ActuatorJoint:
     _neutral: np.ndarray = field(init=False)
     _first_shape: int = field(init=False)
     _last: dict[str, float] = field(init=False)
+    _plays: dict[tuple[float, float], int] = field(init=False, default_factory=dict)
     _driven: Signals = field(init=False)
     _share: float = field(init=False, default=0.0)
 
@@ -155,7 +156,7 @@ class ActuatorJoint:
                 object.__setattr__(self, "_driven", record.driven_by(*shares, self._driven, moved))
                 object.__setattr__(self, "_last", versions)
             row, driven = self._read(values, self._driven)
-            errors = self._run.errors(row, driven, versions | {"time": float(driven.time is not self._driven.time)})
+            errors = self._run.errors(row, driven, versions | self._versions_inside(values, versions["command"]))
         found = record.picked(errors)
         beside = values[self._first_shape :]
         for shape in np.flatnonzero(beside):
@@ -171,12 +172,29 @@ class ActuatorJoint:
         return start.removed_from(error, leak, share)
 
     def _read(self, values: np.ndarray, signals: Signals, heldout: bool = False) -> tuple[np.ndarray, Signals]:
-        """The row and the signals that the loops read: those of the machine, unless its gain changes suddenly."""
-        row = self.row(values)
-        if self.stepped is None or values[self._first_shape - 1] == 0.0:
-            return row, signals
-        row[sudden_change.SLOT] = values[self._first_shape - 1]
-        return row, signals._replace(time=self.stepped[heldout])
+        """The row and the signals that the loops read: those of the machine, but for shapes that act inside the law."""
+        row, (change, half_play) = self.row(values), self._inside(values)
+        if change and self.stepped:
+            row[sudden_change.SLOT] = change
+            signals = signals._replace(time=self.stepped[heldout])
+        if half_play:
+            signals = signals._replace(command=spool_hysteresis.command_behind(signals, half_play))
+        return row, signals
+
+    def _inside(self, values: np.ndarray) -> tuple[float, float]:
+        """Numbers of the shapes that act inside the law: a sudden change of the gain, and half of a spool's play."""
+        if self.stepped is None:
+            return 0.0, 0.0
+        return float(values[self._first_shape - 2]), float(values[self._first_shape - 1])
+
+    def _versions_inside(self, values: np.ndarray, command: float) -> dict[str, float]:
+        """Versions of the signals that `_read` changes; command: that of the machine's."""
+        change, half_play = self._inside(values)
+        found = {"time": float(change != 0.0)}
+        if half_play:
+            version = 2.0 + self._plays.setdefault((command, half_play), len(self._plays))  # shares go from 0 to 1
+            found |= {"raw_command": version, "command": version}
+        return found
 
     @staticmethod
     def _each(shares: tuple[float, float, tuple[float, ...]]) -> tuple[float, float, float, float]:

@@ -18,6 +18,7 @@ from hqpipe.layers.actuator.parameters import TOLD_BY_FRICTION, base_parameters,
 from hqpipe.layers.actuator.record import draws_of, record_of
 from hqpipe.layers.actuator.shapes import free_run_shapes, shapes_of
 from hqpipe.layers.actuator.sizes import Sizes, at_rest, sizes_of
+from hqpipe.layers.actuator.spool_hysteresis import spool_hysteresis
 from hqpipe.layers.actuator.start import first_guesses
 from hqpipe.layers.actuator.start_noise import StartNoise
 from hqpipe.layers.actuator.sudden_change import moment_of_change, stepped_time, with_sudden_change
@@ -143,7 +144,7 @@ class Actuator:
                 shapes, scale = free_run_shapes(records, size, first)
                 moment = moment_of_change(records[0], size, first, law, shapes[0])
                 stepped = tuple(stepped_time(record, moment) for record in records)
-                known = (*with_sudden_change(effects), *shapes_of(size, units[0]))
+                known = (*with_sudden_change(effects), spool_hysteresis(size), *shapes_of(size, units[0]))
             return ActuatorJoint(
                 joint=name,
                 unit=units[0],

@@ -14,7 +14,6 @@ import numpy as np
 from hqpipe.identify.model import Effect, Parameter
 from hqpipe.layers.actuator.record import Record
 from hqpipe.layers.actuator.sizes import Sizes
-from hqpipe.layers.joint_motion.hysteresis import slipping_spring
 from hqpipe.machine import effect as scales
 
 SHAPES = (
@@ -23,16 +22,12 @@ SHAPES = (
     ("speed_by_position", "position", 2),
     ("linkage", "position", 2),
     ("flow_curve", "command", 2),
-    ("hysteresis", "command", 2),
     ("leak_curve", "effort", 2),
     ("offset_drift", "time", 1),
     ("drag", "direction", 1),
 )
 """Name, the signal that it depends on, and its number of columns, in the order of `_columns`."""
 USUAL = 0.1  # of the usual torque, that a shape gives; assumption: as a small effect
-PLAYS = (0.05, 0.2)
-"""Of the usual opening, that a spool is held back by; assumption: a few per cent of its stroke, of which commands use a part.
-Plays of other widths are near to sums of these (Prandtl and Ishlinskii)."""
 TURNING = 0.02  # of the usual speed, over which a drag changes its sign; assumption: seals creep before they slide
 
 
@@ -82,17 +77,10 @@ def _columns(record: Record, size: Sizes, whole: float) -> list[np.ndarray]:
         *(z * v, z**2 * v),
         *(z * e, z**2 * e),
         *(e * np.abs(e), e**3),
-        *(_held_back(e, s.bounds, play) for play in PLAYS),
         *(f * np.abs(f), f**2),
         s.time / whole - 0.5,
         v / np.sqrt(v**2 + TURNING**2),
     ]
-
-
-def _held_back(opening: np.ndarray, bounds: np.ndarray, play: float) -> np.ndarray:
-    """(T,) share −1 … 1 of its play by which a spool stands behind an opening (T,); bounds: (trials + 1,) of the trials."""
-    parts = [slipping_spring(opening[a:b], play) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
-    return np.concatenate(parts) if parts else np.zeros(0)
 
 
 def _kept(record: Record, first: Mapping[str, float]) -> np.ndarray:

@@ -11,6 +11,7 @@ from position_loop_logs import DT, changed, neutral
 from hqpipe.identify.model import all_parameters
 from hqpipe.layers.actuator import Actuator
 from hqpipe.layers.actuator.parameters import BASE_NAMES
+from hqpipe.layers.actuator.spool_hysteresis import command_behind
 from hqpipe.logs.joint_kinds import PRISMATIC
 from hqpipe.machine import EFFECTS
 
@@ -264,7 +265,7 @@ def test_sensitivities_that_the_joint_gives_are_those_of_differences(model):
             moved[index] += 0.5
             np.testing.assert_allclose((model.error(moved) - before) / 0.5, exact, rtol=1e-6, atol=1e-6)
             given += 1
-    assert given == sum(len(e.parameters) for e in model.effects if not e.named and e.name != "sudden_change")
+    assert given == len(model.shape_scale) > 10
 
 
 def test_a_gain_that_changes_suddenly_changes_what_begins_after_its_moment_and_stands_beside_no_drift(model):
@@ -284,6 +285,29 @@ def test_a_gain_that_changes_suddenly_changes_what_begins_after_its_moment_and_s
     drift = next(e for e in model.effects if e.name == "gain_drift")
     assert "gain_drift" in change.excludes and "sudden_change" in drift.excludes
     assert np.array_equal(model.row(values), model.row(neutral(model))), "it is no number of the machine"
+
+
+def test_shapes_inside_the_law_leave_nothing_behind_in_the_runs_that_follow(model):
+    """Of what is kept from run to run the signals that they change are others."""
+    kept = neutral(model)
+    step = placed(model, "sudden_change", "gain_step")
+    play, lag = placed(model, "hysteresis", "half_play"), placed(model, "valve_lag", "time_constant_s")
+    both = {play: 0.01, step: 0.2}
+    for numbers in ({}, {play: 0.01}, both, {play: 0.02, lag: 0.01}, {step: 0.2, lag: 0.01}, {lag: 0.01}, {}):
+        values = kept.copy()
+        values[list(numbers)] = list(numbers.values())
+        assert np.array_equal(model.error(values), replace(model).error(values)), numbers
+
+
+def test_a_spool_with_a_play_stands_after_each_reversal_until_the_play_is_passed(logs, model):
+    t, values = logs.fit[0].trajectory, neutral(model)
+    values[placed(model, "hysteresis", "half_play")] = half_play = 0.3 * np.std(t.position_command - t.position)
+    s = model.records[0].signals
+    opening, late = s.command - s.position, command_behind(s, half_play) - s.position
+    assert np.max(np.abs(late - opening)) == pytest.approx(half_play)
+    standing = np.diff(late)[np.abs(late - opening)[1:] < 0.999 * half_play]
+    assert len(standing) > 100 and np.max(np.abs(standing)) < 1e-12, "it stands until the play is passed"
+    assert np.max(np.abs(model.error(values) - model.error(neutral(model)))) > 1.0
 
 
 def test_a_moment_arm_that_changes_is_told_in_a_remark(model):
