@@ -18,18 +18,31 @@ from hqpipe.identify.thresholds import HALVED
 def without_minor_causes(
     answers: Sequence[JointFound], answered_without: Callable[[Mapping[int, str]], Mapping[int, JointFound]]
 ) -> list[JointFound]:
-    """The answers of a machine's joints without such causes; in each joint the least one goes first, as others may take its
-    part.
+    """The answers of a machine's joints without such causes; in each joint the least one goes first, as others that it has may
+    take its part.
+
+    What the logs ask for only where a more probable effect is barred stands for that one, and goes with it.
 
     Args:
         answers: of each joint. answered_without: number of a joint → effect that is barred from now on, to its answer.
     """
     answers = list(answers)
-    while weak := _minor(answers):
+    asked = [_asked_for(answer) for answer in answers]
+    while weak := [*_minor(answers), *_stand_ins(answers, asked)]:
         least = {j: effect for _, effect, j in sorted(weak, reverse=True)}
         for j, answer in answered_without(least).items():
             answers[j] = answer
     return answers
+
+
+def _asked_for(answer: JointFound) -> frozenset[str]:
+    """What the logs of a joint ask for, and what they cannot tell from that."""
+    return frozenset(answer.full.effects).union(*(cause.confused_with for cause in answer.causes))
+
+
+def _stand_ins(answers: Sequence[JointFound], asked: Sequence[frozenset[str]]) -> list[tuple[float, str, int]]:
+    """Causes as of `_minor` that were not asked for before others were barred; asked: effects of each joint."""
+    return [(0.0, name, j) for j, joint in enumerate(answers) for name in joint.beside_unknown if name not in asked[j]]
 
 
 def _minor(answers: Sequence[JointFound]) -> list[tuple[float, str, int]]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 from hqpipe.identify import joint_search
-from hqpipe.identify.found import BesideUnknown
+from hqpipe.identify.found import BesideUnknown, JointCause
 from hqpipe.identify.joint_search import JointSearch
 from hqpipe.identify.minor_causes import without_minor_causes
 
@@ -18,13 +18,15 @@ class Answered:
     """What is told of an answer here."""
 
     beside_unknown: dict
+    full: SimpleNamespace
     model: object = field(default=None)
     causes: tuple = ()
 
 
 def answered(closes: dict, unknown: float) -> Answered:
     """closes: cause → its share. unknown: share that is left."""
-    return Answered({name: BesideUnknown(share, unknown) for name, share in closes.items()})
+    shares = {name: BesideUnknown(share, unknown) for name, share in closes.items()}
+    return Answered(shares, SimpleNamespace(effects=tuple(shares)))
 
 
 def test_an_effect_that_went_does_not_come_back_when_the_next_one_goes(monkeypatch):
@@ -66,3 +68,22 @@ def test_what_closes_little_goes_where_something_is_unexplained_and_no_other_joi
     assert barred(faint, clear, sound, sound, unknown=0.01) == []  # as many as together close enough
     assert barred(*[faint] * 4, clear, unknown=0.02) == [{2: "torque_bias", 3: "torque_bias"}]
     assert barred(faint, faint, sound, sound, unknown=0.0) == []
+
+
+def test_what_joins_only_where_another_effect_is_barred_goes_with_it():
+    """Not what was asked for all along, nor what could not be told from that."""
+    begun = answered({"valve_lag": 0.1, "orifice_flow": 0.9}, 0.5)
+    begun.causes = (JointCause("valve_lag", 0.9, (), ("valve_delay",)),)
+    in_turn = [
+        {"orifice_flow": 0.9, "integral_action": 0.9, "valve_delay": 0.8},
+        {"orifice_flow": 0.9, "valve_delay": 0.8},
+    ]
+    told = []
+
+    def without(least):
+        told.append(dict(least))
+        return {0: answered(in_turn[len(told) - 1], 0.5)}
+
+    (last,) = without_minor_causes([begun], without)
+    assert told == [{0: "valve_lag"}, {0: "integral_action"}]
+    assert set(last.beside_unknown) == {"orifice_flow", "valve_delay"}
