@@ -108,6 +108,9 @@ class ActuatorJoint:
     _zero: int | None = field(init=False)
     _neutral: np.ndarray = field(init=False)
     _first_shape: int = field(init=False)
+    _change: int | None = field(init=False)
+    _play: int | None = field(init=False)
+    _timed: np.ndarray = field(init=False)
     _last: dict[str, float] = field(init=False)
     _plays: dict[tuple[float, float], int] = field(init=False, default_factory=dict)
     _driven: Signals = field(init=False)
@@ -135,6 +138,11 @@ class ActuatorJoint:
             object.__setattr__(self, attribute, at)
         object.__setattr__(self, "_neutral", np.array([parameter.neutral for parameter in all_parameters(self)]))
         object.__setattr__(self, "_first_shape", len(self._neutral) - len(self.shape_scale))
+        owners = [effect.name for effect in self.effects for _ in effect.parameters]
+        for attribute, name in (("_change", sudden_change.NAME), ("_play", spool_hysteresis.NAME)):
+            object.__setattr__(self, attribute, len(self.base) + owners.index(name) if name in owners else None)
+        timed = [k for k, (owner, _) in enumerate(self.places) if owner in sudden_change.TIMED]
+        object.__setattr__(self, "_timed", len(self.base) + np.array(timed, dtype=np.int64))
 
     def error(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
         """(N,) prediction less measured torque at the samples of `fit` or `heldout`, N·m or N.
@@ -183,9 +191,8 @@ class ActuatorJoint:
 
     def _inside(self, values: np.ndarray) -> tuple[float, float]:
         """Numbers of the shapes that act inside the law: a sudden change of the gain, and half of a spool's play."""
-        if self.stepped is None:
-            return 0.0, 0.0
-        return float(values[self._first_shape - 2]), float(values[self._first_shape - 1])
+        change = 0.0 if self._change is None or np.any(values[self._timed]) else float(values[self._change])
+        return change, 0.0 if self._play is None else float(values[self._play])
 
     def _versions_inside(self, values: np.ndarray, command: float) -> dict[str, float]:
         """Versions of the signals that `_read` changes; command: that of the machine's."""
@@ -236,11 +243,14 @@ class ActuatorJoint:
 
     def idle(self, values: np.ndarray) -> tuple[int, ...]:
         """Places of parameters that change nothing at these values: how friction turns round, where there is none, areas
-        that do not act, and a mean pressure that has strayed beside directions of unequal gain."""
+        that do not act, a mean pressure that has strayed beside directions of unequal gain, and a sudden change beside what
+        changes in time, as an earlier record may have it."""
         present = np.any(values[self._friction] != self._neutral[self._friction])
         turning = () if present else (_SPEED_LATE, *_PRESLIDING)
         areas = (self._of_orifice[1],) if self._is_even(values) else ()
-        return (*turning, *areas, *((self._of_directions[1],) if self._has_ratio(values) else ()))
+        strayed = (self._of_directions[1],) if self._has_ratio(values) else ()
+        sudden = (self._change,) if self._change is not None and np.any(values[self._timed]) else ()
+        return (*turning, *areas, *strayed, *sudden)
 
     def _has_ratio(self, values: np.ndarray) -> bool:
         """Whether the gains of both directions have a ratio, which is all that a strayed mean pressure would say of them: of

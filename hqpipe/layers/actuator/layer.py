@@ -144,7 +144,7 @@ class Actuator:
                 shapes, scale = free_run_shapes(records, size, first)
                 moment = moment_of_change(records[0], size, first, law, shapes[0])
                 stepped = tuple(stepped_time(record, moment) for record in records)
-                known = (*with_sudden_change(effects), spool_hysteresis(size), *shapes_of(size, units[0]))
+                known = (*with_sudden_change(effects), spool_hysteresis(size, units[1]), *shapes_of(size, units[0]))
             return ActuatorJoint(
                 joint=name,
                 unit=units[0],

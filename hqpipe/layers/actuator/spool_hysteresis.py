@@ -19,11 +19,11 @@ STARTS = (0.05, 0.2)
 USUAL, MOST = 0.1, 1.0  # likewise
 
 
-def spool_hysteresis(size: Sizes) -> Effect:
-    """The shape; its number is half of the play, in the unit of the position."""
+def spool_hysteresis(size: Sizes, unit: str) -> Effect:
+    """The shape; its number is half of the play. unit: of the position."""
     usual = size.of[scales.COMMAND]
     starts = tuple(start * usual for start in STARTS)
-    play = Parameter("half_play", "rad", 0.0, USUAL * usual, 0.0, MOST * usual, starts)
+    play = Parameter("half_play", unit, 0.0, USUAL * usual, 0.0, MOST * usual, starts)
     return Effect(NAME, (play,), named=False, signal="command")
 
 

@@ -24,7 +24,7 @@ SLOT = slot(DRIFT.name, DRIFT.parameters[0].name)  # of the loops' row, that hol
 MOMENTS = np.linspace(0.1, 0.9, 33)
 """Shares of the longest trial at which the gain may change; assumption. A step between two of them leaves at most a twentieth
 of its square, a drift at least a quarter."""
-_TIMED = frozenset(name for name, effect in EFFECTS.items() if effect.reads("time"))
+TIMED = frozenset(name for name, effect in EFFECTS.items() if effect.reads("time"))  # beside these it does nothing
 _RUNNING = 1e-6  # 1/s by which a time that steps grows besides: the loops take 0 for the start of a trial
 # As in the other layers (`hqpipe.layers.valve.parameters`).
 _STEP = Parameter("gain_step", "1", 0.0, 0.1, -0.95, 0.95)
@@ -32,8 +32,8 @@ _STEP = Parameter("gain_step", "1", 0.0, 0.1, -0.95, 0.95)
 
 def with_sudden_change(effects: Sequence[Effect]) -> tuple[Effect, ...]:
     """The effects of the loops and the shape, which have one time together: it stands in no set with what changes in time."""
-    change = Effect(NAME, (_STEP,), named=False, signal="time", excludes=_TIMED, settled=1)
-    beside = (replace(e, excludes=e.excludes | {NAME}) if e.name in _TIMED else e for e in effects)
+    change = Effect(NAME, (_STEP,), named=False, signal="time", excludes=TIMED, settled=1)
+    beside = (replace(e, excludes=e.excludes | {NAME}) if e.name in TIMED else e for e in effects)
     return (*beside, change)
 
 

@@ -287,6 +287,18 @@ def test_a_gain_that_changes_suddenly_changes_what_begins_after_its_moment_and_s
     assert np.array_equal(model.row(values), model.row(neutral(model))), "it is no number of the machine"
 
 
+@pytest.mark.parametrize("timed", ["gain_drift", "leakage_drift"])
+def test_a_sudden_change_does_nothing_beside_what_changes_in_time(model, timed):
+    """An earlier record may have such a drift, and nothing excludes its effects."""
+    values, change = neutral(model), placed(model, "sudden_change", "gain_step")
+    assert change not in model.idle(values)
+    values[placed(model, timed, "rate_per_s")] = 0.01
+    expected = model.error(values).copy()
+    values[change] = 0.3
+    assert change in model.idle(values)
+    assert np.array_equal(model.error(values), expected)
+
+
 def test_shapes_inside_the_law_leave_nothing_behind_in_the_runs_that_follow(model):
     """Of what is kept from run to run the signals that they change are others."""
     kept = neutral(model)
