@@ -36,8 +36,8 @@ def without_minor_causes(
 
 
 def _asked_for(answer: JointFound) -> frozenset[str]:
-    """What the logs of a joint ask for, and what they cannot tell from that."""
-    return frozenset(answer.full.effects).union(*(cause.confused_with for cause in answer.causes))
+    """What the logs of a joint ask for: what fits best, what is named for it, and what they cannot tell from that."""
+    return frozenset(answer.full.effects).union(*((cause.effect, *cause.confused_with) for cause in answer.causes))
 
 
 def _stand_ins(answers: Sequence[JointFound], asked: Sequence[frozenset[str]]) -> list[tuple[float, str, int]]:

@@ -87,3 +87,11 @@ def test_what_joins_only_where_another_effect_is_barred_goes_with_it():
     (last,) = without_minor_causes([begun], without)
     assert told == [{0: "valve_lag"}, {0: "integral_action"}]
     assert set(last.beside_unknown) == {"orifice_flow", "valve_delay"}
+
+
+def test_what_is_named_for_what_fits_best_was_asked_for():
+    begun = answered({"valve_lag": 0.8, "orifice_flow": 0.9}, 0.0)
+    begun.full = SimpleNamespace(effects=("valve_delay", "orifice_flow"))
+    begun.causes = (JointCause("valve_lag", 0.9, (), ("valve_delay",)), JointCause("orifice_flow", 1.0, ()))
+    (last,) = without_minor_causes([begun], lambda least: {0: answered({}, 0.5)})
+    assert last is begun
