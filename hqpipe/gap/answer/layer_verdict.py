@@ -1,7 +1,8 @@
 """What may be said of a layer: whether there is a gap, and whether the causes explain it.
 
 No real machine is in the span of a library of effects, so that even the right causes leave an error above the noise of the
-sensors. A gap counts as explained where the causes close most of it.
+sensors. A gap counts as explained where the causes close most of it: of the joints relative to their spread, in which each
+counts alike, and in their common unit, which is what a reader is told first.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ class LayerEvidence:
         before, after: without effects and with the causes. flexible: with the generic shapes besides; never more than `after`.
         noise: what sensor noise leaves; never more than `flexible`. floor: what is no gap: the noise, or what an earlier record
             missed when it was made.
-        persistence: of holding the output. scale: of the joints.
+        persistence: of holding the output. scale: of the joints. one_unit: whether all joints have the same unit.
         gap, rest: (J,) True where the error before and after the causes is above the floor and matters.
         predictable: (J,) True where the flexible model explains part of what is left for certain.
     """
@@ -44,14 +45,15 @@ class LayerEvidence:
     floor: np.ndarray
     persistence: np.ndarray
     scale: np.ndarray
+    one_unit: bool
     gap: np.ndarray
     rest: np.ndarray
     predictable: np.ndarray
 
     @property
     def left(self) -> float:
-        """Share of the squared gap above the floor that is left."""
-        return _ratio(self._above(self.after), self._above(self.before))
+        """Share of the squared gap above the floor that is left, relative to the spread of each joint."""
+        return self._left(self.scale)
 
     @property
     def blind(self) -> bool:
@@ -64,10 +66,15 @@ class LayerEvidence:
             return "unknown" if self.gap.any() else "no_gap"
         if self.blind:
             return "partly_explained"
-        return "explained" if not self.rest.any() or self.left <= EXPLAINED else "partly_explained"
+        left = max(self.left, self._left(np.ones_like(self.scale))) if self.one_unit else self.left
+        return "explained" if not self.rest.any() or left <= EXPLAINED else "partly_explained"
 
-    def _above(self, error: np.ndarray) -> float:
-        return float((np.maximum(error - self.floor, 0.0) / self.scale**2)[self.gap].sum())
+    def _left(self, scale: np.ndarray) -> float:
+        after, before = (
+            float((np.maximum(error - self.floor, 0.0) / scale**2)[self.gap].sum())
+            for error in (self.after, self.before)
+        )
+        return _ratio(after, before)
 
 
 def _ratio(part: float, whole: float) -> float:
@@ -92,7 +99,10 @@ def weigh_layer(errors: LayerErrors, familiar: np.ndarray | float = 0.0) -> Laye
     weights = block_weights(len(errors.trial_of_block))
     gap, _ = _above(errors, [joint.found.base for joint in joints], before, flexible, floor, weights)
     rest, predictable = _above(errors, [joint.found.named for joint in joints], after, flexible, floor, weights)
-    return LayerEvidence(before, after, flexible, noise, floor, np.array(held), errors.scale, gap, rest, predictable)
+    one_unit = len(set(errors.units)) == 1
+    return LayerEvidence(
+        before, after, flexible, noise, floor, np.array(held), errors.scale, one_unit, gap, rest, predictable
+    )
 
 
 def _above(

@@ -40,6 +40,18 @@ def test_verdict(model, base, named, full, causes, expected):
     assert verdict(model, base, named, full, causes) == expected
 
 
+def test_what_is_left_counts_relative_to_the_spread_and_in_the_unit_of_the_joints(model):
+    """A strong joint keeps most of its error, a weak one that had a larger share of its spread loses it."""
+    strong = toy("knee", 0)
+    for part in ("fit", "heldout"):
+        setattr(strong, part, replace(getattr(strong, part), output=20.0 * getattr(strong, part).output))
+    spread = np.std(model.fit.output)
+    joints = [made_up(model, 0.4 * spread, 0.05 * spread), made_up(strong, 2.0 * spread, 1.6 * spread)]
+    evidence = weigh_layer(layer_errors(layer_found(*joints), log_set([model, strong])))
+    assert evidence.left < 0.1 and evidence.verdict(True) == "partly_explained"
+    assert replace(evidence, one_unit=False).verdict(True) == "explained"
+
+
 def test_an_error_that_is_certain_but_small_beside_the_motion_is_no_gap(model):
     model_of_little_noise = toy("hip", 0)
     model_of_little_noise.noise = (1e-4, 1e-4)
