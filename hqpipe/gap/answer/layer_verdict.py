@@ -2,7 +2,7 @@
 
 No real machine is in the span of a library of effects, so that even the right causes leave an error above the noise of the
 sensors. A gap counts as explained where the causes close most of it: of the joints relative to their spread, in which each
-counts alike, and in their common unit, which is what a reader is told first.
+counts alike, and in their common unit, which is what a reader is told first; and where no joint keeps most of its own.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from hqpipe.identify.found import Fitted
 from hqpipe.identify.thresholds import LEAST_GAIN
 
 EXPLAINED = 0.25  # of the squared gap may be left: the causes halve the gap at least; assumption
+MOST = 0.5  # of the squared gap of a joint: with more left it is not explained, whatever the others are
 SIGNIFICANCE = 0.05  # over all joints together (Bonferroni)
 FLOOR_MARGIN = 1.05  # the floor itself is an estimate, good to a few per cent
 UNPREDICTED_MARGIN = 2.0  # assumption: the floor takes noise for white; coloured noise is off by less
@@ -67,14 +68,21 @@ class LayerEvidence:
         if self.blind:
             return "partly_explained"
         left = max(self.left, self._left(np.ones_like(self.scale))) if self.one_unit else self.left
-        return "explained" if not self.rest.any() or left <= EXPLAINED else "partly_explained"
+        closed = left <= EXPLAINED and not self._keeps_most().any()
+        return "explained" if closed or not self.rest.any() else "partly_explained"
 
     def _left(self, scale: np.ndarray) -> float:
-        after, before = (
-            float((np.maximum(error - self.floor, 0.0) / scale**2)[self.gap].sum())
-            for error in (self.after, self.before)
-        )
-        return _ratio(after, before)
+        return _ratio(float(self._above(self.after, scale).sum()), float(self._above(self.before, scale).sum()))
+
+    def _keeps_most(self) -> np.ndarray:
+        """(joints with a gap,) True where more is left than half of the joint's squared gap, and of the mean one of all."""
+        before = self._above(self.before, self.scale)
+        mean = before.sum() / max(before.size, 1)
+        return self._above(self.after, self.scale) > MOST * np.maximum(before, mean)
+
+    def _above(self, error: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """(joints with a gap,) what of a squared error is above the floor, over the square of a scale."""
+        return (np.maximum(error - self.floor, 0.0) / scale**2)[self.gap]
 
 
 def _ratio(part: float, whole: float) -> float:

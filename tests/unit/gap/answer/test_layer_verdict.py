@@ -52,6 +52,21 @@ def test_what_is_left_counts_relative_to_the_spread_and_in_the_unit_of_the_joint
     assert replace(evidence, one_unit=False).verdict(True) == "explained"
 
 
+def test_a_machine_is_not_explained_where_a_joint_keeps_most_of_its_gap(model):
+    joints = [toy(f"joint_{i}", i) for i in range(8)]
+
+    def verdict_with(last_before, last_left):
+        found = [made_up(joint, 5.0, 0.5) for joint in joints[:-1]]
+        found.append(made_up(joints[-1], last_before, last_left))
+        evidence = weigh_layer(layer_errors(layer_found(*found), log_set(joints)))
+        assert evidence.left < 0.25
+        return evidence.verdict(True)
+
+    assert verdict_with(5.0, 4.5) == "partly_explained"
+    assert verdict_with(5.0, 3.0) == "explained"
+    assert verdict_with(2.5, 2.5) == "explained"  # as small beside the gaps of the others
+
+
 def test_an_error_that_is_certain_but_small_beside_the_motion_is_no_gap(model):
     model_of_little_noise = toy("hip", 0)
     model_of_little_noise.noise = (1e-4, 1e-4)
