@@ -160,7 +160,7 @@ class JointModel(Protocol):
     It may have `misfit(values, heldout)`, what of the error counts when sets of effects are compared, with `misfit_noise`, see
     `hqpipe.identify.misfit`.
     It may have `beyond(values)`: names of effects whose numbers no such machine can have beside the others.
-    It may have `same_by_law(values)`: effect → effects that would do the same, so that no log tells them apart.
+    It may have `same_by_law(values)`: effect → effects of the library that would do the same, among `effects` or not.
     It may have `sensitivity(values, index)`: (N,) exact derivative of what counts at the fit samples by one parameter, or None
     where it is to be taken as a difference.
     It may have `tolerances(values)`: (N, K) what each thing that is known to within a tolerance, and is no candidate, does to

@@ -1,4 +1,4 @@
-"""Effects that a cause cannot be told from by the law of a joint, whatever its logs are."""
+"""Effects that a cause cannot be told from by the law of a joint, in any logs or in those that it has."""
 
 from __future__ import annotations
 
@@ -16,14 +16,9 @@ def with_the_same_by_law(joint: JointFound) -> JointFound:
     same_by_law = getattr(type(joint.model), "same_by_law", None)
     if same_by_law is None or not joint.causes:
         return joint
-    same, effects = same_by_law(joint.model, joint.kept.values), {effect.name for effect in joint.model.effects}
+    same = same_by_law(joint.model, joint.kept.values)
     causes = tuple(
-        replace(
-            cause,
-            confused_with=tuple(
-                dict.fromkeys((*cause.confused_with, *(n for n in same.get(cause.effect, ()) if n in effects)))
-            ),
-        )
+        replace(cause, confused_with=tuple(dict.fromkeys((*cause.confused_with, *same.get(cause.effect, ())))))
         for cause in joint.causes
     )
     return replace(joint, causes=causes)

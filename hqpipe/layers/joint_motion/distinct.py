@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -17,13 +18,27 @@ from hqpipe.layers.joint_motion.records import Part
 ALIKE = 0.98  # correlation, given the base, above which two effects are one: each would have its own standard error five-fold
 LEFT = 0.02  # of the size of a column that must be left given the base; assumption: below it the filter's error decides
 WAYS = 0.05  # of the moving samples that must lie in each direction; assumption: with less, one way decides by itself
-LOAD = "load_dependent_friction"
+LOAD, FRICTION = "load_dependent_friction", ("coulomb_friction", "viscous_friction")
 GROUPS = {name: group for name, (_, _, group) in DIRECT.items()} | {
     "stribeck_friction": "stribeck",
     "velocity_shape": "velocity",
     "position_shape": "position",
     "direction_asymmetry": "speed",
 }
+
+
+@dataclass(frozen=True)
+class Distinguished:
+    """Effects that these logs can tell from the base.
+
+    Attributes:
+        effects: those that mean the same exclude each other. same: effect → others that do the same in these logs and are not
+            among `effects`. notes: sentences that say so.
+    """
+
+    effects: tuple[Effect, ...]
+    same: Mapping[str, tuple[str, ...]]
+    notes: tuple[str, ...]
 
 
 def both_ways(part: Part, columns: Columns) -> bool:
@@ -34,8 +49,8 @@ def both_ways(part: Part, columns: Columns) -> bool:
 
 def distinguished(
     effects: tuple[Effect, ...], part: Part, columns: Columns, base: np.ndarray, nuisance: Nuisance
-) -> tuple[tuple[Effect, ...], list[str]]:
-    """The effects that differ from the base, those that mean the same excluding each other, and sentences that say so.
+) -> Distinguished:
+    """The effects that differ from the base.
 
     Args:
         base: indices of the columns of the base. nuisance: what the other joints may do.
@@ -55,9 +70,10 @@ def distinguished(
                     )
             else:
                 own[effect.name] = left
-    if LOAD in own and any(
-        name in own and _alike(own[LOAD], own[name]) for name in ("coulomb_friction", "viscous_friction")
-    ):
+    same = {}
+    if LOAD in own:
+        same = {name: (LOAD,) for name in FRICTION if name in own and _alike(own[LOAD], own[name])}
+    if same:
         del own[LOAD]
         gone.add(LOAD)
         notes.append(f"{LOAD} cannot be told from dry and viscous friction in these logs: the load hardly varies")
@@ -69,7 +85,7 @@ def distinguished(
             if a not in SHAPES and b not in SHAPES:
                 notes.append(f"{a} and {b} cannot be told apart: the joint moves at one speed only, or nearly so")
     kept = tuple(replace(e, excludes=frozenset(excludes[e.name])) for e in effects if e.name not in gone)
-    return kept, notes
+    return Distinguished(kept, same, tuple(notes))
 
 
 def _size(columns: np.ndarray) -> np.ndarray:

@@ -123,7 +123,7 @@ def _model(
     scale, size, residual = _scale(data, dt)
     effects = effects_of(output, data.columns, scale, size, known_load, lambda name: name not in without)
     nuisances = nuisances_of(data)
-    effects, said = distinguished(effects, fit, data.columns, data.group(*BASE), nuisances[0])
+    told = distinguished(effects, fit, data.columns, data.group(*BASE), nuisances[0])
     step = data.low_pass.step * dt
     back = max(1, round((window_s or max(LEAST_WINDOW_S, data.low_pass.length * dt)) / step))
     return MotionModel(
@@ -131,11 +131,12 @@ def _model(
         unit=output.unit,
         dt=step,
         base=base_parameters(output, data.columns, _start(data, known_load), scale.largest, dt),
-        effects=effects,
+        effects=told.effects,
+        same=told.same,
         fit=data.parts[0].samples(back),
         heldout=data.parts[1].samples(back),
         noise=tuple(_noise(data, dt, part, k == 1, own, residual) for k, part in enumerate(data.parts)),
-        notes=tuple([*notes, *_said(machine, data), *said]),
+        notes=tuple([*notes, *_said(machine, data), *told.notes]),
         unsigned=unsigned,
         instrumental=projection is not None,
         parts=projection or data.parts,

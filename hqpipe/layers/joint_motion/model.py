@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -23,6 +24,7 @@ class MotionModel:
     """A `JointModel`. Torque = inertia·a + offset + gravity(q) + effects, low-passed; see docs/theory/joint-motion.md.
 
     Attributes:
+        same: effect → others of the library that do the same in these logs, and are not among `effects`.
         unsigned: whether the log holds the size of the torque only; its sign was restored in `fit` and `heldout`.
         instrumental: whether the regressors are projected on instruments, because the noise of the loop biases them.
         parts: (fit, held-out) filtered samples; measured: the same without instruments. columns: what their columns are.
@@ -37,6 +39,7 @@ class MotionModel:
     dt: float
     base: tuple[Parameter, ...]
     effects: tuple[Effect, ...]
+    same: Mapping[str, tuple[str, ...]]
     fit: Samples
     heldout: Samples
     noise: tuple[float, float]
@@ -106,6 +109,10 @@ class MotionModel:
 
         same = self.columns.coupling is not None and self.columns.coupling == then.columns.coupling
         return TwoRecords(then, self) if same and self.mean == then.mean else None
+
+    def same_by_law(self, values: np.ndarray) -> Mapping[str, tuple[str, ...]]:
+        """See `hqpipe.layers.joint_motion.distinct.Distinguished`."""
+        return self.same
 
     def referred_to(self, values: np.ndarray, other: MotionModel) -> np.ndarray:
         """(P,) the same gravity and spring as they count from the mean position of another record."""

@@ -83,7 +83,7 @@ def test_what_the_law_of_a_joint_cannot_tell_apart_stands_beside_its_cause():
             assert values[[e.name for e in self.effects].index("spring") + len(self.base)] == pytest.approx(
                 0.5, rel=0.1
             )
-            return {"spring": ("viscous_friction", "nothing")}
+            return {"spring": ("viscous_friction",)}
 
     truth = {"coulomb_friction": 0.3, "spring": 0.5}
     plain, ambiguous = (_found(kind(truth=truth))[0] for kind in (ToyJoint, Ambiguous))

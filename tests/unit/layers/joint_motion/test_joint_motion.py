@@ -50,6 +50,16 @@ def test_every_parameter_of_an_effect_that_is_present_moves_the_prediction(runs)
         assert np.any(model.error(moved) != before), parameter.name
 
 
+def test_under_a_constant_load_dry_friction_may_be_friction_by_load():
+    commands = [0.1 * reference(12, seed) for seed in (1, 2)]
+    truth = {"inertia": 0.5, "load": lambda q: 20.0, "dry": lambda v, load: 0.15 * abs(load), "torque_noise": 0.1}
+    logs = log_set([(c, *simulate(c, seed=k, **truth)) for k, c in enumerate(commands)], kinds={"joint": "prismatic"})
+    (joint,) = identify(JointMotion().joints(logs)).found
+    assert {c.effect: c.confused_with for c in joint.causes} == {DRY: ("load_dependent_friction",)}
+    (joint,) = identify(JointMotion().joints(logs, without=["load_dependent_friction"])).found
+    assert {c.effect: c.confused_with for c in joint.causes} == {DRY: ()}
+
+
 def test_a_push_is_left_out_and_said(runs):
     c = runs[0][0]
     push = np.zeros(len(c))
