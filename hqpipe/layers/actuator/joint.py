@@ -291,8 +291,7 @@ class ActuatorJoint:
 
     def same_by_law(self, values: np.ndarray) -> Mapping[str, tuple[str, ...]]:
         """The areas of a piston that do what an offset of the torque sensor does, see `hqpipe.machine.direction_asymmetry`."""
-        judged = _AREAS in self.places and not self._is_straight(values) and self._share_of_offset(values)
-        return {_OFFSET[0]: (_AREAS[0],)} if judged else {}
+        return {} if self._is_straight(values) or not self._share_of_offset(values) else {_OFFSET[0]: (_AREAS[0],)}
 
     def tolerances(self, values: np.ndarray) -> np.ndarray:
         """(N, K) what sides that are meant to be alike do to the misfit, if they differ by the deviation of `ALIKE_WITHIN`:

@@ -142,6 +142,15 @@ def test_an_offset_beside_an_orifice_may_be_unequal_areas(model, share, offset, 
     assert model.same_by_law(values) == ({"torque_bias": ("direction_asymmetry",)} if same else {})
 
 
+def test_unequal_areas_that_were_left_out_are_no_name_for_an_offset(model):
+    joint = alone(model, "orifice_flow", "torque_bias")
+    orifice, torque_bias = placed(joint, "orifice_flow", "effort_max_nm"), placed(joint, "torque_bias", "nm")
+    values = neutral(joint)
+    values[orifice] = 1.1 * all_parameters(joint)[orifice].least
+    values[torque_bias] = 0.01 / values[orifice]
+    assert joint.same_by_law(values) == {}
+
+
 def test_every_effect_and_every_shape_does_something(model):
     expected = model.error(neutral(model))
     for effect in model.effects:
