@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 
 import numpy as np
 
@@ -13,7 +14,6 @@ from hqpipe.identify.drifts import drifts
 from hqpipe.identify.effect_band import EffectBand, effect_band
 from hqpipe.identify.found import BesideUnknown, Fitted, JointCause, JointFound, Number
 from hqpipe.identify.intervals import corrected
-from hqpipe.identify.left_out import left_out_error
 from hqpipe.identify.misfit import floor_of
 from hqpipe.identify.model import JointModel
 from hqpipe.identify.search import Known, Names, Search
@@ -104,12 +104,9 @@ def _beside_unknown(
     whole = max(search.left_out(base), np.finfo(float).tiny)
     band = effect_band(base.solution.error - unshaped.solution.error, search.model.fit)
 
-    errors: dict[Known, np.ndarray] = {}
-
+    @cache
     def square(known: Known, within: EffectBand) -> float:
-        if known not in errors:
-            errors[known] = left_out_error(search.fitter, known.solution)
-        return within.square(errors[known])
+        return within.square(search.left_out_error(known))
 
     def above_noise(known: Known, within: EffectBand) -> float:
         return max(square(known, within) - floor_of(search.model) * within.share, 0.0)

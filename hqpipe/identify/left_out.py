@@ -18,12 +18,6 @@ _SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step that are tried; assumption
 _SINGULAR = 1e-9  # of the largest eigenvalue: a number that the other groups do not show stays as it is
 
 
-def left_out_square(fitter: Fitter, solution: Solution) -> float:
-    """Sum of the squares of `left_out_error`."""
-    error = left_out_error(fitter, solution)
-    return float(error @ error)
-
-
 def left_out_error(fitter: Fitter, solution: Solution) -> np.ndarray:
     """(N,) errors of every group, predicted from the others; infinite where the prediction overflows."""
     if not np.isfinite(solution.square):

@@ -8,6 +8,7 @@ shared are times, rates and ratios; torques and angles also depend on the lever 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -89,21 +90,25 @@ def as_others_have(search: Search, known: Known, kept: Names, own: OwnNumber) ->
     """A number as the other joints have it, and the rival beside that for which the errors say most; None where the joint asks
     for no rival then, or its errors say that the number is its own.
 
-    Errors seem to say more for what few joints have than they do, so the number may be the joint's own all the same.
+    Errors seem to say more for what few joints have than they do, so the number may be the joint's own all the same. A set that
+    lacks one of the two, or that the errors refute, has no answer that could have both.
 
     Args:
         search: a finished one. known: the set that it reached. kept: effects of its answer.
     """
     before, options = search.known[kept], []
-    start = known if own.effect in known.names else before
+    start, judged = known if own.effect in known.names else before, with_law_of_machine(search, before, known)
+    fitted = Search(search.model, search.odds, {**search.as_others, own.effect: own.others})
     for rival in own.rivals:
-        again = _begun_again(search, own, rival)
-        reached = again.improved(again.grown_by(_begun(again, start, rival), rival))
+        again = _begun_again(search, fitted, own, rival)
+        both, reached = {own.effect, rival}, again.improved(again.grown_by(_begun(again, start, rival), rival))
+        if not both <= reached.names or again.telling(reached, judged) < np.log(CONFUSED):
+            continue
         found = answer(again, reached)
         told = again.known[frozenset(found.kept.effects)]
-        says = again.telling(with_law_of_machine(again, told, reached), with_law_of_machine(search, before, known))
-        both = {own.effect, rival} <= {cause.effect for cause in found.causes}
-        if both and says >= np.log(CONFUSED) and len(told.names) <= len(kept) + 1:
+        says = again.telling(with_law_of_machine(again, told, reached), judged)
+        named = both <= {cause.effect for cause in found.causes}
+        if named and says >= np.log(CONFUSED) and len(told.names) <= len(kept) + 1:
             odds = float(np.exp(-max(says, 0.0) / OVERSTATED))
             options.append((says, Beside(own.effect, rival, odds, again, reached, search, known)))
     return max(options, key=lambda option: option[0], default=(0.0, None))[1]
@@ -120,13 +125,17 @@ def with_own_number(found: JointFound, beside: Beside) -> JointFound:
     return replace(found, causes=tuple(causes))
 
 
-def _begun_again(search: Search, own: OwnNumber, rival: str) -> Search:
-    """The search from its beginning with the number as the other joints have it, and with a rival that may join."""
-    found = Search(search.model, search.odds, {**search.as_others, own.effect: own.others})
+def _begun_again(search: Search, fitted: Search, own: OwnNumber, rival: str) -> Search:
+    """The search from its beginning with the number as the other joints have it, and with a rival that may join.
+
+    Args:
+        fitted: one with that number, whose fits serve the search for every rival.
+    """
+    found = copy(fitted)
     found.barred, found.refused, found.given_up = (
         names - {own.effect, rival} for names in (search.barred, search.refused, search.given_up)
     )
-    found.shared, found.rare = search.shared, search.rare | {rival}
+    found.gains, found.shared, found.rare = {}, search.shared, search.rare | {rival}
     return found
 
 

@@ -29,12 +29,15 @@ class Known:
     """A set that was fitted.
 
     Attributes:
-        solution: the fit. covariance: of its free parameters.
+        solution: the fit. covariance: of its free parameters. counts: what a sample counts for in the direction of its effects,
+            0 … 1. freedom: ln of the price of their numbers, see `hqpipe.identify.evidence.occam`.
     """
 
     names: Names
     solution: Solution
     covariance: Covariance
+    counts: float
+    freedom: float
 
 
 @dataclass(frozen=True, eq=False)

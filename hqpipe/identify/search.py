@@ -16,7 +16,7 @@ from hqpipe.identify.base_solution import base_solution
 from hqpipe.identify.effect_band import effect_band, square_above
 from hqpipe.identify.evidence import independence, log_bayes_factor, occam, settled_price
 from hqpipe.identify.least_squares import Fitter, Solution
-from hqpipe.identify.left_out import left_out_square
+from hqpipe.identify.left_out import left_out_error
 from hqpipe.identify.misfit import floor_of
 from hqpipe.identify.model import Effect, JointModel, positions
 from hqpipe.identify.sampling import covariance
@@ -62,7 +62,7 @@ class Search:
     given_up: set[str] = field(init=False, default_factory=set)
     shared: frozenset[str] = field(init=False, default=frozenset())
     rare: frozenset[str] = field(init=False, default=frozenset())
-    _left_out: dict[tuple[Names, float], float] = field(init=False, default_factory=dict)
+    _left_out: dict[tuple[Names, float], np.ndarray] = field(init=False, default_factory=dict)
     _begun: set[tuple[Names, Names, float]] = field(init=False, default_factory=set)
     gains: dict[str, float] = field(init=False, default_factory=dict)
 
@@ -203,13 +203,8 @@ class Search:
     def telling(self, one: Known, other: Known, overstated: float = 1.0) -> float:
         """What the errors of two sets say for the first of them, ln; both are judged by those of the better."""
         better = min(one, other, key=lambda k: k.solution.square)
-        worth = 0.5 * self._counts(better) / (overstated * better.covariance.noise)
+        worth = 0.5 * better.counts / (overstated * better.covariance.noise)
         return worth * (other.solution.square - one.solution.square)
-
-    def _counts(self, known: Known) -> float:
-        """What a sample counts for in the direction of the effects of a set, 0 … 1."""
-        free = np.arange(len(self.model.base), len(known.solution.free))
-        return independence(self.fitter, known.solution, known.covariance, free) if len(free) else 1.0
 
     @cached_property
     def material(self) -> float:
@@ -244,10 +239,16 @@ class Search:
         return USUAL_SIZE * float(self.fitter.spread[self.screening.places(name)[0]])
 
     def left_out(self, known: Known) -> float:
-        """Sum of the squared errors of groups of fit samples, each predicted from the others."""
+        """Sum of the squares of `left_out_error`."""
+        error = self.left_out_error(known)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return float(error @ error)
+
+    def left_out_error(self, known: Known) -> np.ndarray:
+        """(N,) errors of groups of fit samples, each predicted from the others; see `hqpipe.identify.left_out`."""
         key = known.names, known.solution.square
         if key not in self._left_out:
-            self._left_out[key] = left_out_square(self.fitter, known.solution)
+            self._left_out[key] = left_out_error(self.fitter, known.solution)
         return self._left_out[key]
 
     def addable(self, names: Names) -> list[str]:
@@ -342,9 +343,8 @@ class Search:
         return settled_price(known.solution, self.model.fit, [self.effects[name].settled for name in sorted(names)])
 
     def _price(self, known: Known) -> float:
-        places = np.arange(len(self.model.base), len(known.solution.free))
         odds = sum(self.odds[name] for name in sorted(known.names)) - self.price_of_settled(known, known.names)
-        return occam(self.fitter, known.solution, known.covariance, places) + odds
+        return known.freedom + odds
 
     def _fit(
         self, names: Names, starts: Sequence[np.ndarray], noise: float, origin: Solution | None = None
@@ -375,7 +375,9 @@ class Search:
         return self.known[names]
 
     def _known(self, names: Names, solution: Solution) -> Known:
-        return Known(names, solution, covariance(self.fitter, solution))
+        own, scatter = np.arange(len(self.model.base), len(solution.free)), covariance(self.fitter, solution)
+        counts = independence(self.fitter, solution, scatter, own) if len(own) else 1.0
+        return Known(names, solution, scatter, counts, occam(self.fitter, solution, scatter, own))
 
     def _refit(self, known: Known, name: str) -> Solution:
         """The best of the fits from the starts that promise most: delays, gaps and limits have several minima."""

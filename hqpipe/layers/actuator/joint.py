@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -40,6 +41,7 @@ _STEP, _MIDDLE = slot("setting", "sample_time"), slot("setting", "middle")
 _ORIFICE, _AREAS = ("orifice_flow", "effort_max_nm"), ("direction_asymmetry", "areas")
 _OFFSET, _ZERO = ("torque_bias", "nm"), ("position_bias", "rad")
 _RATIO, _STRAYED = ("direction_asymmetry", "ratio"), ("position_dependent_stiffness", "strayed")
+_AREAS_SLOT, _STRAYED_SLOT = slot(*_AREAS), slot(*_STRAYED)
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
 SPEEDS = ("raw_velocity", "velocity", "sliding")  # signals that are the speed of the log, or come of it
 _DRIVEN = (SPEEDS, ("demand",), ("raw_command", "command"), ("raw_position", "position"))
@@ -98,6 +100,8 @@ class ActuatorJoint:
 
     _columns: np.ndarray = field(init=False)
     _owned: np.ndarray = field(init=False)
+    _read_as_is: np.ndarray = field(init=False)
+    _slots: np.ndarray = field(init=False)
     _opening: int = field(init=False)
     _load: float = field(init=False)
     _run: RepeatedRun = field(init=False)
@@ -111,7 +115,8 @@ class ActuatorJoint:
     _change: int | None = field(init=False)
     _play: int | None = field(init=False)
     _timed: np.ndarray = field(init=False)
-    _last: dict[str, float] = field(init=False)
+    _versions: dict[str, float] = field(init=False)
+    _shared: tuple[float, float, tuple[float, ...]] | None = field(init=False, default=None)
     _plays: dict[tuple[float, float], int] = field(init=False, default_factory=dict)
     _driven: Signals = field(init=False)
     _share: float = field(init=False, default=0.0)
@@ -127,7 +132,7 @@ class ActuatorJoint:
         object.__setattr__(self, "_load", link.load_at_reversals(self.fit))
         object.__setattr__(self, "_run", RepeatedRun())
         object.__setattr__(self, "_driven", self.records[0].signals)
-        object.__setattr__(self, "_last", {name: 0.0 for names in _DRIVEN for name in names})
+        object.__setattr__(self, "_versions", {name: 0.0 for names in _DRIVEN for name in names})
         friction = [k for k, (owner, _) in enumerate(self.places) if EFFECTS[owner].effort_sources]
         object.__setattr__(self, "_friction", len(self.base) + np.array(friction, dtype=np.int64))
         object.__setattr__(self, "_of_orifice", self._areas_beside_orifice())
@@ -141,6 +146,8 @@ class ActuatorJoint:
         owners = [effect.name for effect in self.effects for _ in effect.parameters]
         for attribute, name in (("_change", sudden_change.NAME), ("_play", spool_hysteresis.NAME)):
             object.__setattr__(self, attribute, len(self.base) + owners.index(name) if name in owners else None)
+        object.__setattr__(self, "_read_as_is", np.flatnonzero(self.columns >= 0))
+        object.__setattr__(self, "_slots", self.columns[self._read_as_is])
         timed = [k for k, (owner, _) in enumerate(self.places) if owner in sudden_change.TIMED]
         object.__setattr__(self, "_timed", len(self.base) + np.array(timed, dtype=np.int64))
 
@@ -153,22 +160,15 @@ class ActuatorJoint:
         record = self.records[heldout]
         if not record.windows:
             return np.zeros(0)
-        shares = self._shares(values)
         if heldout:
-            errors = residual_windows(*self._read(values, record.driven_by(*shares), heldout))
+            errors = residual_windows(*self._read(values, record.driven_by(*self._shares(values)), heldout))
         else:
-            # The share of a signal that is followed says which of several it is.
-            versions = {name: share for names, share in zip(_DRIVEN, self._each(shares), strict=True) for name in names}
-            moved = [name for name, version in versions.items() if self._last.get(name) != version]
-            if moved:
-                object.__setattr__(self, "_driven", record.driven_by(*shares, self._driven, moved))
-                object.__setattr__(self, "_last", versions)
-            row, driven = self._read(values, self._driven)
-            errors = self._run.errors(row, driven, versions | self._versions_inside(values, versions["command"]))
+            row, driven = self._read(values, self._driven_by(self._shares(values)))
+            errors = self._run.errors(row, driven, self._versions | self._versions_inside(values))
         found = record.picked(errors)
-        beside = values[self._first_shape :]
-        for shape in np.flatnonzero(beside):
-            found += beside[shape] * self.shapes[heldout][shape]
+        for shape, size in enumerate(values[self._first_shape :].tolist()):
+            if size:
+                found += size * self.shapes[heldout][shape]
         return found
 
     def misfit(self, values: np.ndarray, heldout: bool = False) -> np.ndarray:
@@ -178,6 +178,19 @@ class ActuatorJoint:
         if not heldout:
             object.__setattr__(self, "_share", share)
         return start.removed_from(error, leak, share)
+
+    def _driven_by(self, shares: tuple[float, float, tuple[float, ...]]) -> Signals:
+        """The signals of the fit trials, of which only those are made anew that other shares drive than last time; the share
+        of a signal says which of several it is."""
+        if shares != self._shared:
+            each = zip(_DRIVEN, self._each(shares), strict=True)
+            versions = {name: share for names, share in each for name in names}
+            moved = [name for name, version in versions.items() if self._versions.get(name) != version]
+            if moved:
+                object.__setattr__(self, "_driven", self.records[0].driven_by(*shares, self._driven, moved))
+            object.__setattr__(self, "_versions", versions)
+            object.__setattr__(self, "_shared", shares)
+        return self._driven
 
     def _read(self, values: np.ndarray, signals: Signals, heldout: bool = False) -> tuple[np.ndarray, Signals]:
         """The row and the signals that the loops read: those of the machine, but for shapes that act inside the law."""
@@ -191,15 +204,17 @@ class ActuatorJoint:
 
     def _inside(self, values: np.ndarray) -> tuple[float, float]:
         """Numbers of the shapes that act inside the law: a sudden change of the gain, and half of a spool's play."""
-        change = 0.0 if self._change is None or np.any(values[self._timed]) else float(values[self._change])
+        change = 0.0 if self._change is None else float(values[self._change])
+        change = 0.0 if change and np.any(values[self._timed]) else change
         return change, 0.0 if self._play is None else float(values[self._play])
 
-    def _versions_inside(self, values: np.ndarray, command: float) -> dict[str, float]:
-        """Versions of the signals that `_read` changes; command: that of the machine's."""
+    def _versions_inside(self, values: np.ndarray) -> dict[str, float]:
+        """Versions of the signals that `_read` changes beside those that `_driven_by` made last."""
         change, half_play = self._inside(values)
         found = {"time": float(change != 0.0)}
         if half_play:
-            version = 2.0 + self._plays.setdefault((command, half_play), len(self._plays))  # shares go from 0 to 1
+            of = (self._versions["command"], half_play)
+            version = 2.0 + self._plays.setdefault(of, len(self._plays))  # shares go from 0 to 1
             found |= {"raw_command": version, "command": version}
         return found
 
@@ -232,7 +247,7 @@ class ActuatorJoint:
         found[self._owned] = self._columns
         return found
 
-    @property
+    @cached_property
     def per_row(self) -> int:
         """Samples of the controller from one row of the log to the next."""
         return round(self.dt / self.neutral[_STEP])
@@ -306,7 +321,7 @@ class ActuatorJoint:
         record = self.records[0]
         even, signals = self._read(values, record.driven_by(*self._shares(values)))
         uneven = even.copy()
-        uneven[slot(*_AREAS)] = ALIKE_WITHIN / np.sqrt(3.0)  # deviation of a number that is anywhere within
+        uneven[_AREAS_SLOT] = ALIKE_WITHIN / np.sqrt(3.0)  # deviation of a number that is anywhere within
         change = record.picked(residual_windows(uneven, signals)) - record.picked(residual_windows(even, signals))
         start, leak = self.starts[0], float(values[_LEAK])
         share = start.share(self.error(values), leak)
@@ -326,16 +341,13 @@ class ActuatorJoint:
     def row(self, values: np.ndarray) -> np.ndarray:
         """(WIDTH,) what the loops read, see `hqpipe.machine.layout`."""
         row, opening = self.neutral.copy(), self._by_opening(values)
-        row[_BASE] = values[: len(BASE)]
-        row[_TURN] = values[_PRESLIDING]
-        row[_ARM_SLOTS] = values[_ARM]
+        row[self._slots] = values[self._read_as_is]
         row[_LATE] = self.per_row * (LATE * (1.0 - values[_LOGGED]) + values[_SPEED_LATE])
         row[_FLOW] = (1.0 - opening) * self.draws[0], opening * self.draws[1]
-        row[self._columns] = values[self._owned]
         if self._is_even(values):
-            row[slot(*_AREAS)] = 0.0
+            row[_AREAS_SLOT] = 0.0
         if self._has_ratio(values):
-            row[slot(*_STRAYED)] = 0.0
+            row[_STRAYED_SLOT] = 0.0
         if self.is_limited:
             link.stiffen(row, self._load)
         return row

@@ -7,7 +7,7 @@ import pytest
 from identify.toy_joint import ToyJoint
 
 from hqpipe.identify.least_squares import Fitter
-from hqpipe.identify.left_out import groups, left_out_square
+from hqpipe.identify.left_out import groups, left_out_error
 from hqpipe.identify.model import positions
 
 
@@ -23,7 +23,7 @@ def test_it_is_what_refits_give_where_the_model_is_linear(effects):
         rest = number != group
         values = np.linalg.lstsq(model._fit[free][:, rest].T, model.fit.output[rest], rcond=None)[0]
         total += np.sum((values @ model._fit[free][:, ~rest] - model.fit.output[~rest]) ** 2)
-    assert left_out_square(fitter, solution) == pytest.approx(total, rel=1e-3)
+    assert np.sum(left_out_error(fitter, solution) ** 2) == pytest.approx(total, rel=1e-3)
 
 
 def test_every_group_has_parts_of_every_trial():
@@ -40,5 +40,5 @@ def test_a_useless_number_predicts_worse():
         model = ToyJoint(seed=seed, correlation=0.95)
         fitter = Fitter(model)
         base, more = (fitter.fit(positions(model, names), [fitter.neutral], 0.0) for names in ([], ["spring", "cubic"]))
-        wins += left_out_square(fitter, base) < left_out_square(fitter, more)
+        wins += np.sum(left_out_error(fitter, base) ** 2) < np.sum(left_out_error(fitter, more) ** 2)
     assert wins >= 14
