@@ -101,7 +101,8 @@ def as_others_have(search: Search, known: Known, kept: Names, own: OwnNumber) ->
     fitted = Search(search.model, search.odds, {**search.as_others, own.effect: own.others})
     for rival in own.rivals:
         again = _begun_again(search, fitted, own, rival)
-        both, reached = {own.effect, rival}, again.improved(again.grown_by(_begun(again, start, rival), rival))
+        reached = again.improved(again.grown_by(_begun(again, start, rival), rival))
+        both = {own.effect, rival}
         if not both <= reached.names or again.telling(reached, judged) < np.log(CONFUSED):
             continue
         found = answer(again, reached)

@@ -10,6 +10,7 @@ import numpy as np
 
 from hqpipe.identify.model import Effect, Implied, Parameter, Ratio, Samples, all_parameters
 from hqpipe.layers.actuator import link, spool_hysteresis, sudden_change
+from hqpipe.layers.actuator.driven_signals import DrivenSignals, Shares
 from hqpipe.layers.actuator.parameters import (
     BASE_NAMES,
     BY_OPENING,
@@ -43,9 +44,6 @@ _OFFSET, _ZERO = ("torque_bias", "nm"), ("position_bias", "rad")
 _RATIO, _STRAYED = ("direction_asymmetry", "ratio"), ("position_dependent_stiffness", "strayed")
 _AREAS_SLOT, _STRAYED_SLOT = slot(*_AREAS), slot(*_STRAYED)
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
-SPEEDS = ("raw_velocity", "velocity", "sliding")  # signals that are the speed of the log, or come of it
-_DRIVEN = (SPEEDS, ("demand",), ("raw_command", "command"), ("raw_position", "position"))
-"""Signals that one share each drives: of the logged speed, the flow by openings, the motion of command and of position."""
 MOST_OFFSET = 0.1
 """Of the largest torque that the orifice lets a joint give, that its sensor may be off by: data sheets of load cells and
 pressure sensors say 1 % of full scale, and none is used that is off by ten times that; assumption. Unequal areas of the piston
@@ -100,7 +98,7 @@ class ActuatorJoint:
 
     _columns: np.ndarray = field(init=False)
     _owned: np.ndarray = field(init=False)
-    _read_as_is: np.ndarray = field(init=False)
+    _with_column: np.ndarray = field(init=False)
     _slots: np.ndarray = field(init=False)
     _opening: int = field(init=False)
     _load: float = field(init=False)
@@ -115,10 +113,7 @@ class ActuatorJoint:
     _change: int | None = field(init=False)
     _play: int | None = field(init=False)
     _timed: np.ndarray = field(init=False)
-    _versions: dict[str, float] = field(init=False)
-    _shared: tuple[float, float, tuple[float, ...]] | None = field(init=False, default=None)
-    _plays: dict[tuple[float, float], int] = field(init=False, default_factory=dict)
-    _driven: Signals = field(init=False)
+    _driven: DrivenSignals = field(init=False)
     _share: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
@@ -131,8 +126,7 @@ class ActuatorJoint:
         object.__setattr__(self, "_owned", own[own != at])
         object.__setattr__(self, "_load", link.load_at_reversals(self.fit))
         object.__setattr__(self, "_run", RepeatedRun())
-        object.__setattr__(self, "_driven", self.records[0].signals)
-        object.__setattr__(self, "_versions", {name: 0.0 for names in _DRIVEN for name in names})
+        object.__setattr__(self, "_driven", DrivenSignals(self.records[0]))
         friction = [k for k, (owner, _) in enumerate(self.places) if EFFECTS[owner].effort_sources]
         object.__setattr__(self, "_friction", len(self.base) + np.array(friction, dtype=np.int64))
         object.__setattr__(self, "_of_orifice", self._areas_beside_orifice())
@@ -146,8 +140,9 @@ class ActuatorJoint:
         owners = [effect.name for effect in self.effects for _ in effect.parameters]
         for attribute, name in (("_change", sudden_change.NAME), ("_play", spool_hysteresis.NAME)):
             object.__setattr__(self, attribute, len(self.base) + owners.index(name) if name in owners else None)
-        object.__setattr__(self, "_read_as_is", np.flatnonzero(self.columns >= 0))
-        object.__setattr__(self, "_slots", self.columns[self._read_as_is])
+        columns = self.columns
+        object.__setattr__(self, "_with_column", np.flatnonzero(columns >= 0))
+        object.__setattr__(self, "_slots", columns[self._with_column])
         timed = [k for k, (owner, _) in enumerate(self.places) if owner in sudden_change.TIMED]
         object.__setattr__(self, "_timed", len(self.base) + np.array(timed, dtype=np.int64))
 
@@ -163,8 +158,8 @@ class ActuatorJoint:
         if heldout:
             errors = residual_windows(*self._read(values, record.driven_by(*self._shares(values)), heldout))
         else:
-            row, driven = self._read(values, self._driven_by(self._shares(values)))
-            errors = self._run.errors(row, driven, self._versions | self._versions_inside(values))
+            row, driven = self._read(values, self._driven.by(self._shares(values)))
+            errors = self._run.errors(row, driven, self._driven.versions_inside(*self._inside(values)))
         found = record.picked(errors)
         for shape, size in enumerate(values[self._first_shape :].tolist()):
             if size:
@@ -179,19 +174,6 @@ class ActuatorJoint:
             object.__setattr__(self, "_share", share)
         return start.removed_from(error, leak, share)
 
-    def _driven_by(self, shares: tuple[float, float, tuple[float, ...]]) -> Signals:
-        """The signals of the fit trials, of which only those are made anew that other shares drive than last time; the share
-        of a signal says which of several it is."""
-        if shares != self._shared:
-            each = zip(_DRIVEN, self._each(shares), strict=True)
-            versions = {name: share for names, share in each for name in names}
-            moved = [name for name, version in versions.items() if self._versions.get(name) != version]
-            if moved:
-                object.__setattr__(self, "_driven", self.records[0].driven_by(*shares, self._driven, moved))
-            object.__setattr__(self, "_versions", versions)
-            object.__setattr__(self, "_shared", shares)
-        return self._driven
-
     def _read(self, values: np.ndarray, signals: Signals, heldout: bool = False) -> tuple[np.ndarray, Signals]:
         """The row and the signals that the loops read: those of the machine, but for shapes that act inside the law."""
         row, (change, half_play) = self.row(values), self._inside(values)
@@ -203,26 +185,12 @@ class ActuatorJoint:
         return row, signals
 
     def _inside(self, values: np.ndarray) -> tuple[float, float]:
-        """Numbers of the shapes that act inside the law: a sudden change of the gain, and half of a spool's play."""
+        """Numbers of the shapes that act inside the law: a sudden change of the gain, which does nothing beside what changes in
+        time, and half of a spool's play."""
         change = 0.0 if self._change is None else float(values[self._change])
-        change = 0.0 if change and np.any(values[self._timed]) else change
+        if change and np.any(values[self._timed]):
+            change = 0.0
         return change, 0.0 if self._play is None else float(values[self._play])
-
-    def _versions_inside(self, values: np.ndarray) -> dict[str, float]:
-        """Versions of the signals that `_read` changes beside those that `_driven_by` made last."""
-        change, half_play = self._inside(values)
-        found = {"time": float(change != 0.0)}
-        if half_play:
-            of = (self._versions["command"], half_play)
-            version = 2.0 + self._plays.setdefault(of, len(self._plays))  # shares go from 0 to 1
-            found |= {"raw_command": version, "command": version}
-        return found
-
-    @staticmethod
-    def _each(shares: tuple[float, float, tuple[float, ...]]) -> tuple[float, float, float, float]:
-        """Of `_DRIVEN`; a log as fast as the controller has no motion between rows."""
-        logged, opening, moving = shares
-        return logged, opening, *(moving or (0.0, 0.0))
 
     def _areas_beside_orifice(self) -> tuple[int, int, float] | None:
         """Places of the inverse of the orifice's largest torque and of the unequal areas that its model may have, and the least
@@ -341,7 +309,7 @@ class ActuatorJoint:
     def row(self, values: np.ndarray) -> np.ndarray:
         """(WIDTH,) what the loops read, see `hqpipe.machine.layout`."""
         row, opening = self.neutral.copy(), self._by_opening(values)
-        row[self._slots] = values[self._read_as_is]
+        row[self._slots] = values[self._with_column]
         row[_LATE] = self.per_row * (LATE * (1.0 - values[_LOGGED]) + values[_SPEED_LATE])
         row[_FLOW] = (1.0 - opening) * self.draws[0], opening * self.draws[1]
         if self._is_even(values):
@@ -403,7 +371,7 @@ class ActuatorJoint:
         unit = reported_unit(parameter.unit, self.units)
         return name, parameter.told(value), unit
 
-    def _shares(self, values: np.ndarray) -> tuple[float, float, tuple[float, ...]]:
+    def _shares(self, values: np.ndarray) -> Shares:
         """Of the logged speed, of the flow by openings, and of the motion between rows that the controller sees."""
         return float(values[_LOGGED]), self._by_opening(values), self.moving(values)
 

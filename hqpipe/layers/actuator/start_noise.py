@@ -44,20 +44,6 @@ def _removed(error: np.ndarray, left: np.ndarray, squares: np.ndarray, ends: np.
     return found
 
 
-@njit(cache=True, nogil=True)
-def _of_samples(left: np.ndarray, judged: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(N,) what is left of the start at each judged sample (W, S), and (W,) |a|² of each window; left: (S,) after each step."""
-    sample, squares = np.empty(ends[-1]), np.zeros(len(judged))
-    for w in range(len(judged)):
-        i = ends[w]
-        for s in range(len(left)):
-            if judged[w, s]:
-                sample[i] = left[s]
-                squares[w] += left[s] * left[s]
-                i += 1
-    return sample, squares
-
-
 class _Left(NamedTuple):
     """What a law that leaks `leak` leaves of the start: `sample` (N,) is a at each judged sample, `squares` (W,) |a|² of each
     window, and `square` that of a complete one."""
@@ -109,6 +95,11 @@ class StartNoise:
         return sd * (1.0 + square / count) ** 0.5, sd * (1.0 + square) ** (0.5 / count)
 
     @cached_property
+    def _samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """(N,) window of each judged sample, and (N,) its index in it."""
+        return np.nonzero(self.judged)
+
+    @cached_property
     def _ends(self) -> np.ndarray:
         """(W + 1,) first judged sample of each window, and the end."""
         return np.concatenate([[0], np.cumsum(self.judged.sum(axis=1))])
@@ -116,7 +107,8 @@ class StartNoise:
     def _left(self, leak: float) -> _Left:
         """Of the start; the last one is kept, as most of what is tried leaks as much."""
         if self._last is None or self._last.leak != leak:
-            left = min(max(1.0 - leak, 0.0), 1.0) ** self.step.astype(np.float64)
-            sample, squares = _of_samples(left, self.judged, self._ends)
+            left, (window, step) = min(max(1.0 - leak, 0.0), 1.0) ** self.step.astype(np.float64), self._samples
+            sample = left[step]
+            squares = np.bincount(window, sample**2, len(self.judged))
             object.__setattr__(self, "_last", _Left(leak, sample, squares, float(left @ left)))
         return self._last

@@ -8,7 +8,7 @@ from position_loop_logs import planted_logs
 
 from hqpipe.identify.model import all_parameters
 from hqpipe.layers.actuator import Actuator
-from hqpipe.layers.actuator.joint import SPEEDS
+from hqpipe.layers.actuator.driven_signals import SPEEDS
 from hqpipe.layers.actuator.repeated_run import RepeatedRun
 from hqpipe.machine.chain import residual_windows
 
