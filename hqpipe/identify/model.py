@@ -160,6 +160,8 @@ class JointModel(Protocol):
     It may have `misfit(values, heldout)`, what of the error counts when sets of effects are compared, with `misfit_noise`, see
     `hqpipe.identify.misfit`.
     It may have `beyond(values)`: names of effects whose numbers no such machine can have beside the others.
+    It may have `sound_sizes(values)`: effect → size of its first number that a sound machine may have beside the others, where
+    that is more than its `least`.
     It may have `same_by_law(values)`: effect → effects of the library that would do the same, among `effects` or not.
     It may have `sensitivity(values, index)`: (N,) exact derivative of what counts at the fit samples by one parameter, or None
     where it is to be taken as a difference.

@@ -285,7 +285,12 @@ class Search:
     def is_ordinary(self, known: Known, name: str) -> bool:
         """Whether an effect of a set is of a size that every sound machine may have: a part of the law then, and no cause that
         would have to take off a share of the error."""
-        return 0.0 < self.size(known, name) < self.effects[name].parameters[0].least
+        return 0.0 < self.size(known, name) < self.sound_size(known, name)
+
+    def sound_size(self, known: Known, name: str) -> float:
+        """Of an effect's first number, that every sound machine may have beside the other numbers of a set."""
+        sizes = getattr(self.model, "sound_sizes", lambda values: {})(known.solution.values)
+        return max(self.effects[name].parameters[0].least, sizes.get(name, 0.0))
 
     def _better(self, best: Known, passed: Sequence[Names]) -> Known | None:
         """A more probable set with one effect less, or another one in its place.

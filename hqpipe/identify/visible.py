@@ -39,7 +39,7 @@ def least_visible(search: Search, known: Known, base: Known, rare: Collection[st
         for is_usual in (False, True):
             needed = least_square(search, name, left, unexplained, known.covariance.noise, alike, is_usual)
             sizes.append(size * float(np.sqrt(max(needed / square, LEAST_SHARE * gap / done))))
-        found[name] = max(least_of(sizes[0], sizes[1], search.usual_size(name)), effect.parameters[0].least)
+        found[name] = max(least_of(sizes[0], sizes[1], search.usual_size(name)), search.sound_size(known, name))
     return found
 
 

@@ -135,8 +135,7 @@ def _is_large(search: Search, known: Known, name: str, least: float, closes: flo
 
 def is_admitted(search: Search, known: Known, name: str) -> bool:
     """Whether an effect is larger than every sound machine may have it, and not at its bound."""
-    least = search.effects[name].parameters[0].least
-    return search.size(known, name) >= least and search.within_bounds(known, name)
+    return search.size(known, name) >= search.sound_size(known, name) and search.within_bounds(known, name)
 
 
 def causes_of(search: Search, known: Known, base: Known) -> list[str]:

@@ -100,6 +100,7 @@ EFFECT = Effect(
     advice="Train with the lag, and keep the policy's commands below the spool's bandwidth; dither or a higher pilot "
     "pressure makes the spool faster.",
     shows_as=("late",),
+    common=True,
     blocks=(
         Block(
             lagged,

@@ -44,10 +44,12 @@ _OFFSET, _ZERO = ("torque_bias", "nm"), ("position_bias", "rad")
 _RATIO, _STRAYED = ("direction_asymmetry", "ratio"), ("position_dependent_stiffness", "strayed")
 _AREAS_SLOT, _STRAYED_SLOT = slot(*_AREAS), slot(*_STRAYED)
 _FLOW = [slot("setting", "flow_per_speed"), slot("setting", "flow_per_opening")]
-MOST_OFFSET = 0.1
-"""Of the largest torque that the orifice lets a joint give, that its sensor may be off by: data sheets of load cells and
-pressure sensors say 1 % of full scale, and none is used that is off by ten times that; assumption. Unequal areas of the piston
-do to the torque what a larger offset would."""
+SOUND_OFFSET = 0.01
+"""Of the largest torque that the orifice lets a joint give, its sensor's full scale, that a sound sensor may be off by: data
+sheets of load cells and pressure sensors say so of their zero. Sides of a piston cut to the tolerance H9 (ISO 286-2) do a
+sixth of that. The cost: a smaller offset has no name, and only a remark tells of it."""
+MOST_OFFSET = 10.0 * SOUND_OFFSET
+"""The same of a sensor that is wrong; assumption. Unequal areas of the piston do to the torque what a larger offset would."""
 NOTABLE_ARM = 0.05
 """Of the largest moment arm: a remark tells in steps of this how far the least one is below it; assumption."""
 _PLACES = 41  # of the positions, over which the arm is looked at
@@ -257,20 +259,32 @@ class ActuatorJoint:
         too_large = not self._is_straight(values) and self._share_of_offset(values) > MOST_OFFSET
         return (_OFFSET[0],) if too_large else ()
 
+    def sound_sizes(self, values: np.ndarray) -> Mapping[str, float]:
+        """N·m of an offset of the torque, where the orifice tells the largest torque, see `SOUND_OFFSET`."""
+        if self._offset is None or self._is_straight(values):
+            return {}
+        return {_OFFSET[0]: SOUND_OFFSET / float(values[self._of_orifice[0]])}
+
     def remarks(self, effects: Collection[str], values: np.ndarray) -> tuple[str, ...]:
-        """By about how much the moment arm changes over the positions of the fit trials, if by a step of `NOTABLE_ARM`.
+        """By about how much the moment arm changes over the positions of the fit trials, if by a step of `NOTABLE_ARM`, and
+        that a sensor is off by no more than a sound one may be.
 
         Args:
             effects: the causes. values: (P,) as in `error`.
         """
+        found = []
         places = np.quantile(self.fit.position, np.linspace(0.0, 1.0, _PLACES))
         slope, curve = values[_ARM]
         arm = np.array([relative_arm(place, self.neutral[_MIDDLE], slope, curve) for place in places])
         change = round((1.0 - arm.min() / arm.max()) / NOTABLE_ARM) * NOTABLE_ARM  # so that like joints share a remark
-        if change == 0.0:
-            return ()
-        told = f"its moment arm changes by about {100.0 * change:.0f} % over the logged positions"
-        return (f"{told}, which a simulator with one arm does not show",)
+        if change != 0.0:
+            told = f"its moment arm changes by about {100.0 * change:.0f} % over the logged positions"
+            found.append(f"{told}, which a simulator with one arm does not show")
+        sound = self.sound_sizes(values).get(_OFFSET[0], 0.0)
+        if _OFFSET[0] not in effects and sound and 0.0 < abs(values[self._offset]) < sound:
+            told = "the torque that it logs has an offset, which is no cause"
+            found.append(f"{told}: a sound sensor may be off by {100.0 * SOUND_OFFSET:.0f} % of the largest torque")
+        return tuple(found)
 
     def same_by_law(self, values: np.ndarray) -> Mapping[str, tuple[str, ...]]:
         """The areas of a piston that do what an offset of the torque sensor does, see `hqpipe.machine.direction_asymmetry`."""

@@ -163,6 +163,17 @@ def test_what_every_sound_machine_has_of_an_effect_stands_beside_the_base(stiffn
     assert joint.base.effects == (() if cause else ("spring",))
 
 
+@pytest.mark.parametrize("most, cause", [(0.1, True), (0.3, False)])
+def test_what_a_sound_machine_has_of_an_effect_may_depend_on_the_other_numbers(most, cause):
+    class Toy(ToyJoint):
+        def sound_sizes(self, values):
+            return {"spring": most * values[0]}  # of the inertia, which is 1
+
+    (joint,) = _found(Toy(truth={"spring": 0.2, "coulomb_friction": 0.3}, seed=3))
+    assert ("spring" in _names(joint)) is cause and "spring" in joint.kept.effects
+    assert joint.base.effects == (() if cause else ("spring",))
+
+
 def test_what_every_sound_machine_has_beside_a_cause_belongs_to_the_law_though_it_would_grow_without_it():
     """A spring of ordinary size and friction that goes with the position, too: alone, the spring takes the part of both."""
     model = ToyJoint(truth={"spring": 0.7}, noise=0.05, seed=3)

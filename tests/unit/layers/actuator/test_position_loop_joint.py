@@ -119,6 +119,29 @@ def test_an_offset_beyond_a_tenth_of_the_largest_torque_is_none_of_a_sensor(mode
     assert model.beyond(values) == (("torque_bias",) if beyond else ())
 
 
+@pytest.mark.parametrize("share,sound", [(1.1, True), (0.9, False)])
+def test_an_offset_within_a_hundredth_of_the_largest_torque_may_be_that_of_a_sound_sensor(model, share, sound):
+    orifice = placed(model, "orifice_flow", "effort_max_nm")
+    values = neutral(model)
+    assert model.sound_sizes(values) == {}
+    values[orifice] = share * all_parameters(model)[orifice].least
+    assert model.sound_sizes(values) == ({"torque_bias": pytest.approx(0.01 / values[orifice])} if sound else {})
+    assert alone(model, "orifice_flow").sound_sizes(neutral(alone(model, "orifice_flow"))) == {}
+
+
+@pytest.mark.parametrize(
+    "share,offset,told", [(1.1, 0.009, True), (1.1, -0.009, True), (1.1, 0.011, False), (0.9, 0.009, False)]
+)
+def test_a_remark_tells_of_an_offset_that_a_sound_sensor_may_have(model, share, offset, told):
+    orifice, torque_bias = placed(model, "orifice_flow", "effort_max_nm"), placed(model, "torque_bias", "nm")
+    values = neutral(model)
+    values[orifice] = share * all_parameters(model)[orifice].least
+    assert model.remarks((), values) == ()
+    values[torque_bias] = offset / values[orifice]
+    assert any("offset" in remark for remark in model.remarks((), values)) is told
+    assert model.remarks(("torque_bias",), values) == ()
+
+
 @pytest.mark.parametrize("offset,idle", [(0.0, False), (0.05, True), (-0.05, True)])
 def test_unequal_areas_do_nothing_beside_an_offset_of_the_torque(model, offset, idle):
     places = ("orifice_flow", "effort_max_nm"), ("torque_bias", "nm"), ("direction_asymmetry", "areas")
