@@ -106,7 +106,8 @@ class ActuatorJoint:
     _load: float = field(init=False)
     _run: RepeatedRun = field(init=False)
     _friction: np.ndarray = field(init=False)
-    _of_orifice: tuple[int, int, float] | None = field(init=False)
+    _orifice: tuple[int, float] | None = field(init=False)
+    _areas: int | None = field(init=False)
     _of_directions: tuple[int, int] | None = field(init=False)
     _offset: int | None = field(init=False)
     _zero: int | None = field(init=False)
@@ -131,10 +132,10 @@ class ActuatorJoint:
         object.__setattr__(self, "_driven", DrivenSignals(self.records[0]))
         friction = [k for k, (owner, _) in enumerate(self.places) if EFFECTS[owner].effort_sources]
         object.__setattr__(self, "_friction", len(self.base) + np.array(friction, dtype=np.int64))
-        object.__setattr__(self, "_of_orifice", self._areas_beside_orifice())
+        object.__setattr__(self, "_orifice", self._place_of_orifice())
         directions = [len(self.base) + self.places.index(place) for place in (_RATIO, _STRAYED) if place in self.places]
         object.__setattr__(self, "_of_directions", tuple(directions) if len(directions) == 2 else None)
-        for attribute, place in (("_offset", _OFFSET), ("_zero", _ZERO)):
+        for attribute, place in (("_areas", _AREAS), ("_offset", _OFFSET), ("_zero", _ZERO)):
             at = len(self.base) + self.places.index(place) if place in self.places else None
             object.__setattr__(self, attribute, at)
         object.__setattr__(self, "_neutral", np.array([parameter.neutral for parameter in all_parameters(self)]))
@@ -194,18 +195,17 @@ class ActuatorJoint:
             change = 0.0
         return change, 0.0 if self._play is None else float(values[self._play])
 
-    def _areas_beside_orifice(self) -> tuple[int, int, float] | None:
-        """Places of the inverse of the orifice's largest torque and of the unequal areas that its model may have, and the least
-        value of the first from which they act.
+    def _place_of_orifice(self) -> tuple[int, float] | None:
+        """Place of the inverse of the orifice's largest torque, and the least value from which it bends the flow.
 
         The torque at which the pressures of both chambers are equal is the areas' difference times the largest torque. Where
         the root bends nothing, or the areas differ by less than a rod makes them, that torque could be anything, and would
         stand for the offset of a sensor.
         """
-        if _ORIFICE not in self.places or _AREAS not in self.places:
+        if _ORIFICE not in self.places:
             return None
-        first, areas = (len(self.base) + self.places.index(place) for place in (_ORIFICE, _AREAS))
-        return first, areas, all_parameters(self)[first].least
+        first = len(self.base) + self.places.index(_ORIFICE)
+        return first, all_parameters(self)[first].least
 
     @property
     def columns(self) -> np.ndarray:
@@ -232,7 +232,7 @@ class ActuatorJoint:
         changes in time, as an earlier record may have it."""
         present = np.any(values[self._friction] != self._neutral[self._friction])
         turning = () if present else (_SPEED_LATE, *_PRESLIDING)
-        areas = (self._of_orifice[1],) if self._is_even(values) else ()
+        areas = (self._areas,) if self._is_even(values) else ()
         strayed = (self._of_directions[1],) if self._has_ratio(values) else ()
         sudden = (self._change,) if self._change is not None and np.any(values[self._timed]) else ()
         return (*turning, *areas, *strayed, *sudden)
@@ -245,14 +245,14 @@ class ActuatorJoint:
     def _is_even(self, values: np.ndarray) -> bool:
         """Whether there are areas of an orifice that bends nothing, that differ by less than those of any rod, or that stand
         beside an offset of the torque: only the sum of the two shows (see `same_by_law`), so that one would undo the other."""
-        if self._of_orifice is None:
+        if self._areas is None:
             return False
         alone = self._offset is None or values[self._offset] == 0.0
-        return not alone or self._is_straight(values) or abs(values[self._of_orifice[1]]) < LEAST_UNEQUAL
+        return not alone or self._is_straight(values) or abs(values[self._areas]) < LEAST_UNEQUAL
 
     def _is_straight(self, values: np.ndarray) -> bool:
         """Whether the orifice bends nothing."""
-        return self._of_orifice is None or bool(values[self._of_orifice[0]] < self._of_orifice[2])
+        return self._orifice is None or bool(values[self._orifice[0]] < self._orifice[1])
 
     def beyond(self, values: np.ndarray) -> tuple[str, ...]:
         """An offset too large for a torque sensor that measures all that the orifice lets the joint give."""
@@ -263,7 +263,7 @@ class ActuatorJoint:
         """N·m of an offset of the torque, where the orifice tells the largest torque, see `SOUND_OFFSET`."""
         if self._offset is None or self._is_straight(values):
             return {}
-        return {_OFFSET[0]: SOUND_OFFSET / float(values[self._of_orifice[0]])}
+        return {_OFFSET[0]: SOUND_OFFSET / float(values[self._orifice[0]])}
 
     def remarks(self, effects: Collection[str], values: np.ndarray) -> tuple[str, ...]:
         """By about how much the moment arm changes over the positions of the fit trials, if by a step of `NOTABLE_ARM`, and
@@ -280,15 +280,17 @@ class ActuatorJoint:
         if change != 0.0:
             told = f"its moment arm changes by about {100.0 * change:.0f} % over the logged positions"
             found.append(f"{told}, which a simulator with one arm does not show")
-        sound = self.sound_sizes(values).get(_OFFSET[0], 0.0)
-        if _OFFSET[0] not in effects and sound and 0.0 < abs(values[self._offset]) < sound:
-            told = "the torque that it logs has an offset, which is no cause"
-            found.append(f"{told}: a sound sensor may be off by {100.0 * SOUND_OFFSET:.0f} % of the largest torque")
+        offset = 0.0 if self._is_straight(values) else self._share_of_offset(values)
+        if _OFFSET[0] not in effects and 0.0 < offset < SOUND_OFFSET:
+            told = "its logged effort has an offset, which is no cause"
+            found.append(f"{told}: a sound sensor may be off by {100.0 * SOUND_OFFSET:.0f} % of the largest effort")
         return tuple(found)
 
     def same_by_law(self, values: np.ndarray) -> Mapping[str, tuple[str, ...]]:
         """The areas of a piston that do what an offset of the torque sensor does, see `hqpipe.machine.direction_asymmetry`."""
-        return {} if self._is_straight(values) or not self._share_of_offset(values) else {_OFFSET[0]: (_AREAS[0],)}
+        if self._areas is None or self._is_straight(values) or not self._share_of_offset(values):
+            return {}
+        return {_OFFSET[0]: (_AREAS[0],)}
 
     def tolerances(self, values: np.ndarray) -> np.ndarray:
         """(N, K) what sides that are meant to be alike do to the misfit, if they differ by the deviation of `ALIKE_WITHIN`:
@@ -311,7 +313,7 @@ class ActuatorJoint:
 
     def _share_of_offset(self, values: np.ndarray) -> float:
         """The offset of the torque sensor over the largest torque that the orifice lets the joint give."""
-        return 0.0 if self._offset is None else abs(float(values[self._offset] * values[self._of_orifice[0]]))
+        return 0.0 if self._offset is None else abs(float(values[self._offset] * values[self._orifice[0]]))
 
     def sensitivity(self, values: np.ndarray, index: int) -> np.ndarray | None:
         """(N,) of the misfit by the size of a shape in which the error is linear; None of any other parameter."""

@@ -138,7 +138,7 @@ def test_a_remark_tells_of_an_offset_that_a_sound_sensor_may_have(model, share, 
     values[orifice] = share * all_parameters(model)[orifice].least
     assert model.remarks((), values) == ()
     values[torque_bias] = offset / values[orifice]
-    assert any("offset" in remark for remark in model.remarks((), values)) is told
+    assert any("logged effort has an offset" in remark for remark in model.remarks((), values)) is told
     assert model.remarks(("torque_bias",), values) == ()
 
 
@@ -172,6 +172,17 @@ def test_unequal_areas_that_were_left_out_are_no_name_for_an_offset(model):
     values[orifice] = 1.1 * all_parameters(joint)[orifice].least
     values[torque_bias] = 0.01 / values[orifice]
     assert joint.same_by_law(values) == {}
+    assert joint.sound_sizes(values) == {"torque_bias": values[torque_bias]}, "a sensor is as good with or without them"
+    values[torque_bias] *= 11.0
+    assert joint.beyond(values) == ("torque_bias",)
+
+
+def test_areas_without_an_orifice_do_nothing(model):
+    joint = alone(model, "direction_asymmetry")
+    values, areas = neutral(joint), placed(joint, "direction_asymmetry", "areas")
+    expected = joint.error(values)
+    values[areas] = 0.1
+    assert areas in joint.idle(values) and np.array_equal(joint.error(values), expected)
 
 
 def test_every_effect_and_every_shape_does_something(model):
